@@ -1,0 +1,236 @@
+/* adaptive_controller.c - adaptive control of position (unknown mass) and attitude (unknown inertia of body and wheels).
+ *
+ * Translation, Hill components:   e1 = rho - rho*,  e2 = drho - drho*,  Psi = f_rel - ddrho*
+ *   F = -m_hat (K e1 + P e2 + Psi),     dm_hat/dt = Gamma e2 . (Psi + K e1)                                        (12)
+ * Attitude, servicer components:  epsilon = MRP of S relative to D,  dw = omega - wd,  wd = C_SD omega_d,  wdd = C_SD alpha_d
+ *   A_hat dOmega = G(epsilon)^T K epsilon / 4 + P dw - J_hat wdd - wd x (A_hat Omega + J_hat wd)                    (19)
+ *   deta_hat/dt  = Gamma W^T dw,   W = -[ X(wd,wd) + Y(wdd),  X(wd,Omega) + Y(dOmega) ]
+ *   eta = [J11 J12 J13 J22 J23 J33 A11 A12 A13 A22 A23 A33],   Y(b) s = S b,   X(a,b) s = a x (S b)
+ *
+ * Without wheels (use_wheels = 0) the right-hand side of (19) with opposite sign is the commanded torque. Sampled: the
+ * command uses the estimates before their explicit Euler update, the published estimates are those after it.
+ * Source: Zhu & Yang 2009, equations (8) to (21); corrected in spec sync_approach sections 4.4 and 5, options in section 9. */
+#include "body_rows.h"
+#include "time_grid.h"
+
+typedef struct { double v[6]; } Symmetric; /* S11 S12 S13 S22 S23 S33 */
+typedef struct { Symmetric J, A; } Eta;
+
+typedef struct {
+    double mu;
+    vec3 K_rho, P_rho;
+    double Gamma_m, m_hat_0;
+    vec3 K_att, P_att;
+    Eta Gamma_eta, eta_hat_0;
+    double Gamma_scale, use_wheels, t_att, projection, m_hat_range, eta_hat_range, J_offdiag_max, A_offdiag_max;
+    double damping_in_regressor, sample_period;
+} Parameters;
+typedef struct {
+    Body T, S;
+    vec3 wheel_speed, rho_ref_N, drho_ref_N, ddrho_ref_N;
+    quat q_DN;
+    vec3 omega_DN_D, alpha_DN_D;
+} Input;
+typedef struct { double m_hat; Eta eta_hat; } State;
+typedef struct {
+    vec3 F_cmd_S, M_cmd_S, wheel_accel_cmd;
+    double m_hat;
+    Eta eta_hat;
+    vec3 e1_H, e2_H, epsilon, domega_S, F_cmd_H;
+} Output;
+typedef struct { Parameters p; Input u; State x; Output y; } Model;
+
+static const Model start = {
+    .p = {.mu = 3.986004415e14,
+          .K_rho = {2e-3, 2e-3, 2e-3},
+          .P_rho = {5e-2, 5e-2, 5e-2},
+          .Gamma_m = 10,
+          .m_hat_0 = 95,
+          .K_att = {2, 2, 2},
+          .P_att = {10, 10, 10},
+          .Gamma_eta = {{{80000, 4000, 4000, 80000, 4000, 80000}}, {{4000, 2000, 2000, 4000, 1600, 1600}}},
+          .eta_hat_0 = {{{180, 0, 0, 240, 0, 160}}, {{14, 0, 0, 16, 0, 12}}},
+          .Gamma_scale = 1,
+          .use_wheels = 1,
+          .m_hat_range = 0.3,
+          .eta_hat_range = 0.3,
+          .J_offdiag_max = 20,
+          .A_offdiag_max = 2},
+    .u = {.T = {.r = {7158140, 0, 0}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}},
+          .S = {.r = {7158140, 20, 0}, .v = {-0.0208, 7462.286, 0}, .q = {1, 0, 0, 0}},
+          .rho_ref_N = {0, 20, 0},
+          .q_DN = {1, 0, 0, 0}},
+};
+
+static const Variable variables[] = {
+    NONNEGATIVE(mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),
+    NONNEGATIVE(K_rho, "1/s2", "position gain, per Hill axis"),
+    NONNEGATIVE(P_rho, "1/s", "velocity gain, per Hill axis"),
+    NONNEGATIVE(Gamma_m, "kg.s2/m2", "adaptation gain of the mass estimate"),
+    POSITIVE(m_hat_0, "kg", "start value of the mass estimate"),
+    NONNEGATIVE(K_att, "N.m", "attitude gain, per body axis; equal on all axes keeps the Lyapunov function continuous"),
+    NONNEGATIVE(P_att, "N.m.s", "rate gain, per body axis"),
+    NONNEGATIVE(Gamma_eta, "kg.m2.s2", "adaptation gains of the inertia estimates, order of eta_hat"),
+    PARAMETER(eta_hat_0, "kg.m2", "start value: J11 J12 J13 J22 J23 J33 A11 A12 A13 A22 A23 A33"),
+    NONNEGATIVE(Gamma_scale, "1", "factor on Gamma_eta"),
+    SWITCH(use_wheels, "1: torque by wheels (wheel_accel_cmd), 0: by thrusters (M_cmd_S)"),
+    PARAMETER(t_att, "s", "attitude control and its adaptation rest before this time"),
+    SWITCH(projection, "1: estimates are kept in the ranges below"),
+    NONNEGATIVE(m_hat_range, "1", "projection: largest relative change of the mass estimate from its start value"),
+    NONNEGATIVE(eta_hat_range, "1", "projection: largest relative change of the diagonal inertia estimates"),
+    NONNEGATIVE(J_offdiag_max, "kg.m2", "projection: largest change of the off-diagonal body inertia estimates"),
+    NONNEGATIVE(A_offdiag_max, "kg.m2", "projection: largest change of the off-diagonal wheel inertia estimates"),
+    SWITCH(damping_in_regressor, "1: P e2 also drives the mass estimate"),
+    NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call"),
+
+    BODY_INPUTS("T", T, "target"),
+    BODY_INPUTS("S", S, "servicer"),
+    INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body"),
+    INPUT(rho_ref_N, "m", "reference position of the servicer relative to the target, N axes"),
+    INPUT(drho_ref_N, "m/s", "first derivative of rho_ref as seen in N, N axes"),
+    INPUT(ddrho_ref_N, "m/s2", "second derivative of rho_ref as seen in N, N axes"),
+    INPUT(q_DN, "1", "reference attitude relative to N, scalar first"),
+    INPUT(omega_DN_D, "rad/s", "reference angular velocity relative to N, reference body axes"),
+    INPUT(alpha_DN_D, "rad/s2", "reference angular acceleration, derivative of omega_DN_D"),
+
+    OUTPUT(F_cmd_S, "N", "commanded force, servicer axes"),
+    OUTPUT(M_cmd_S, "N.m", "commanded torque, servicer axes (0 with use_wheels)"),
+    OUTPUT(wheel_accel_cmd, "rad/s2", "commanded wheel acceleration relative to the body (0 without use_wheels)"),
+    OUTPUT(m_hat, "kg", "estimated mass"),
+    OUTPUT(eta_hat, "kg.m2", "estimated inertias: J11 J12 J13 J22 J23 J33 A11 A12 A13 A22 A23 A33"),
+    OUTPUT(e1_H, "m", "position error rho - rho_ref, Hill axes"),
+    OUTPUT(e2_H, "m/s", "its derivative as seen in the Hill frame"),
+    OUTPUT(epsilon, "1", "attitude error, modified Rodrigues parameters of S relative to D"),
+    OUTPUT(domega_S, "rad/s", "angular velocity error, servicer axes"),
+    OUTPUT(F_cmd_H, "N", "commanded force, Hill axes"),
+};
+
+static mat3 full(Symmetric s)
+{
+    return rows(vec(s.v[0], s.v[1], s.v[2]), vec(s.v[1], s.v[3], s.v[4]), vec(s.v[2], s.v[4], s.v[5]));
+}
+
+static void check(const Parameters *p, Problems *problems)
+{
+    if (determinant(full(p->eta_hat_0.A)) <= 0 && p->use_wheels)
+        refuse(problems, "eta_hat_0", determinant(full(p->eta_hat_0.A)), "the wheel inertia estimate must have a positive determinant");
+}
+
+/* ---- translation ---- */
+
+/* (8): relative acceleration of free motion in the Hill frame; r_t: orbit radius of the target */
+static vec3 relative_acceleration(double mu, double r_t, const HillFrame *H, vec3 rho, vec3 drho)
+{
+    vec3 chaser = add(vec(r_t, 0, 0), rho);
+    double r_c = norm(chaser), k = mu > 0 ? mu / (r_c * r_c * r_c) : 0, k_t = mu > 0 ? mu / (r_t * r_t) : 0;
+    return sub(sub(vec(k_t, 0, 0), scale(k, chaser)), transport(H, rho, drho));
+}
+
+/* (12), with the options of section 9 */
+static void control_translation(const Parameters *p, const Input *u, State *x, Output *y, double period)
+{
+    HillFrame H = hill_frame(p->mu, u->T.r, u->T.v);
+    vec3 rho = mul(H.C_HN, sub(u->S.r, u->T.r)), drho = rate_in_frame(&H, rho, mul(H.C_HN, sub(u->S.v, u->T.v)));
+    vec3 ref = mul(H.C_HN, u->rho_ref_N), dref = rate_in_frame(&H, ref, mul(H.C_HN, u->drho_ref_N));
+    vec3 ddref = sub(mul(H.C_HN, u->ddrho_ref_N), transport(&H, ref, dref));
+
+    vec3 e1 = sub(rho, ref), e2 = sub(drho, dref);
+    vec3 Psi = sub(relative_acceleration(p->mu, norm(u->T.r), &H, rho, drho), ddref);
+    vec3 stiffness = times(p->K_rho, e1), damping = times(p->P_rho, e2);
+    vec3 regressor = sum3(Psi, stiffness, p->damping_in_regressor ? damping : vec(0, 0, 0));
+
+    y->e1_H = e1;
+    y->e2_H = e2;
+    y->F_cmd_H = scale(-x->m_hat, sum3(stiffness, damping, Psi));
+    y->F_cmd_S = mul(dcm_of_quat(canonical(u->S.q)), tmul(H.C_HN, y->F_cmd_H));
+    x->m_hat += period * p->Gamma_m * dot(e2, regressor);
+}
+
+/* ---- attitude ---- */
+
+/* Y(b)^T d and X(a,b)^T d: what a unit of each element of the symmetric matrix S adds to d.(S b) and d.(a x S b) */
+static Symmetric Y_transposed(vec3 b, vec3 d)
+{
+    return (Symmetric){{b.x * d.x, b.y * d.x + b.x * d.y, b.z * d.x + b.x * d.z, b.y * d.y, b.z * d.y + b.y * d.z, b.z * d.z}};
+}
+static Symmetric X_transposed(vec3 a, vec3 b, vec3 d) { return Y_transposed(b, cross(d, a)); } /* d.(a x v) = (d x a).v */
+
+static Symmetric sum_symmetric(Symmetric a, Symmetric b)
+{
+    for (int i = 0; i < 6; i++) a.v[i] += b.v[i];
+    return a;
+}
+
+/* eta_hat += period Gamma W^T dw */
+static void adapt(const Parameters *p, Symmetric *estimate, const Symmetric *gain, Symmetric minus_W_dw, double period)
+{
+    for (int i = 0; i < 6; i++) estimate->v[i] -= period * p->Gamma_scale * gain->v[i] * minus_W_dw.v[i];
+}
+
+/* (19) */
+static void control_attitude(const Parameters *p, const Input *u, State *x, Output *y, double period)
+{
+    quat q_SN = canonical(u->S.q), q_DN = canonical(u->q_DN), q_SD = product(conjugate(q_DN), q_SN);
+    mat3 C_SD = dcm_of_quat(q_SD), J_hat = full(x->eta_hat.J), A_hat = full(x->eta_hat.A);
+    vec3 wd = mul(C_SD, u->omega_DN_D), wdd = mul(C_SD, u->alpha_DN_D), Omega = u->wheel_speed;
+    vec3 epsilon = mrp_of_quat(q_SD), dw = sub(u->S.omega, wd);
+
+    vec3 feedback = add(scale(0.25, mrp_G_transposed(epsilon, times(p->K_att, epsilon))), times(p->P_att, dw));
+    vec3 momentum = add(mul(A_hat, Omega), mul(J_hat, wd));
+    vec3 wheel_torque = sub(sub(feedback, mul(J_hat, wdd)), cross(wd, momentum));
+
+    y->epsilon = epsilon;
+    y->domega_S = dw;
+    y->wheel_accel_cmd = p->use_wheels ? solve(A_hat, wheel_torque) : vec(0, 0, 0);
+    y->M_cmd_S = p->use_wheels ? vec(0, 0, 0) : neg(wheel_torque);
+
+    Symmetric W_J = sum_symmetric(X_transposed(wd, wd, dw), Y_transposed(wdd, dw));
+    Symmetric W_A = sum_symmetric(X_transposed(wd, Omega, dw), Y_transposed(y->wheel_accel_cmd, dw));
+    adapt(p, &x->eta_hat.J, &p->Gamma_eta.J, W_J, period);
+    adapt(p, &x->eta_hat.A, &p->Gamma_eta.A, W_A, period);
+}
+
+/* ---- projection, section 9 ---- */
+static double near(double value, double centre, double distance) { return clamp(value, centre - distance, centre + distance); }
+
+static void project_symmetric(Symmetric *s, const Symmetric *s_0, double range, double off_diagonal)
+{
+    for (int i = 0; i < 6; i++) {
+        int on_diagonal = i == 0 || i == 3 || i == 5;
+        s->v[i] = near(s->v[i], s_0->v[i], on_diagonal ? range * fabs(s_0->v[i]) : off_diagonal);
+    }
+}
+
+static void project(const Parameters *p, State *x)
+{
+    x->m_hat = near(x->m_hat, p->m_hat_0, p->m_hat_range * p->m_hat_0);
+    project_symmetric(&x->eta_hat.J, &p->eta_hat_0.J, p->eta_hat_range, p->J_offdiag_max);
+    project_symmetric(&x->eta_hat.A, &p->eta_hat_0.A, p->eta_hat_range, p->A_offdiag_max);
+}
+
+/* ---- one sample ---- */
+static void control(const Parameters *p, const Input *u, State *x, Output *y, double t, double period)
+{
+    State resting = *x; /* before t_att the attitude law is evaluated for its errors only */
+    control_translation(p, u, x, y, period);
+    control_attitude(p, u, reached(t, p->t_att) ? x : &resting, y, period);
+    if (!reached(t, p->t_att)) y->wheel_accel_cmd = y->M_cmd_S = vec(0, 0, 0);
+    if (p->projection) project(p, x);
+}
+
+static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    *x = (State){p->m_hat_0, p->eta_hat_0};
+    control(p, u, x, y, t, 0);
+    y->m_hat = x->m_hat;
+    y->eta_hat = x->eta_hat;
+}
+
+static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
+{
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s)) control(p, u, x, y, s.t, s.period);
+    y->m_hat = x->m_hat;
+    y->eta_hat = x->eta_hat;
+}
+
+FMU_MODEL("adaptive_controller", "Adaptive control of position with unknown mass and attitude with unknown inertia");

@@ -1,0 +1,98 @@
+/* fmu.h - what the C file of a subsystem includes: the rows of its interface table and the contract with the adapter.
+ *
+ * A model is plain data. It defines four structs made of doubles only (Parameters, Input, State, Output), gathers them as
+ *     typedef struct { Parameters p; Input u; State x; Output y; } Model;
+ * and provides the start values, the table of variables, and
+ *     check(p, problems)         refuse parameter values, all problems at once
+ *     initialize(p, u, x, y, t)  states and first outputs at start time t
+ *     step(p, u, x, y, t, h)     from t to t + h with the inputs held, outputs latched at the end
+ * The last line of the file, FMU_MODEL(...), hands them to the adapter. */
+#ifndef FMU_H
+#define FMU_H
+
+#include <math.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <string.h>
+
+#define COUNT(array) (sizeof(array) / sizeof((array)[0]))
+
+typedef enum { PARAMETER_ROW, INPUT_ROW, OUTPUT_ROW } Causality;
+typedef enum { ANY_VALUE, POSITIVE_VALUE, NONNEGATIVE_VALUE, SWITCH_VALUE, ANGLE_VALUE } Rule;
+
+typedef struct {
+    Causality causality;
+    const char *name;
+    size_t offset;  /* of the first element in Model, bytes */
+    size_t size;    /* elements */
+    size_t columns; /* 3 for a matrix, else 1 */
+    const char *unit;
+    const char *text;
+    Rule rule;
+} Variable;
+
+#define ROW_AS(causality, part, name, member, columns, unit, text, rule)                                        \
+    {causality, name, offsetof(Model, part.member), sizeof(((Model *)0)->part.member) / sizeof(double), columns, \
+     unit, text, rule}
+
+#define PARAMETER(member, unit, text) ROW_AS(PARAMETER_ROW, p, #member, member, 1, unit, text, ANY_VALUE)
+#define PARAMETER_AS(name, member, unit, text) ROW_AS(PARAMETER_ROW, p, name, member, 1, unit, text, ANY_VALUE)
+#define POSITIVE(member, unit, text) ROW_AS(PARAMETER_ROW, p, #member, member, 1, unit, text, POSITIVE_VALUE)
+#define NONNEGATIVE(member, unit, text) ROW_AS(PARAMETER_ROW, p, #member, member, 1, unit, text, NONNEGATIVE_VALUE)
+#define NONNEGATIVE_AS(name, member, unit, text) \
+    ROW_AS(PARAMETER_ROW, p, name, member, 1, unit, text, NONNEGATIVE_VALUE)
+#define SWITCH(member, text) ROW_AS(PARAMETER_ROW, p, #member, member, 1, "1", text, SWITCH_VALUE)
+#define MATRIX(member, unit, text) ROW_AS(PARAMETER_ROW, p, #member, member, 3, unit, text, ANY_VALUE)
+#define INPUT(member, unit, text) ROW_AS(INPUT_ROW, u, #member, member, 1, unit, text, ANY_VALUE)
+#define NONNEGATIVE_INPUT(member, unit, text) ROW_AS(INPUT_ROW, u, #member, member, 1, unit, text, NONNEGATIVE_VALUE)
+#define OUTPUT(member, unit, text) ROW_AS(OUTPUT_ROW, y, #member, member, 1, unit, text, ANY_VALUE)
+#define NONNEGATIVE_OUTPUT(member, unit, text) \
+    ROW_AS(OUTPUT_ROW, y, #member, member, 1, unit, text, NONNEGATIVE_VALUE)
+#define FLAG(member, text) ROW_AS(OUTPUT_ROW, y, #member, member, 1, "1", text, SWITCH_VALUE)
+#define ANGLE_OUTPUT(member, text) ROW_AS(OUTPUT_ROW, y, #member, member, 1, "rad", text, ANGLE_VALUE)
+
+/* ---- refusing parameter values: one line each, all of them ---- */
+typedef struct { char text[2000]; size_t count; } Problems;
+
+static inline void refuse(Problems *all, const char *name, double value, const char *rule)
+{
+    size_t used = strlen(all->text);
+    snprintf(all->text + used, sizeof all->text - used, "%s%s = %.9g: %s", all->count ? "; " : "", name, value, rule);
+    all->count++;
+}
+
+/* ---- what the adapter and the tools see of a model ---- */
+typedef struct {
+    const char *name, *text;
+    size_t size, state_offset, state_count; /* bytes, bytes, doubles */
+    const void *start;
+    const Variable *variables;
+    size_t variable_count;
+    void (*check)(const void *model, Problems *problems);
+    void (*initialize)(void *model, double t);
+    void (*step)(void *model, double t, double h);
+} ModelInterface;
+
+#ifndef FMU_MODEL_SYMBOL /* several models in one program: -DFMU_MODEL_SYMBOL=target_model */
+#define FMU_MODEL_SYMBOL fmu_model
+#endif
+
+extern const ModelInterface FMU_MODEL_SYMBOL;
+
+#define FMU_MODEL(identifier, description)                                                                      \
+    static void check_model(const void *model, Problems *problems) { check(&((const Model *)model)->p, problems); } \
+    static void initialize_model(void *model, double t)                                                         \
+    {                                                                                                           \
+        Model *m = (Model *)model;                                                                              \
+        initialize(&m->p, &m->u, &m->x, &m->y, t);                                                              \
+    }                                                                                                           \
+    static void step_model(void *model, double t, double h)                                                     \
+    {                                                                                                           \
+        Model *m = (Model *)model;                                                                              \
+        step(&m->p, &m->u, &m->x, &m->y, t, h);                                                                 \
+    }                                                                                                           \
+    const ModelInterface FMU_MODEL_SYMBOL = {                                                                   \
+        identifier, description, sizeof(Model), offsetof(Model, x), sizeof(State) / sizeof(double), &start,     \
+        variables, COUNT(variables), check_model, initialize_model, step_model}
+
+#endif

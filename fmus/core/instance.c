@@ -1,0 +1,143 @@
+/* instance.c - memory, log and guarded evaluation of one instance. */
+#include "instance.h"
+
+const char *const log_categories[3] = {"logStatusError", "logStatusWarning", "logEvents"};
+
+static const char *category_name(unsigned category) { return log_categories[category == LOG_ERRORS ? 0 : category == LOG_WARNINGS ? 1 : 2]; }
+
+/* The callback reads its last argument as a printf format, so a percent sign must not reach it. */
+void log_message(const Instance *instance, fmi2Status status, unsigned category, const char *text)
+{
+    char line[2400];
+    if (!instance->call.logger || (category != LOG_ERRORS && !(instance->categories & category))) return;
+    snprintf(line, sizeof line, "%s", text);
+    for (char *c = line; *c; c++)
+        if (*c == '%') *c = ' ';
+    instance->call.logger(instance->call.componentEnvironment, instance->name ? instance->name : "", status,
+                          category_name(category), line);
+}
+
+fmi2Status failure(const Instance *instance, const char *function, const char *text)
+{
+    char line[2400];
+    if (!instance) return fmi2Error;
+    snprintf(line, sizeof line, "%s: %s", function, text);
+    log_message(instance, fmi2Error, LOG_ERRORS, line);
+    return fmi2Error;
+}
+
+static const char *phase_name(Phase phase)
+{
+    switch (phase) {
+    case INSTANTIATED: return "instantiated";
+    case INITIALIZING: return "initialization mode";
+    case STEPPING: return "step complete";
+    case TERMINATED: return "terminated";
+    default: return "error";
+    }
+}
+
+bool allowed(const Instance *instance, const char *function, unsigned phases)
+{
+    char text[120];
+    if (!instance) return false;
+    if ((unsigned)instance->now.phase & phases) return true;
+    snprintf(text, sizeof text, "not allowed in the state '%s'", phase_name(instance->now.phase));
+    failure(instance, function, text);
+    return false;
+}
+
+void *allocate(const Instance *instance, size_t bytes)
+{
+    bool own = !instance->call.allocateMemory || !instance->call.freeMemory;
+    return own ? calloc(1, bytes) : instance->call.allocateMemory(1, bytes);
+}
+
+void release(const Instance *instance, void *memory)
+{
+    bool own = !instance->call.allocateMemory || !instance->call.freeMemory;
+    if (!memory) return;
+    if (own) free(memory);
+    else instance->call.freeMemory(memory);
+}
+
+/* every parameter against the rule of its row, then the rules of the model itself */
+static void check_parameters(const void *model, Problems *problems)
+{
+    char name[NAME_SIZE];
+    for (size_t i = 0; i < fmu_model.variable_count; i++)
+        for (size_t k = 0; k < fmu_model.variables[i].size; k++) {
+            Scalar s = {&fmu_model.variables[i], k};
+            double value = *place_const(model, s);
+            const char *rule = s.row->causality == PARAMETER_ROW ? broken_rule(s.row->rule, value) : NULL;
+            if (rule) refuse(problems, element_name(name, s), value, rule);
+        }
+    fmu_model.check(model, problems);
+}
+
+static const char *first_broken_output(const void *model, char text[NAME_SIZE + 80])
+{
+    char name[NAME_SIZE];
+    for (size_t i = 0; i < fmu_model.variable_count; i++)
+        for (size_t k = 0; k < fmu_model.variables[i].size; k++) {
+            Scalar s = {&fmu_model.variables[i], k};
+            double value = *place_const(model, s);
+            const char *rule = s.row->causality == OUTPUT_ROW ? broken_rule(s.row->rule, value) : NULL;
+            if (!rule) continue;
+            snprintf(text, NAME_SIZE + 80, "%s = %.9g: %s", element_name(name, s), value, rule);
+            return text;
+        }
+    return NULL;
+}
+
+/* states and outputs are the doubles from state_offset to the end of the model */
+static bool all_finite(const void *model)
+{
+    const double *x = (const double *)(const void *)((const char *)model + fmu_model.state_offset);
+    size_t count = (fmu_model.size - fmu_model.state_offset) / sizeof(double);
+    int bad = 0; /* no early exit: the loop has no branch and no dependency */
+    for (size_t i = 0; i < count; i++) bad |= !(fabs(x[i]) <= DBL_MAX);
+    return !bad;
+}
+
+static bool outputs_in_bounds(const void *model)
+{
+    for (size_t i = 0; i < fmu_model.variable_count; i++) {
+        const Variable *v = &fmu_model.variables[i];
+        if (v->causality != OUTPUT_ROW || v->rule == ANY_VALUE) continue;
+        for (size_t k = 0; k < v->size; k++)
+            if (broken_rule(v->rule, *place_const(model, (Scalar){v, k}))) return false;
+    }
+    return true;
+}
+
+static bool result_is_good(const Instance *instance, const char *function, const void *model, double t)
+{
+    char broken[NAME_SIZE + 80], text[NAME_SIZE + 160];
+    if (all_finite(model) && outputs_in_bounds(model)) return true;
+    const char *what = first_broken_output(model, broken);
+    snprintf(text, sizeof text, "result at t = %.9g s refused: %s", t, what ? what : "an internal state is not finite");
+    failure(instance, function, text);
+    return false;
+}
+
+bool initialize_into(const Instance *instance, const char *function, const void *from, void *into)
+{
+    Problems problems = {{0}, 0};
+    check_parameters(from, &problems);
+    if (problems.count) {
+        failure(instance, function, problems.text);
+        return false;
+    }
+    memcpy(into, fmu_model.start, fmu_model.size); /* states as new ... */
+    memcpy(into, from, fmu_model.state_offset);    /* ... parameters and inputs as set */
+    fmu_model.initialize(into, instance->now.start);
+    return result_is_good(instance, function, into, instance->now.start);
+}
+
+bool step_into(const Instance *instance, const char *function, const void *from, void *into, double t, double h)
+{
+    memcpy(into, from, fmu_model.size);
+    fmu_model.step(into, t, h);
+    return result_is_good(instance, function, into, t + h);
+}

@@ -1,0 +1,134 @@
+"""Zip one FMU: model description, binaries, sources, documentation, licence, picture. Same inputs, same bytes.
+
+Usage: package_fmu.py OUTPUT --description XML --license FILE --binary PLATFORM=FILE... --source FILE...
+The first source is the file of the model; its opening comment (equations, source) becomes the documentation.
+"""
+
+import argparse
+import html
+import io
+import re
+import zipfile
+from pathlib import Path
+from xml.etree import ElementTree
+
+from PIL import Image, ImageDraw, ImageFont
+
+FIXED_DATE = (1980, 1, 1, 0, 0, 0)
+STYLE = "body{font-family:sans-serif;max-width:70em;margin:2em auto}table{border-collapse:collapse}td,th{border:1px solid #bbb;padding:.2em .6em;text-align:left}pre{background:#f4f4f4;padding:1em}"
+SECTIONS = {"input": "Inputs", "output": "Outputs", "parameter": "Parameters"}
+
+
+def read_rows(description: ElementTree.Element) -> list[dict[str, str]]:
+    """One row per variable; the elements of a vector or matrix are gathered: name, shape, unit, start, limits, text."""
+    rows: dict[str, dict[str, str]] = {}
+    for variable in description.iter("ScalarVariable"):
+        name, _, index = variable.attrib["name"].partition("[")
+        real = variable.find("Real")
+        assert real is not None
+        row = rows.setdefault(name, {"name": name, "starts": "", **variable.attrib, **real.attrib, "name": name})
+        row["shape"] = "x".join(index.rstrip("]").split(",")) if index else "1"
+        row["starts"] += " " + real.get("start", "")
+    return list(rows.values())
+
+
+def limits(row: dict[str, str]) -> str:
+    """The declared range of a variable, empty if it has none."""
+    low, high = row.get("min"), row.get("max")
+    return "" if low is None else f"{low} .. {high}" if high else f">= {low}"
+
+
+def table(rows: list[dict[str, str]]) -> str:
+    """HTML table of variables."""
+    head = "<tr><th>name</th><th>size</th><th>unit</th><th>limits</th><th>start</th><th>description</th></tr>"
+    cells = (
+        (r["name"], r["shape"], r["unit"], limits(r), r["starts"].strip(), r["description"])
+        for r in rows
+    )
+    body = ("<tr>" + "".join(f"<td>{html.escape(c)}</td>" for c in cell) + "</tr>" for cell in cells)
+    return f"<table>{head}{''.join(body)}</table>"
+
+
+def opening_comment(source: Path) -> str:
+    """Text of the first comment of a C file without its stars."""
+    match = re.match(r"/\*(.*?)\*/", source.read_text(encoding="utf-8"), re.DOTALL)
+    assert match is not None, f"{source}: no opening comment"
+    return "\n".join(line.removeprefix(" *").rstrip() for line in match[1].splitlines())
+
+
+def documentation(description: ElementTree.Element, source: Path) -> str:
+    """documentation/index.html: equations and source from the model file, tables from the model description."""
+    rows = read_rows(description)
+    name = html.escape(description.attrib["modelName"])
+    parts = [
+        f"<!DOCTYPE html><html lang='en'><head><meta charset='utf-8'><title>{name}</title><style>{STYLE}</style></head><body>",
+        f"<h1>{name}</h1><p>{html.escape(description.attrib['description'])}</p><p><img src='model.png' alt='ports of {name}'></p>",
+        f"<h2>Equations and source</h2><pre>{html.escape(opening_comment(source))}</pre>",
+        "<p>SI units, radians. Frames: N inertial, H Hill frame of the target orbit, T target body, S servicer body, D desired "
+        "servicer body. Outputs are latched at the end of a step and after initialization.</p>",
+    ]
+    for causality, title in SECTIONS.items():
+        chosen = [r for r in rows if r["causality"] == causality]
+        parts.append(f"<h2>{title}</h2>" + (table(chosen) if chosen else "<p>none</p>"))
+    return "\n".join([*parts, "</body></html>", ""])
+
+
+def picture(description: ElementTree.Element) -> bytes:
+    """PNG of the block with its inputs on the left and its outputs on the right."""
+    rows = read_rows(description)
+    left = [r["name"] for r in rows if r["causality"] == "input"]
+    right = [r["name"] for r in rows if r["causality"] == "output"]
+    font, title = ImageFont.load_default(14), ImageFont.load_default(18)
+    height = 70 + 22 * max(len(left), len(right), 2)
+    image = Image.new("RGB", (480, height), "white")
+    draw = ImageDraw.Draw(image)
+    draw.rectangle((12, 8, 467, height - 8), outline="#204a87", width=3)
+    draw.text((240, 30), description.attrib["modelName"], fill="#204a87", font=title, anchor="mm")
+    for k, (names, x, anchor) in enumerate(((left, 30, "lm"), (right, 450, "rm"))):
+        for i, name in enumerate(names):
+            y = 66 + 22 * i
+            edge = 12 if k == 0 else 467
+            draw.polygon([(edge - 6, y - 5), (edge + 6, y), (edge - 6, y + 5)], fill="#204a87")
+            draw.text((x, y), name, fill="black", font=font, anchor=anchor)
+    stream = io.BytesIO()
+    image.save(stream, "PNG")
+    return stream.getvalue()
+
+
+def write_zip(output: Path, files: dict[str, bytes]) -> None:
+    """Write `files` (archive name -> bytes) in sorted order with a fixed date."""
+    with zipfile.ZipFile(output, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in sorted(files):
+            entry = zipfile.ZipInfo(name, FIXED_DATE)
+            entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            archive.writestr(entry, files[name])
+
+
+def main() -> None:
+    """Command line, see the docstring of the module."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("output", type=Path)
+    parser.add_argument("--description", type=Path, required=True)
+    parser.add_argument("--license", type=Path, required=True)
+    parser.add_argument("--binary", action="append", required=True, metavar="PLATFORM=FILE")
+    parser.add_argument("--source", type=Path, nargs="+", required=True)
+    a = parser.parse_args()
+    description = ElementTree.parse(a.description).getroot()
+    png = picture(description)
+    files = {
+        "modelDescription.xml": a.description.read_bytes(),
+        "model.png": png,
+        "documentation/index.html": documentation(description, a.source[0]).encode(),
+        "documentation/model.png": png,
+        "licenses/license.txt": a.license.read_bytes(),
+        **{f"sources/{source.name}": source.read_bytes() for source in a.source},
+    }
+    for binary in a.binary:
+        platform, _, file = binary.partition("=")
+        files[f"binaries/{platform}/{a.output.stem}{Path(file).suffix}"] = Path(file).read_bytes()
+    write_zip(a.output, files)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,31 @@
+/* sinusoid.h - a disturbance: bias + amplitude sin(frequency t + phase) per axis from its start time on, 0 before. */
+#ifndef SINUSOID_H
+#define SINUSOID_H
+
+#include "time_grid.h"
+#include "vec3.h"
+
+typedef struct { vec3 bias, amplitude, frequency, phase; double start; } Sinusoid;
+
+#define SINUSOID_ROWS(member, unit, text)                                           \
+    PARAMETER(member.bias, unit, text ": constant part, per axis"),                 \
+    PARAMETER(member.amplitude, unit, text ": amplitude, per axis"),                \
+    PARAMETER(member.frequency, "rad/s", text ": angular frequency, per axis"),     \
+    PARAMETER(member.phase, "rad", text ": phase, per axis"),                       \
+    PARAMETER(member.start, "s", text ": nothing before this time")
+
+/* one axis; most disturbances of a run are switched off by zero amplitude, so the sine is worth a test */
+static inline double wave(double bias, double amplitude, double frequency, double phase, double t)
+{
+    return amplitude == 0 ? bias : bias + amplitude * sin(frequency * t + phase);
+}
+
+static inline vec3 sinusoid(const Sinusoid *d, double t)
+{
+    if (!reached(t, d->start)) return vec(0, 0, 0);
+    return vec(wave(d->bias.x, d->amplitude.x, d->frequency.x, d->phase.x, t),
+               wave(d->bias.y, d->amplitude.y, d->frequency.y, d->phase.y, t),
+               wave(d->bias.z, d->amplitude.z, d->frequency.z, d->phase.z, t));
+}
+
+#endif
