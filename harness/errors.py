@@ -1,0 +1,88 @@
+"""Every way in which the harness can fail: what is raised is always one of these, and its text is for the user.
+
+    HarnessError                 anything the user should read as one line (or one line per problem); exit status 1
+    ├── UsageError               wrong use of the command line or of run(); exit status 2
+    ├── ArchiveError             a .ssp or .fmu is damaged or unsafe to unpack
+    ├── StructureError           a system contradicts itself; carries all problems, one line each
+    ├── FmuError                 an FMU cannot be read, loaded or instantiated
+    ├── RunError                 an FMU failed in initialization or in a step; carries what was recorded
+    │   └── InterruptionError    the user stopped the run
+    └── ResultsError             a results file cannot be written or read
+
+Several problems are several lines of one text.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from harness.results import Result
+
+
+class HarnessError(Exception):
+    """Root of the tree; str() is what the user reads."""
+
+    exit_status = 1
+
+
+class UsageError(HarnessError):
+    """The request itself makes no sense."""
+
+    exit_status = 2
+
+
+class ArchiveError(HarnessError):
+    """A zip archive is damaged, or unpacking it would write where it must not."""
+
+
+class StructureError(HarnessError):
+    """A system contradicts itself; `problems` holds all of them, one line each."""
+
+    def __init__(self, problems: Iterable[str]) -> None:
+        self.problems = tuple(dict.fromkeys(problems))
+        super().__init__("\n".join(self.problems))
+
+
+class FmuError(HarnessError):
+    """An FMU cannot be read, loaded or instantiated on this machine."""
+
+
+class RunError(HarnessError):
+    """An FMU failed while the system was being initialised or stepped.
+
+    component, variable: where (variable is None if the FMU did not say); time: communication point [s];
+    partial: everything recorded before the failure, or None if there is nothing.
+    """
+
+    def __init__(self, component: str, time: float, message: str, variable: str | None = None) -> None:
+        self.component = component
+        self.variable = variable
+        self.time = time
+        self.message = " ".join(message.split())
+        self.partial: Result | None = None
+        place = component if variable is None else f"{component}.{variable}"
+        super().__init__(f"{place}: {self.message} (at t = {time:.12g} s)")
+
+    def append(self, text: str) -> None:
+        """Add something to the end of the line."""
+        self.args = (f"{self}; {text}",)
+
+
+class InterruptionError(RunError):
+    """The user stopped the run."""
+
+    def __init__(self, system: str, time: float) -> None:
+        super().__init__(system, time, "interrupted")
+
+
+class ResultsError(HarnessError):
+    """A results file cannot be written or read."""
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Close matches of a misspelt name as the end of an error line, e.g. " (close: J_T, J_S)", or nothing."""
+    close = difflib.get_close_matches(name, list(known), n=3)
+    return f" (close: {', '.join(close)})" if close else ""

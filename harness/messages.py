@@ -1,0 +1,75 @@
+"""What the FMUs say through the logger callback of FMI.
+
+FMPy formats the variadic messages in a small C library that knows one Python function per process, so there is one
+log for all instances. An FMU's message is fetched right after its call has failed.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+from collections import Counter, deque
+
+from fmpy import calloc, free
+from fmpy.fmi2 import (
+    fmi2CallbackAllocateMemoryTYPE,
+    fmi2CallbackFreeMemoryTYPE,
+    fmi2CallbackFunctions,
+    fmi2CallbackLoggerTYPE,
+)
+from fmpy.logging import addLoggerProxy
+
+WARNING, DISCARD = 1, 2
+"""fmi2Status values: messages of status DISCARD and above explain a failed call."""
+
+_log = logging.getLogger("harness")
+_errors: deque[tuple[str, str]] = deque(maxlen=20)
+_warnings: Counter[str] = Counter()
+_last_warning: dict[str, str] = {}
+
+
+def _receive(
+    _environment: object, instance: bytes | None, status: int, _category: bytes | None, message: bytes | None
+) -> None:
+    name, text = _text(instance), " ".join(_text(message).split())
+    if status >= DISCARD:
+        _errors.append((name, text))
+    elif status == WARNING:
+        _warnings[name] += 1
+        _last_warning[name] = text
+
+
+def _text(raw: bytes | None) -> str:
+    return (raw or b"").decode("utf-8", errors="replace")
+
+
+_logger = fmi2CallbackLoggerTYPE(_receive)
+_allocate = fmi2CallbackAllocateMemoryTYPE(calloc)
+_free = fmi2CallbackFreeMemoryTYPE(free)
+
+
+def callbacks() -> ctypes.Structure:
+    """FMI callback functions for one instance; they log to this module."""
+    functions: ctypes.Structure = fmi2CallbackFunctions()
+    functions.logger, functions.allocateMemory, functions.freeMemory = _logger, _allocate, _free
+    addLoggerProxy(ctypes.byref(functions))
+    return functions
+
+
+def take_error(instance: str) -> str | None:
+    """The newest error message of an instance (or of an FMU that does not give its name), which is then forgotten."""
+    candidates = [text for name, text in _errors if name in (instance, "")]
+    _errors.clear()
+    return candidates[-1] if candidates else None
+
+
+def report_warnings(instance: str) -> None:
+    """Pass on how often an instance has warned, and its last warning, as one line of Python's logging."""
+    if count := _warnings.pop(instance, 0):
+        _log.warning("%s: %d warning%s, the last: %s", instance, count, "s" * (count > 1), _last_warning.pop(instance))
+
+
+def forget(instance: str) -> None:
+    """Drop what an earlier instance of the same name has said."""
+    _warnings.pop(instance, None)
+    take_error(instance)

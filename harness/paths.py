@@ -1,0 +1,48 @@
+"""Where the built FMUs, systems and the C executor are: inside the installed package, else in build/ beside it.
+
+The environment variable SERVICING_FMUS_BUILD names another build folder, which then wins over both.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parent
+BUILD = PACKAGE.parent / "build"
+
+
+def fmus() -> dict[str, Path]:
+    """All FMUs of the project by name."""
+    return _files("fmus", "fmu")
+
+
+def systems() -> dict[str, Path]:
+    """All systems of the project by name."""
+    return _files("ssp", "ssp")
+
+
+def loop_library() -> Path | None:
+    """The C executor, or None if it has not been built."""
+    return _library("loop.so")
+
+
+def monolith_library() -> Path | None:
+    """The models without FMI in one program, or None if it has not been built."""
+    return _library("monolith.so")
+
+
+def _library(name: str) -> Path | None:
+    candidates = (folder / name for folder in (*_chosen(), PACKAGE, BUILD))
+    return next((path for path in candidates if path.is_file()), None)
+
+
+def _chosen() -> list[Path]:
+    """The build folder that the environment names, if any."""
+    return [Path(folder).resolve()] if (folder := os.environ.get("SERVICING_FMUS_BUILD")) else []
+
+
+def _files(kind: str, ending: str) -> dict[str, Path]:
+    """Files by stem; the chosen folder wins over the package, the package over the build folder."""
+    folders = (BUILD / kind, PACKAGE / "data" / kind, *(folder / kind for folder in _chosen()))
+    return {path.stem: path for folder in folders for path in sorted(folder.glob(f"*.{ending}"))}

@@ -1,0 +1,42 @@
+"""What is kept of a run: the bus at t = 0 and after every N-th macro step."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import UsageError
+
+
+class Recorder:
+    """Table of rows x slots; row r is the bus after r * every macro steps. Thinning does not change the physics."""
+
+    def __init__(self, steps: int, slots: int, every: int = 1) -> None:
+        """Reserve room for `steps` macro steps; UsageError if every < 1 or the table does not fit into memory."""
+        if every < 1:
+            raise UsageError(f"--every must be at least 1, not {every}")
+        self.every = every
+        self.done = 0
+        rows = steps // every + 1
+        try:
+            self.table: NDArray[np.float64] = np.empty((rows, slots))
+        except MemoryError as error:
+            raise UsageError(
+                f"{rows} rows of {slots} values do not fit into memory: record fewer with --every"
+            ) from error
+
+    def record(self, done: int, bus: NDArray[np.float64]) -> None:
+        """Note that `done` macro steps are complete and keep the bus if its row is due."""
+        self.done = done
+        if done % self.every == 0:
+            self.table[done // self.every] = bus
+
+    @property
+    def rows(self) -> NDArray[np.float64]:
+        """Everything recorded so far, shape (rows, slots)."""
+        return self.table[: self.done // self.every + 1]
+
+    @property
+    def macro_steps(self) -> NDArray[np.int64]:
+        """Number of macro steps before each row."""
+        return np.arange(len(self.rows)) * self.every

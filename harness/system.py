@@ -1,0 +1,97 @@
+"""A co-simulated system as plain data: what an .ssp says, and nothing else.
+
+All classes are frozen; a variant of a system is made with dataclasses.replace().
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+from harness.values import Scalar
+
+
+class Port(NamedTuple):
+    """One scalar variable of one component."""
+
+    component: str
+    variable: str
+
+    def __str__(self) -> str:
+        return f"{self.component}.{self.variable}"
+
+
+class Connection(NamedTuple):
+    """The output `source` drives the input `target`."""
+
+    source: Port
+    target: Port
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """Value of a parameter, or start value of an input that nobody drives; `unit` as written in the file."""
+
+    value: Scalar
+    unit: str | None = None
+
+
+Parameters = Mapping[str, Parameter]
+"""Parameters of one component by the name of the scalar variable."""
+
+
+@dataclass(frozen=True)
+class Component:
+    """One FMU in its place.
+
+    every: macro steps per step of this component; latency: macro steps by which its outputs are published later.
+    """
+
+    name: str
+    fmu: Path
+    parameters: Parameters = field(default_factory=dict)
+    every: int = 1
+    latency: int = 0
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Time span and macro step [s] of a run (None: the file does not say) and the order of execution."""
+
+    start: float = 0.0
+    stop: float | None = None
+    step: float | None = None
+    algorithm: str = "gauss-seidel"
+
+
+@dataclass(frozen=True)
+class ParameterSet:
+    """A named alternative to the parameters of all components; stop and step [s] override the experiment if given."""
+
+    name: str
+    description: str = ""
+    parameters: Mapping[str, Parameters] = field(default_factory=dict)
+    stop: float | None = None
+    step: float | None = None
+
+
+@dataclass(frozen=True)
+class System:
+    """Components in execution order, who drives whom, and how to run it.
+
+    strict: an input that is neither driven nor given a value is an error (systems of other tools rely on start values).
+    """
+
+    name: str
+    components: tuple[Component, ...]
+    connections: tuple[Connection, ...]
+    experiment: Experiment
+    description: str = ""
+    sets: tuple[ParameterSet, ...] = ()
+    strict: bool = False
+
+    def component(self, name: str) -> Component:
+        """The component of that name; KeyError if there is none."""
+        return {c.name: c for c in self.components}[name]
