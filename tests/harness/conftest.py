@@ -1,0 +1,56 @@
+"""Small foreign FMUs, and systems made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from harness.system import Component, Connection, Experiment, Parameter, Port, System
+from tests.harness.foreign_fmu import MODELS, build
+
+
+@pytest.fixture(scope="session")
+def fmu_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with all foreign FMUs."""
+    folder = tmp_path_factory.mktemp("fmus")
+    for model in MODELS:
+        build(model, folder)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def fmus(fmu_folder: Path) -> dict[str, Path]:
+    """Paths of the foreign FMUs by name."""
+    return {path.stem: path for path in fmu_folder.glob("*.fmu")}
+
+
+@pytest.fixture
+def make(fmus: dict[str, Path]) -> Callable[..., System]:
+    """Systems from few words: components name -> FMU, connections "a.y > b.u", parameters "a.k" -> value."""
+
+    def make_system(
+        components: Mapping[str, str],
+        connections: Iterable[str] = (),
+        parameters: Mapping[str, Any] | None = None,
+        timing: Mapping[str, tuple[int, int]] | None = None,
+        **experiment: Any,
+    ) -> System:
+        values: dict[str, dict[str, Parameter]] = {name: {} for name in components}
+        for name, value in (parameters or {}).items():
+            component, _, variable = name.partition(".")
+            values[component][variable] = Parameter(value)
+        timing = timing or {}
+        parts = tuple(Component(n, fmus[f], values[n], *timing.get(n, ())) for n, f in components.items())
+        wires = tuple(Connection(*map(_port, text.split(" > "))) for text in connections)
+        given = {"start": 0.0, "stop": 6.0, "step": 1.0, "algorithm": "gauss-seidel"} | experiment
+        return System("test", parts, wires, Experiment(**given))
+
+    return make_system
+
+
+def _port(name: str) -> Port:
+    component, _, variable = name.partition(".")
+    return Port(component, variable)

@@ -1,0 +1,215 @@
+"""What a user may want otherwise: parameter sets and files, single values, other FMUs."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+
+import pytest
+
+from harness import run
+from harness.build_ssp import compose
+from harness.errors import StructureError, UsageError
+from harness.overrides import apply
+from harness.system import Parameter
+from tests.harness.foreign_fmu import Model, build, p, u, y
+
+TOML = """
+name = "demo"
+[experiment]
+stop = 4.0
+step = 1.0
+[components]
+first = "source"
+second = "vector"
+third = "gain"
+[open]
+"third.u" = 1.0
+[parameters.second]
+J = [[1, 0], [0, 1]]
+[parameters.third]
+k = 2
+[sets.tripled]
+[sets.tripled.third]
+k = 3
+[sets.tripled.experiment]
+stop = 8.0
+step = 2.0
+"""
+
+
+@pytest.fixture
+def system(fmus):
+    return compose(tomllib.loads(TOML), fmus)
+
+
+def value(system, name):
+    component, _, variable = name.partition(".")
+    return system.component(component).parameters[variable].value
+
+
+# ---- parameters
+
+
+def test_a_named_set_replaces_parameters_and_time_span(system):
+    changed = apply(system, params="tripled")
+    assert value(changed, "third.k") == 3.0
+    assert (changed.experiment.stop, changed.experiment.step) == (8.0, 2.0)
+    assert apply(system, params="default") == system
+
+
+def test_options_win_over_the_set(system):
+    changed = apply(system, params="tripled", stop=6.0, step=1.5, algorithm="jacobi", set=["third.k=5"])
+    assert (changed.experiment.stop, changed.experiment.step, changed.experiment.algorithm) == (6.0, 1.5, "jacobi")
+    assert value(changed, "third.k") == 5.0
+
+
+def test_single_values_are_numbers_vectors_matrices_or_elements(system):
+    changed = apply(system, set=["second.J=[[1, 2], [3, 4]]", "second.J[1,2]=-7", "second.M.bias = 1e-3"])
+    assert [value(changed, f"second.J[{i},{j}]") for i in (1, 2) for j in (1, 2)] == [1.0, -7.0, 3.0, 4.0]
+    assert value(changed, "second.M.bias") == 1e-3
+    assert value(apply(system, set={"second.J[1,2]": 6}), "second.J[1,2]") == 6.0
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("third.kk=1", r"--set third\.kk: there is no such variable \(close: k\)"),
+        ("thrd.k=1", r"--set thrd\.k: there is no component 'thrd' \(close: third\)"),
+        ("k=1", r"--set k: wants a component in front, as in first\.k"),
+        ("third.k", r"--set third\.k: wants name=value"),
+        ("third.k=nan", r"--set third\.k: it must not be NaN"),
+        ("third.k=fast", r"--set third\.k: 'fast' is not a number"),
+        ("second.J=[1, 2]", r"--set second\.J: it wants 2 x 2 elements, not 2 elements"),
+    ],
+)
+def test_a_mistaken_single_value_is_wrong_use(system, text, problem):
+    with pytest.raises(UsageError, match=f"^{problem}$"):
+        apply(system, set=[text])
+
+
+def test_all_mistaken_values_come_at_once(system):
+    with pytest.raises(UsageError) as caught:
+        apply(system, set=["third.kk=1", "thrd.k=1", "third.k=nan"])
+    assert len(str(caught.value).splitlines()) == 3
+
+
+@pytest.mark.parametrize("head", ["", "parameters."])
+def test_a_toml_file_of_parameters_overrides_what_it_names(system, tmp_path, head):
+    path = tmp_path / "x.toml"
+    path.write_text(f"[{head}shared]\nk = 9\n[{head}second]\nM.bias = 0.5\n")
+    changed = apply(system, params=path)
+    assert (value(changed, "third.k"), value(changed, "second.M.bias"), value(changed, "second.J[1,1]")) == (9, 0.5, 1)
+
+
+SSV = """<v:ParameterSet version="1.0" name="x" xmlns:v="http://ssp-standard.org/SSP1/SystemStructureParameterValues">
+<v:Parameters><v:Parameter name="{name}"><v:Real value="{value}"{unit}/></v:Parameter></v:Parameters>
+</v:ParameterSet>"""
+
+
+def test_an_ssv_file_of_parameters_overrides_what_it_names(system, tmp_path):
+    path = tmp_path / "x.ssv"
+    path.write_text(SSV.format(name="third.k", value=11, unit=""))
+    assert run(apply(system, params=str(path)))["third.y"].tolist() == [11.0] * 5
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "problem"),
+    [
+        ("x.toml", "[third]\nkk = 1\n", r"x\.toml: third\.kk: there is no such variable \(close: k\)"),
+        ("x.toml", "[thrd]\nk = 1\n", r"x\.toml: thrd: parameters stand in a table per component, and this is none"),
+        ("x.toml", "k = 1\n", r"x\.toml: k: parameters stand in a table per component"),
+        ("x.toml", "[third\n", "not a readable TOML file"),
+        ("x.ssv", SSV.format(name="thrd.k", value=1, unit=""), r"x\.ssv: thrd\.k: there is no component 'thrd'"),
+        ("x.ssv", SSV.format(name="third.kk", value=1, unit=""), r"third\.kk: there is no such parameter \(close: k\)"),
+        ("x.ssv", SSV.format(name="third.k", value=1, unit=' unit="m"'), r"third\.k: is given in m, but its unit is 1"),
+        ("x.ssv", SSV.format(name="third.k", value="NaN", unit=""), r"parameter third\.k: must not be NaN"),
+        ("x.ssv", "<a/>", r"x\.ssv, line 1: Element 'a'"),
+        ("x.ssv", "<a", "not a readable XML file"),
+    ],
+)
+def test_a_mistaken_file_of_parameters_is_refused(system, tmp_path, name, text, problem):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(StructureError, match=problem):
+        run(system, params=tmp_path / name)
+
+
+def test_an_unknown_set_or_file_is_wrong_use(system):
+    with pytest.raises(UsageError, match=r"--params triple: demo has no such set \(close: tripled\)"):
+        apply(system, params="triple")
+    with pytest.raises(UsageError, match=r"--params q: demo has no such set, only default, tripled"):
+        apply(system, params="q")
+    with pytest.raises(UsageError, match=r"--params gone\.toml: no such file"):
+        apply(system, params="gone.toml")
+
+
+# ---- another FMU
+
+
+@pytest.fixture
+def other(tmp_path):
+    """Stand-in for `vector`: the same output from other inputs."""
+    inputs = [*(u(f"v[{i}]", "m") for i in (1, 2, 3)), u("y")]
+    outputs = [y(f"w[{i}]", "m") for i in (1, 2, 3)]
+    parameters = [p("M.bias", 1.0), p("new")]
+    law = "w_1 = v_1 + y; w_2 = v_2; w_3 = new;"
+    return build(Model("other", [*inputs, *outputs, *parameters], law), tmp_path)
+
+
+def test_a_swapped_fmu_takes_over_the_wiring_and_finds_further_inputs_by_name(system, other, caplog):
+    result = run(system, swap=[f"second={other}"], set=["second.new=42"])
+    assert result["second.w"][-1].tolist() == [4 + 2, 40, 42]  # v[1] of `first` + y of `third`, v[2], new
+    assert caplog.messages == ["second: other.fmu does not have these parameters, dropped: J"]
+
+
+def test_dropped_parameters_leave_the_named_sets_too(system, other):
+    changed = apply(system, swap={"second": other})
+    assert "J[1,1]" not in changed.sets[0].parameters["second"]
+    assert run(apply(system, params="tripled", swap={"second": other})).complete
+
+
+def test_a_swapped_fmu_by_name_comes_from_the_project(system, fmus, monkeypatch):
+    monkeypatch.setattr("harness.paths.fmus", lambda: fmus)
+    assert run(system, swap=["third=plus_one"])["third.y"].tolist() == [2.0] * 5
+
+
+def test_missing_ports_and_units_of_a_swapped_fmu_come_all_at_once(make, tmp_path):
+    system = make({"c": "counter", "g": "gain", "v": "gain"}, ["c.n > g.u", "c.t_last > v.u"])
+    clock = build(Model("clock", [u("u", "s"), y("y", "s")], outputs="y = u;"), tmp_path)
+    c, g, v = system.components
+    system = replace(system, components=(c, g, replace(v, fmu=clock)), strict=True)
+    odd = build(Model("odd", [y("t_last", "m"), u("lost")]), tmp_path)
+    with pytest.raises(StructureError) as caught:
+        apply(system, swap=[f"c={odd}"])
+    assert list(caught.value.problems) == [
+        "--swap c=odd.fmu: its input lost is driven by no output of that name",
+        "--swap c=odd.fmu: it has no output n, which g.u needs",
+        "--swap c=odd.fmu: its output t_last is in m, v.u wants s",
+    ]
+
+
+def test_an_ambiguous_input_of_a_swapped_fmu_names_the_candidates(make, tmp_path):
+    system = replace(make({"a": "gain", "b": "gain", "c": "counter"}, parameters={"a.u": 1.0, "b.u": 1.0}), strict=True)
+    reader = build(Model("reader", [u("y"), y("n")]), tmp_path)
+    with pytest.raises(StructureError, match="its input y is ambiguous: a and b have that output"):
+        apply(system, swap=[f"c={reader}"])
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("secnd=x.fmu", r"--swap secnd: demo has no such component \(close: second\)"),
+        ("second=no_such_fmu", "no_such_fmu: there is no such FMU"),
+        ("second", "--swap second: wants name=value"),
+    ],
+)
+def test_a_mistaken_swap_is_wrong_use(system, text, problem):
+    with pytest.raises(UsageError, match=problem):
+        apply(system, swap=[text])
+
+
+def test_the_system_itself_is_never_changed(system):
+    before = replace(system)
+    apply(system, params="tripled", set=["third.k=7"], stop=2.0)
+    assert system == before
+    assert system.component("third").parameters["k"] == Parameter(2.0, "1")
