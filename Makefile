@@ -37,9 +37,10 @@ test: build
 test-long: build
 	$(BIN)/pytest -m long
 
+# with tools beyond the test dependencies; writes the table docs/tools.md from the run
 test-interop: build
-	$(BIN)/pip install --quiet --disable-pip-version-check '.[interop]' --no-build-isolation --editable .
-	$(BIN)/pytest -m interop -rs
+	$(RUN) $(BIN)/pip install --quiet --disable-pip-version-check --no-build-isolation --editable '.[test,interop]'
+	$(BIN)/pytest -m interop -rs --tool-table docs/tools.md
 
 # FMU tests under the address and undefined behaviour sanitizers
 sanitize: build
@@ -64,6 +65,11 @@ format: build
 	$(BIN)/pip install --quiet --disable-pip-version-check "clang-format>=18" "ruff>=0.5"
 	$(BIN)/ruff check --fix . ; $(BIN)/ruff format .
 	$(BIN)/clang-format -i $$(git ls-files '*.c' '*.h')
+
+# FMUs with binaries for linux64, win64, darwin64 and aarch64-darwin in one file
+dist: build
+	$(BIN)/pip install --quiet --disable-pip-version-check ziglang==0.13.0
+	$(BIN)/python fmus/core/cross_compile.py --fmus build/fmus -o dist/fmus
 
 wheel: build
 	$(RUN) $(BIN)/pip wheel --quiet --no-build-isolation --no-deps --wheel-dir dist .

@@ -9,8 +9,9 @@
  *
  * Without wheels (use_wheels = 0) the right-hand side of (19) with opposite sign is the commanded torque. Sampled: the
  * command uses the estimates before their explicit Euler update, the published estimates are those after it.
- * Source: Zhu & Yang 2009, equations (8) to (21); corrected in spec sync_approach sections 4.4 and 5, options in section 9. */
+ * Source: Zhu & Yang 2009, equations (8) to (21); corrections and options: docs/models.md A.4.4, A.5, A.7. */
 #include "body_rows.h"
+#include "reference_rows.h"
 #include "time_grid.h"
 
 typedef struct { double v[6]; } Symmetric; /* S11 S12 S13 S22 S23 S33 */
@@ -25,12 +26,7 @@ typedef struct {
     double Gamma_scale, use_wheels, t_att, projection, m_hat_range, eta_hat_range, J_offdiag_max, A_offdiag_max;
     double damping_in_regressor, sample_period;
 } Parameters;
-typedef struct {
-    Body T, S;
-    vec3 wheel_speed, rho_ref_N, drho_ref_N, ddrho_ref_N;
-    quat q_DN;
-    vec3 omega_DN_D, alpha_DN_D;
-} Input;
+typedef struct { Body T, S; vec3 wheel_speed; Reference ref; } Input;
 typedef struct { double m_hat; Eta eta_hat; } State;
 typedef struct {
     vec3 F_cmd_S, M_cmd_S, wheel_accel_cmd;
@@ -58,8 +54,7 @@ static const Model start = {
           .A_offdiag_max = 2},
     .u = {.T = {.r = {7158140, 0, 0}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}},
           .S = {.r = {7158140, 20, 0}, .v = {-0.0208, 7462.286, 0}, .q = {1, 0, 0, 0}},
-          .rho_ref_N = {0, 20, 0},
-          .q_DN = {1, 0, 0, 0}},
+          .ref = {.rho = {0, 20, 0}, .q = {1, 0, 0, 0}}},
 };
 
 static const Variable variables[] = {
@@ -86,12 +81,7 @@ static const Variable variables[] = {
     BODY_INPUTS("T", T, "target"),
     BODY_INPUTS("S", S, "servicer"),
     INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body"),
-    INPUT(rho_ref_N, "m", "reference position of the servicer relative to the target, N axes"),
-    INPUT(drho_ref_N, "m/s", "first derivative of rho_ref as seen in N, N axes"),
-    INPUT(ddrho_ref_N, "m/s2", "second derivative of rho_ref as seen in N, N axes"),
-    INPUT(q_DN, "1", "reference attitude relative to N, scalar first"),
-    INPUT(omega_DN_D, "rad/s", "reference angular velocity relative to N, reference body axes"),
-    INPUT(alpha_DN_D, "rad/s2", "reference angular acceleration, derivative of omega_DN_D"),
+    REFERENCE_ROWS(INPUT_ROW, u, ref),
 
     OUTPUT(F_cmd_S, "N", "commanded force, servicer axes"),
     OUTPUT(M_cmd_S, "N.m", "commanded torque, servicer axes (0 with use_wheels)"),
@@ -118,7 +108,7 @@ static void check(const Parameters *p, Problems *problems)
 
 /* ---- translation ---- */
 
-/* (8): relative acceleration of free motion in the Hill frame; r_t: orbit radius of the target */
+/* (8), A.4.4: relative acceleration of free motion in the Hill frame; r_t: orbit radius of the target */
 static vec3 relative_acceleration(double mu, double r_t, const HillFrame *H, vec3 rho, vec3 drho)
 {
     vec3 chaser = add(vec(r_t, 0, 0), rho);
@@ -126,13 +116,13 @@ static vec3 relative_acceleration(double mu, double r_t, const HillFrame *H, vec
     return sub(sub(vec(k_t, 0, 0), scale(k, chaser)), transport(H, rho, drho));
 }
 
-/* (12), with the options of section 9 */
+/* (12), A.5.1 */
 static void control_translation(const Parameters *p, const Input *u, State *x, Output *y, double period)
 {
     HillFrame H = hill_frame(p->mu, u->T.r, u->T.v);
     vec3 rho = mul(H.C_HN, sub(u->S.r, u->T.r)), drho = rate_in_frame(&H, rho, mul(H.C_HN, sub(u->S.v, u->T.v)));
-    vec3 ref = mul(H.C_HN, u->rho_ref_N), dref = rate_in_frame(&H, ref, mul(H.C_HN, u->drho_ref_N));
-    vec3 ddref = sub(mul(H.C_HN, u->ddrho_ref_N), transport(&H, ref, dref));
+    vec3 ref = mul(H.C_HN, u->ref.rho), dref = rate_in_frame(&H, ref, mul(H.C_HN, u->ref.drho));
+    vec3 ddref = sub(mul(H.C_HN, u->ref.ddrho), transport(&H, ref, dref));
 
     vec3 e1 = sub(rho, ref), e2 = sub(drho, dref);
     vec3 Psi = sub(relative_acceleration(p->mu, norm(u->T.r), &H, rho, drho), ddref);
@@ -167,12 +157,12 @@ static void adapt(const Parameters *p, Symmetric *estimate, const Symmetric *gai
     for (int i = 0; i < 6; i++) estimate->v[i] -= period * p->Gamma_scale * gain->v[i] * minus_W_dw.v[i];
 }
 
-/* (19) */
+/* (19), A.5.2 */
 static void control_attitude(const Parameters *p, const Input *u, State *x, Output *y, double period)
 {
-    quat q_SN = canonical(u->S.q), q_DN = canonical(u->q_DN), q_SD = product(conjugate(q_DN), q_SN);
+    quat q_SN = canonical(u->S.q), q_DN = canonical(u->ref.q), q_SD = product(conjugate(q_DN), q_SN);
     mat3 C_SD = dcm_of_quat(q_SD), J_hat = full(x->eta_hat.J), A_hat = full(x->eta_hat.A);
-    vec3 wd = mul(C_SD, u->omega_DN_D), wdd = mul(C_SD, u->alpha_DN_D), Omega = u->wheel_speed;
+    vec3 wd = mul(C_SD, u->ref.omega), wdd = mul(C_SD, u->ref.alpha), Omega = u->wheel_speed;
     vec3 epsilon = mrp_of_quat(q_SD), dw = sub(u->S.omega, wd);
 
     vec3 feedback = add(scale(0.25, mrp_G_transposed(epsilon, times(p->K_att, epsilon))), times(p->P_att, dw));
@@ -190,7 +180,7 @@ static void control_attitude(const Parameters *p, const Input *u, State *x, Outp
     adapt(p, &x->eta_hat.A, &p->Gamma_eta.A, W_A, period);
 }
 
-/* ---- projection, section 9 ---- */
+/* ---- projection, an option beyond the paper ---- */
 static double near(double value, double centre, double distance) { return clamp(value, centre - distance, centre + distance); }
 
 static void project_symmetric(Symmetric *s, const Symmetric *s_0, double range, double off_diagonal)

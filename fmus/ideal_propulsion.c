@@ -4,7 +4,7 @@
  *   impulse = integral |F| dt per axis,   mdot = (|F_x| + |F_y| + |F_z|) / (Isp g_0)
  *
  * Exact for a command held over the step. A plant that holds this wrench over the next step uses its value at the end of
- * the step; the difference is of first order in step/tau. Source: spec ppc_tracking section 7. */
+ * the step; the difference is of first order in step/tau. Equations: docs/models.md A.6. */
 #include "fmu.h"
 #include "time_grid.h"
 #include "vec3.h"

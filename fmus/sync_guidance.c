@@ -7,8 +7,10 @@
  * with all derivatives, published as seen in N. Where the grasp axis comes within guard_angle of the orbit normal, k stays
  * where it was at the last sample, turned perpendicular to i. The software knows the model of the target (inertia, gravity
  * gradient, Keplerian orbit rate), not its disturbances unless know_M_dist.
- * Source: Zhu & Yang 2009, equations (5) to (7) and (10); derivatives: spec sync_approach sections 4.1 to 4.5. */
+ * Source: Zhu & Yang 2009, equations (5) to (7) and (10); derivatives: docs/models.md A.4. */
 #include "body_rows.h"
+#include "motion.h"
+#include "reference_rows.h"
 #include "rigid_body.h"
 #include "sinusoid.h"
 
@@ -22,9 +24,7 @@ typedef struct {
 typedef struct { Body T, S; } Input;
 typedef struct { vec3 k_H; } State; /* k of the last sample */
 typedef struct {
-    vec3 rho_ref_N, drho_ref_N, ddrho_ref_N;
-    quat q_DN;
-    vec3 omega_DN_D, alpha_DN_D;
+    Reference ref;
     vec3 rho_H, drho_H, rho_ref_H;
     double range, beta_t, beta_p, attitude_guard;
 } Output;
@@ -59,12 +59,7 @@ static const Variable variables[] = {
     BODY_INPUTS("T", T, "target"),
     BODY_INPUTS("S", S, "servicer"),
 
-    OUTPUT(rho_ref_N, "m", "reference position of the servicer relative to the target, N axes"),
-    OUTPUT(drho_ref_N, "m/s", "first derivative of rho_ref as seen in N, N axes"),
-    OUTPUT(ddrho_ref_N, "m/s2", "second derivative of rho_ref as seen in N, N axes"),
-    OUTPUT(q_DN, "1", "reference attitude of the servicer relative to N, scalar first"),
-    OUTPUT(omega_DN_D, "rad/s", "reference angular velocity relative to N, reference body axes"),
-    OUTPUT(alpha_DN_D, "rad/s2", "reference angular acceleration, derivative of omega_DN_D"),
+    REFERENCE_ROWS(OUTPUT_ROW, y, ref),
     OUTPUT(rho_H, "m", "position of the servicer relative to the target, Hill axes"),
     OUTPUT(drho_H, "m/s", "derivative of rho_H as seen in the Hill frame"),
     OUTPUT(rho_ref_H, "m", "reference position, Hill axes"),
@@ -81,9 +76,7 @@ static void check(const Parameters *p, Problems *problems)
     if (p->guard_angle >= 1.5) refuse(problems, "guard_angle", p->guard_angle, "must be below 1.5 rad");
 }
 
-typedef struct { vec3 x, d, dd; } Motion; /* a vector with its first and second derivative */
-
-/* 4.3: grasp axis in H, derivatives as seen in H, from the target model */
+/* A.4.3: grasp axis in H, derivatives as seen in H, from the target model */
 static Motion grasp_axis(const Parameters *p, const Body *T, const HillFrame *H, double t)
 {
     mat3 C_TN = dcm_of_quat(canonical(T->q)), C_TH = matmul_t(C_TN, H->C_HN);
@@ -114,61 +107,35 @@ static Motion roll_vector(Motion i)
     return (Motion){cross(i.x, z), cross(i.d, z), cross(i.dd, z)};
 }
 
-/* guard: u = k_held - (k_held.i) i, k_held constant in H */
-static Motion held_roll_vector(Motion i, vec3 held)
-{
-    double s = dot(held, i.x), ds = dot(held, i.d), dds = dot(held, i.dd);
-    return (Motion){sub(held, scale(s, i.x)), neg(add(scale(ds, i.x), scale(s, i.d))),
-                    neg(sum3(scale(dds, i.x), scale(2 * ds, i.d), scale(s, i.dd)))};
-}
-
-/* 4.5: k = u/|u| with derivatives */
-static Motion normalised(Motion u)
-{
-    double n = norm(u.x);
-    vec3 k = scale(1 / n, u.x);
-    double dn = dot(k, u.d);
-    vec3 dk = scale(1 / n, sub(u.d, scale(dn, k)));
-    double ddn = dot(dk, u.d) + dot(k, u.dd);
-    return (Motion){k, dk, scale(1 / n, sub(u.dd, add(scale(2 * dn, dk), scale(ddn, k))))};
-}
-
-static Motion cross_motion(Motion a, Motion b)
-{
-    return (Motion){cross(a.x, b.x), add(cross(a.d, b.x), cross(a.x, b.d)),
-                    sum3(cross(a.dd, b.x), scale(2, cross(a.d, b.d)), cross(a.x, b.dd))};
-}
-
-/* 4.5: attitude, rate and acceleration of D relative to N from its axes i, j, k in H */
-static void publish_attitude(const HillFrame *H, Motion i, Motion j, Motion k, Output *y)
+/* A.4.5: attitude, rate and acceleration of D relative to N from its axes i, j, k in H */
+static void publish_attitude(const HillFrame *H, Motion i, Motion j, Motion k, Reference *ref)
 {
     mat3 C_DH = rows(i.x, j.x, k.x);
-    vec3 w_DH = vec(dot(j.d, k.x), dot(k.d, i.x), dot(i.d, j.x));
-    vec3 dw_DH = vec(dot(j.dd, k.x) + dot(j.d, k.d), dot(k.dd, i.x) + dot(k.d, i.d), dot(i.dd, j.x) + dot(i.d, j.d));
-    vec3 wH_D = mul(C_DH, H->w_H);
+    vec3 w_DH = frame_rate(i, j, k), wH_D = mul(C_DH, H->w_H);
 
-    y->q_DN = quat_of_dcm(matmul(C_DH, H->C_HN));
-    y->omega_DN_D = add(w_DH, wH_D);
-    y->alpha_DN_D = sub(add(dw_DH, mul(C_DH, H->dw_H)), cross(w_DH, wH_D));
+    ref->q = quat_of_dcm(matmul(C_DH, H->C_HN));
+    ref->omega = add(w_DH, wH_D);
+    ref->alpha = sub(add(frame_acceleration(i, j, k), mul(C_DH, H->dw_H)), cross(w_DH, wH_D));
 }
 
+/* A.4.5: in the guard u = k_held - (k_held.i) i, k_held constant in H */
 static void reference_attitude(const Parameters *p, const HillFrame *H, Motion axis, vec3 *held, Output *y)
 {
-    Motion i = {neg(axis.x), neg(axis.d), neg(axis.dd)}, u = roll_vector(i);
+    Motion i = neg_motion(axis), u = roll_vector(i);
     y->attitude_guard = norm(u.x) < sin(p->guard_angle);
-    if (y->attitude_guard) u = held_roll_vector(i, *held);
+    if (y->attitude_guard) u = normal_part(*held, i);
     Motion k = normalised(u);
-    publish_attitude(H, i, cross_motion(k, i), k, y);
+    publish_attitude(H, i, cross_motion(k, i), k, &y->ref);
     *held = k.x;
 }
 
-/* 4.1, 4.2: derivatives as seen in H become derivatives as seen in N, all in N axes */
+/* A.4.1, A.4.2: derivatives as seen in H become derivatives as seen in N, all in N axes */
 static void publish_position(const HillFrame *H, Motion ref, Output *y)
 {
     y->rho_ref_H = ref.x;
-    y->rho_ref_N = tmul(H->C_HN, ref.x);
-    y->drho_ref_N = tmul(H->C_HN, rate_in_N(H, ref.x, ref.d));
-    y->ddrho_ref_N = tmul(H->C_HN, add(ref.dd, transport(H, ref.x, ref.d)));
+    y->ref.rho = tmul(H->C_HN, ref.x);
+    y->ref.drho = tmul(H->C_HN, rate_in_N(H, ref.x, ref.d));
+    y->ref.ddrho = tmul(H->C_HN, add(ref.dd, transport(H, ref.x, ref.d)));
 }
 
 static void publish_relative_state(const Input *u, const HillFrame *H, vec3 axis_H, Output *y)

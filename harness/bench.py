@@ -1,7 +1,7 @@
-"""What a macro step costs, measured side by side in one run: monolithic C, bare C loop, our executors, FMPy, other masters.
+"""What a macro step costs, side by side in one run: monolithic C, bare C loop, our executors, FMPy, other masters.
 
-Every contender flies the same system from the same .ssp with the Gauss-Seidel order (other masters: their own). Contenders are
-run in turn, several rounds, and the fastest round of each counts, so that a noisy machine hurts all alike.
+Every contender flies the same system from the same .ssp in Gauss-Seidel order (other masters: their own). Contenders
+are run in turn, several rounds, and the fastest round of each counts, so that a noisy machine hurts all alike.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from harness.fmu import Unit
 from harness.master import Simulation
 from harness.monolith import Monolith, SlaveLoop
 from harness.paths import systems
-from harness.run import load_system
+from harness.run import loaded
 from harness.schedule import Verb
 from harness.system import System
 
@@ -143,8 +143,6 @@ def _lists(unit: Unit, verb: Verb) -> tuple[list[int], list[int]]:
 class LibcosimMaster(Contender):
     """libcosim from the .ssp file with 0 worker threads, nothing recorded."""
 
-    module = "libcosimpy"
-
     def __enter__(self) -> Self:
         from libcosimpy.CosimExecution import CosimExecution
         from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
@@ -159,10 +157,19 @@ class LibcosimMaster(Contender):
         self.execution.step(self.steps)
 
 
+class ObservedLibcosim(LibcosimMaster):
+    """libcosim that also keeps the last values of all variables, as its users do to see anything."""
+
+    def __enter__(self) -> Self:
+        from libcosimpy.CosimObserver import CosimObserver
+
+        super().__enter__()
+        self.execution.add_observer(observer=CosimObserver.create_last_value())
+        return self
+
+
 class EcosMaster(Contender):
     """ecos from the .ssp file, nothing recorded."""
-
-    module = "ecospy"
 
     def __enter__(self) -> Self:
         from ecospy import EcosSimulation
@@ -187,6 +194,7 @@ CONTENDERS: tuple[tuple[str, type[Contender]], ...] = (
     ("Python executor, recording", PythonExecutor),
     ("FMPy FMU2Slave methods", FMPyLoop),
     ("libcosim, 0 worker threads", LibcosimMaster),
+    ("libcosim with an observer", ObservedLibcosim),
     ("ecos", EcosMaster),
 )
 
@@ -235,11 +243,11 @@ def run_memory(system: str) -> float:
 
 
 def bench(name: str) -> str:
-    """Table of the cost of a macro step of a system of the project, start-up time and memory; UsageError if there is no such system."""
-    system = load_system(name)
-    rows = list(measure(system))
+    """Table of the cost of a macro step of a system of the project, start-up time and memory; UsageError if unknown."""
+    with loaded(name) as system:
+        rows = list(measure(system))
     base = next((row.seconds for row in rows if row.name == CONTENDERS[1][0] and row.seconds), None)
-    lines = [f"{system.name}: cost of one macro step, fastest of {ROUNDS} rounds", f"{'':30}{'us':>9}{'ratio':>9}"]
+    lines = [f"{name}: cost of one macro step, fastest of {ROUNDS} rounds", f"{'':30}{'us':>9}{'ratio':>9}"]
     lines += [_line(row, base) for row in rows]
     lines += [f"command-line start-up {start_up():.2f} s, memory of a whole run {run_memory(name):.0f} MB"]
     return "\n".join(lines)

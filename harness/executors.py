@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import UsageError
-from harness.fmu import CFunction, Transfer, Unit
+from harness.fmu import Unit
 from harness.paths import loop_library
 from harness.recorder import Recorder
 from harness.schedule import Action, Verb
+from harness.transfer import CFunction, Transfer
 
 
 class Clock(NamedTuple):

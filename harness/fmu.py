@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,60 +19,19 @@ from numpy.typing import NDArray
 from harness import messages
 from harness.archive import unpack
 from harness.errors import FmuError, RunError
-from harness.graph import Node, Setting, Wire
+from harness.graph import Node, Setting
 from harness.interface import binaries
 from harness.schedule import Verb
+from harness.transfer import Transfer, transfers
 
 OK, WARNING, FATAL = 0, 1, 4
 STATUS = {2: "fmi2Discard", 3: "fmi2Error", 4: "fmi2Fatal", 5: "fmi2Pending"}
 
-CValue = ctypes.c_double | ctypes.c_int
-CFunction = Any
-"""A function of a loaded library (ctypes has no public type for it)."""
 Slave = Any
 """FMPy's FMU2Slave, which is not typed."""
 
-ACCESS: dict[str, tuple[tuple[str, ...], type[CValue]]] = {
-    "Real": (("Real",), ctypes.c_double),
-    "Integer": (("Integer", "Enumeration"), ctypes.c_int),
-    "Boolean": (("Boolean",), ctypes.c_int),
-}
-"""Types of variables by the functions fmi2SetX and fmi2GetX that access them, and the C type of their values."""
-
 ERROR_CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
 """Log categories of FMI 2.0 that are listened to; everything else stays off."""
-
-
-class Transfer:
-    """Values of one FMI type on their way between the bus and an FMU: arguments of one fmi2GetX or fmi2SetX call."""
-
-    def __init__(
-        self, function: CFunction, component: ctypes.c_void_p, wires: Sequence[Wire], ctype: type[CValue]
-    ) -> None:
-        n = len(wires)
-        self.function = function
-        self.component = component
-        self.real = ctype is ctypes.c_double
-        self.references = (ctypes.c_uint * n)(*(wire.variable.reference for wire in wires))
-        self.values = (ctype * n)()
-        self.slots: NDArray[np.uintp] = np.array([wire.slot for wire in wires], dtype=np.uintp)
-        self.view = np.ctypeslib.as_array(self.values)
-        self.names = [wire.variable.name for wire in wires]
-
-    def write(self, bus: NDArray[np.float64]) -> int:
-        """From the bus into the inputs of the FMU; returns the FMI status."""
-        self.view[:] = bus[self.slots]
-        return int(self.function(self.component, self.references, len(self.values), self.values))
-
-    def read(self, bus: NDArray[np.float64]) -> int:
-        """From the outputs of the FMU onto the bus; returns the FMI status."""
-        status = int(self.function(self.component, self.references, len(self.values), self.values))
-        bus[self.slots] = self.view
-        return status
-
-    def not_finite(self) -> str | None:
-        """The first variable whose value is infinite or not a number."""
-        return next((name for name, value in zip(self.names, self.values, strict=True) if not np.isfinite(value)), None)
 
 
 class Unit:
@@ -94,9 +52,9 @@ class Unit:
         self.do_step = self.library.fmi2DoStep
         self.no_rollback = 0 if node.interface.model.coSimulation.canGetAndSetFMUstate else 1
         self.transfers = {
-            Verb.SET: list(self._transfers("Set", node.inputs)),
+            Verb.SET: list(transfers("Set", self.library, self.handle, node.inputs)),
             Verb.STEP: [],
-            Verb.GET: list(self._transfers("Get", node.outputs)),
+            Verb.GET: list(transfers("Get", self.library, self.handle, node.outputs)),
         }
 
     # ---- life
@@ -243,9 +201,3 @@ class Unit:
         self._status = status
         reason = messages.take_error(self.name) or f"{STATUS.get(status, f'status {status}')}, without a message"
         return RunError(self.name, time, f"{doing}: {reason}", variable)
-
-    def _transfers(self, verb: str, wires: Sequence[Wire]) -> Iterator[Transfer]:
-        """One transfer per FMI type that occurs: fmi2SetReal, fmi2SetInteger, ..."""
-        for suffix, (types, ctype) in ACCESS.items():
-            if chosen := [wire for wire in wires if wire.variable.type in types]:
-                yield Transfer(getattr(self.library, f"fmi2{verb}{suffix}"), self.handle, chosen, ctype)

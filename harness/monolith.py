@@ -14,22 +14,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import StructureError, UsageError
-from harness.fmu import Transfer, Unit
+from harness.fmu import Unit
 from harness.graph import Graph, Node, build_graph
 from harness.master import Simulation
 from harness.paths import monolith_library
 from harness.schedule import Verb
 from harness.system import System
+from harness.transfer import Transfer
 
 
 class _Copy(ctypes.Structure):
-    """struct Copy of monolith.c"""
+    """Layout of struct Copy of monolith.c."""
 
     _fields_ = [("source", ctypes.c_void_p), ("target", ctypes.c_void_p)]
 
 
 class _Part(ctypes.Structure):
-    """struct Part of monolith.c"""
+    """Layout of struct Part of monolith.c."""
 
     _fields_ = [
         ("model", ctypes.c_void_p),
@@ -40,7 +41,7 @@ class _Part(ctypes.Structure):
 
 
 class _Slave(ctypes.Structure):
-    """struct Slave of monolith.c"""
+    """Layout of struct Slave of monolith.c."""
 
     _fields_ = [
         *((name, ctypes.c_void_p) for name in ("component", "set", "step", "get", "inputs", "outputs")),
@@ -77,7 +78,7 @@ class Monolith:
     """A system of the project's own models as one C program, initialised and ready to run."""
 
     def __init__(self, system: System) -> None:
-        """StructureError if a component is not one of the project's models; UsageError if the program has not been built."""
+        """StructureError if a component is none of the project's models, UsageError if nothing has been built."""
         self.graph: Graph = build_graph(system)
         self.start, self.step = system.experiment.start, system.experiment.step or 0.0
         self.steps = 0

@@ -1,7 +1,7 @@
 """Results files: .csv (flat columns), .nc (netCDF4: vectors, units, long names) and .mat (one struct per component).
 
-A run that ended early leaves a file all the same: .nc and .mat say `complete = 0`, a .csv ends with a line `#
-incomplete: reason`.
+A run that ended early leaves a file all the same: .nc and .mat say `complete = 0`, a .csv ends with a line
+`# incomplete: reason`.
 """
 
 from __future__ import annotations
@@ -41,6 +41,16 @@ class ResultFile:
         if path.exists() and not os.access(path, os.W_OK):
             raise ResultsError(f"{path}: cannot be written (no permission)")
         if not self._special:
+            self._try()
+
+    def _try(self) -> None:
+        """Look whether the file can be written, without leaving anything behind."""
+        folder = next(folder for folder in self.path.absolute().parents if folder.exists())
+        if not folder.is_dir():
+            raise ResultsError(f"{self.path}: cannot be written ({folder} is not a folder)")
+        if not os.access(folder, os.W_OK):
+            raise ResultsError(f"{self.path}: cannot be written (no permission for {folder})")
+        if folder == self.path.absolute().parent:
             self._beside().unlink()
 
     def _beside(self) -> Path:

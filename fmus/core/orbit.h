@@ -1,6 +1,6 @@
 /* orbit.h - Keplerian elements, point-mass gravity with J2, the Hill frame.
  *
- * H: x radial outward, y along track, z orbit normal. Sections: sync_approach.md. */
+ * H: x radial outward, y along track, z orbit normal. Equations: docs/models.md A.2, A.4. */
 #ifndef ORBIT_H
 #define ORBIT_H
 
@@ -20,7 +20,7 @@ static inline PosVel posvel_of_elements(const Orbit *o)
                     add(scale(-k * sin(o->nu), P), scale(k * (o->e + cos(o->nu)), Q))};
 }
 
-/* section 2: -mu r/r^3 + a_J2 */
+/* A.2: -mu r/r^3 + a_J2 */
 static inline vec3 gravity(const Orbit *o, double with_J2, vec3 r)
 {
     if (o->mu == 0) return vec(0, 0, 0);
@@ -29,7 +29,7 @@ static inline vec3 gravity(const Orbit *o, double with_J2, vec3 r)
     return scale(-k, vec(r.x * (1 + j * (1 - zz)), r.y * (1 + j * (1 - zz)), r.z * (1 + j * (3 - zz))));
 }
 
-/* section 4.1: C_HN = [ir; it; ih], rate |h|/r^2 and Keplerian acceleration -2 (r.v)/r^2 rate, both about z of H.
+/* A.4.1: C_HN = [ir; it; ih], rate |h|/r^2 and Keplerian acceleration -2 (r.v)/r^2 rate, both about z of H.
  * In deep space (mu = 0) there is no orbit: H is N. */
 typedef struct { mat3 C_HN; vec3 w_H, dw_H; } HillFrame;
 

@@ -15,7 +15,10 @@ from xml.etree import ElementTree
 from PIL import Image, ImageDraw, ImageFont
 
 FIXED_DATE = (1980, 1, 1, 0, 0, 0)
-STYLE = "body{font-family:sans-serif;max-width:70em;margin:2em auto}table{border-collapse:collapse}td,th{border:1px solid #bbb;padding:.2em .6em;text-align:left}pre{background:#f4f4f4;padding:1em}"
+STYLE = (
+    "body{font-family:sans-serif;max-width:70em;margin:2em auto}pre{background:#f4f4f4;padding:1em}"
+    "table{border-collapse:collapse}td,th{border:1px solid #bbb;padding:.2em .6em;text-align:left}"
+)
 SECTIONS = {"input": "Inputs", "output": "Outputs", "parameter": "Parameters"}
 
 
@@ -26,7 +29,7 @@ def read_rows(description: ElementTree.Element) -> list[dict[str, str]]:
         name, _, index = variable.attrib["name"].partition("[")
         real = variable.find("Real")
         assert real is not None
-        row = rows.setdefault(name, {"name": name, "starts": "", **variable.attrib, **real.attrib, "name": name})
+        row = rows.setdefault(name, {"starts": "", **variable.attrib, **real.attrib, "name": name})
         row["shape"] = "x".join(index.rstrip("]").split(",")) if index else "1"
         row["starts"] += " " + real.get("start", "")
     return list(rows.values())
@@ -41,10 +44,7 @@ def limits(row: dict[str, str]) -> str:
 def table(rows: list[dict[str, str]]) -> str:
     """HTML table of variables."""
     head = "<tr><th>name</th><th>size</th><th>unit</th><th>limits</th><th>start</th><th>description</th></tr>"
-    cells = (
-        (r["name"], r["shape"], r["unit"], limits(r), r["starts"].strip(), r["description"])
-        for r in rows
-    )
+    cells = ((r["name"], r["shape"], r["unit"], limits(r), r["starts"].strip(), r["description"]) for r in rows)
     body = ("<tr>" + "".join(f"<td>{html.escape(c)}</td>" for c in cell) + "</tr>" for cell in cells)
     return f"<table>{head}{''.join(body)}</table>"
 
@@ -60,12 +60,14 @@ def documentation(description: ElementTree.Element, source: Path) -> str:
     """documentation/index.html: equations and source from the model file, tables from the model description."""
     rows = read_rows(description)
     name = html.escape(description.attrib["modelName"])
+    text = html.escape(description.attrib["description"])
     parts = [
-        f"<!DOCTYPE html><html lang='en'><head><meta charset='utf-8'><title>{name}</title><style>{STYLE}</style></head><body>",
-        f"<h1>{name}</h1><p>{html.escape(description.attrib['description'])}</p><p><img src='model.png' alt='ports of {name}'></p>",
+        "<!DOCTYPE html><html lang='en'><head><meta charset='utf-8'>",
+        f"<title>{name}</title><style>{STYLE}</style></head><body>",
+        f"<h1>{name}</h1><p>{text}</p><p><img src='model.png' alt='ports of {name}'></p>",
         f"<h2>Equations and source</h2><pre>{html.escape(opening_comment(source))}</pre>",
-        "<p>SI units, radians. Frames: N inertial, H Hill frame of the target orbit, T target body, S servicer body, D desired "
-        "servicer body. Outputs are latched at the end of a step and after initialization.</p>",
+        "<p>SI units, radians. Frames: N inertial, H Hill frame of the target orbit, T target body, S servicer body, D ",
+        "desired servicer body. Outputs are latched at the end of a step and after initialization.</p>",
     ]
     for causality, title in SECTIONS.items():
         chosen = [r for r in rows if r["causality"] == causality]

@@ -5,7 +5,7 @@
 #include "fmu.h"
 #include "vec3.h"
 
-/* 3 mu / r^3  rb x (J rb), rb the unit position in body axes [N.m]; sync_approach.md section 2 */
+/* 3 mu / r^3  rb x (J rb), rb the unit position in body axes [N.m]; docs/models.md A.2 */
 static inline vec3 gravity_gradient(double mu, vec3 r_B, mat3 J)
 {
     if (mu == 0) return vec(0, 0, 0);

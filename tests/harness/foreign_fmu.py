@@ -121,8 +121,8 @@ SLOW = Model("slow", [y("n"), x("z")], "n = z;", 'if (!z) fclose(fopen("stepping
 WARNING = Model("warning", [y("y")], step='say(c, 1, "getting warm"); return fmi2Warning;')
 
 MODELS = (
-    GAIN, INTEGRATOR, COUNTER, VECTOR, SOURCE, FAILING, SILENT, LADDER, NOT_A_NUMBER, PLUS_ONE, PICKY, NO_STATE, MIXED, SLOW,
-    WARNING,
+    GAIN, INTEGRATOR, COUNTER, VECTOR, SOURCE, FAILING, SILENT, LADDER, NOT_A_NUMBER, PLUS_ONE, PICKY, NO_STATE, MIXED,
+    SLOW, WARNING,
 )  # fmt: skip
 
 SOURCE_TEXT = r"""

@@ -1,0 +1,74 @@
+"""Add the binaries of all platforms to FMUs, compiled from the sources inside each archive by one cross compiler.
+
+Usage: cross_compile.py --fmus DIR -o DIR [--cc COMMAND]
+"""
+
+import argparse
+import struct
+import subprocess
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+from xml.etree import ElementTree
+
+import fmpy
+from package_fmu import write_zip
+
+TARGETS = {
+    "linux64": ("x86_64-linux-gnu.2.17", ".so", ("-fPIC", "-lm")),
+    "win64": ("x86_64-windows-gnu", ".dll", ()),
+    "darwin64": ("x86_64-macos.10.15", ".dylib", ()),
+    "aarch64-darwin": ("aarch64-macos.11.0", ".dylib", ()),
+}
+"""FMI platform: target of the compiler, ending of a shared library, flags of its own."""
+
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden", "-shared", "-s", "-g0")
+HEADERS = Path(fmpy.__file__).parent / "c-code"
+
+
+def compile_for(platform: str, folder: Path, sources: list[str], name: str, compiler: list[str]) -> bytes:
+    """The shared library of one platform; subprocess.CalledProcessError if the compiler fails."""
+    target, ending, flags = TARGETS[platform]
+    library = f"{name}{ending}"
+    command = [*compiler, "-target", target, *FLAGS, "-isystem", str(HEADERS), *sources, "-o", library, *flags]
+    # in the folder and with relative names, so that no path gets into the binary
+    subprocess.run(command, check=True, cwd=folder / "sources")
+    binary = (folder / "sources" / library).read_bytes()
+    return without_link_time(binary) if platform == "win64" else binary
+
+
+def without_link_time(dll: bytes) -> bytes:
+    """A Windows library with the time of linking in its PE header set to zero: same sources, same bytes."""
+    (header,) = struct.unpack_from("<I", dll, 0x3C)
+    return dll[: header + 8] + bytes(4) + dll[header + 12 :]
+
+
+def all_platforms(fmu: Path, compiler: list[str]) -> dict[str, bytes]:
+    """Files of an FMU with the binaries of every platform in TARGETS in place of its own."""
+    with zipfile.ZipFile(fmu) as archive, tempfile.TemporaryDirectory() as folder:
+        archive.extractall(folder)
+        files = {name: archive.read(name) for name in archive.namelist() if not name.startswith("binaries/")}
+        description = ElementTree.fromstring(files["modelDescription.xml"])
+        sources = [element.attrib["name"] for element in description.iter("File")]
+        for platform, (_, ending, _) in TARGETS.items():
+            binary = compile_for(platform, Path(folder), sources, fmu.stem, compiler)
+            files[f"binaries/{platform}/{fmu.stem}{ending}"] = binary
+    return files
+
+
+def main() -> None:
+    """Command line, see the docstring of the module."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--fmus", type=Path, required=True)
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    parser.add_argument("--cc", nargs="+", default=[sys.executable, "-m", "ziglang", "cc"])
+    a = parser.parse_args()
+    a.output.mkdir(parents=True, exist_ok=True)
+    for fmu in sorted(a.fmus.glob("*.fmu")):
+        write_zip(a.output / fmu.name, all_platforms(fmu, a.cc))
+        print(a.output / fmu.name)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,95 @@
+"""The same .ssp, unchanged, in other masters: every output has the bits of our Jacobi run."""
+
+import importlib
+import importlib.util
+import platform
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from harness import paths
+from harness.master import Simulation
+from harness.run import loaded
+
+pytestmark = pytest.mark.interop
+
+SYSTEMS = sorted(paths.systems())
+MACRO_STEPS = 1000
+CHECKED = (1, 2, 3, 10, 100, 500, 1000)
+"""Macro steps after which all outputs are compared."""
+
+
+def require(module):
+    """Import a master, or skip and say why."""
+    if importlib.util.find_spec(module) is None:
+        pytest.skip(f"{module} is not installed on {platform.system()}")
+    try:
+        return importlib.import_module(module)
+    except OSError as error:
+        pytest.skip(f"{module} does not load: {error}")
+
+
+@pytest.fixture(scope="module", params=SYSTEMS)
+def ours(request):
+    """Name of the system, macro step, rows of our Jacobi run by column name."""
+    with loaded(request.param) as system:
+        h = system.experiment.step
+        experiment = replace(system.experiment, stop=system.experiment.start + MACRO_STEPS * h, algorithm="jacobi")
+        with Simulation(replace(system, experiment=experiment)) as simulation:
+            simulation.advance()
+            result = simulation.result()
+    return request.param, h, result
+
+
+def same_bits(theirs, result, k):
+    names = list(theirs)
+    expected = np.array([result[name][k] for name in names])
+    got = np.array([theirs[name] for name in names])
+    different = [n for n, a, b in zip(names, got, expected, strict=True) if a != b]
+    assert not different, f"after {k} macro steps {len(different)} of {len(names)} outputs differ: {different[:5]}"
+    assert set(names) == set(result.columns)
+
+
+@pytest.mark.tool("libcosim", "libcosimpy")
+def test_libcosim_gives_our_bits(ours):
+    require("libcosimpy")
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
+    from libcosimpy.CosimObserver import CosimObserver
+
+    name, _, result = ours
+    log_output_level(CosimLogLevel.ERROR)
+    execution = CosimExecution.from_ssp_file(str(paths.systems()[name]))
+    observer = CosimObserver.create_last_value()
+    execution.add_observer(observer=observer)
+    execution.real_time_simulation_enabled(enabled=False)
+    slaves = {info.name.decode(): info.index for info in execution.slave_infos()}
+    done = 0
+    for k in CHECKED:
+        assert execution.step(k - done)
+        done = k
+        same_bits(libcosim_outputs(execution, observer, slaves), result, k)
+
+
+def libcosim_outputs(execution, observer, slaves):
+    values = {}
+    for slave, index in slaves.items():
+        outputs = [v for v in execution.slave_variables(index) if v.causality == 2]  # COSIM_VARIABLE_CAUSALITY_OUTPUT
+        numbers = observer.last_real_values(index, [v.reference for v in outputs])
+        values |= {f"{slave}.{v.name.decode()}": x for v, x in zip(outputs, numbers, strict=True)}
+    return values
+
+
+@pytest.mark.tool("ecos", "ecospy")
+def test_ecos_gives_our_bits(ours):
+    ecospy = require("ecospy")
+    name, h, result = ours
+    with ecospy.EcosSimulation(h, ssp_path=str(paths.systems()[name])) as simulation:
+        assert simulation.init(parameter_set="default")
+        done = 0
+        for k in CHECKED:
+            simulation.step(k - done)
+            done = k
+            theirs = {column: simulation.get_real(column.replace(".", "::", 1)) for column in result.columns}
+            same_bits(theirs, result, k)
