@@ -26,15 +26,27 @@ typedef struct {
     double Gamma_scale, use_wheels, t_att, projection, m_hat_range, eta_hat_range, J_offdiag_max, A_offdiag_max;
     double damping_in_regressor, sample_period;
 } Parameters;
-typedef struct { Body T, S; vec3 wheel_speed; Reference ref; } Input;
-typedef struct { double m_hat; Eta eta_hat; } State;
+typedef struct {
+    Body T, S;
+    vec3 wheel_speed;
+    Reference ref;
+} Input;
+typedef struct {
+    double m_hat;
+    Eta eta_hat;
+} State;
 typedef struct {
     vec3 F_cmd_S, M_cmd_S, wheel_accel_cmd;
     double m_hat;
     Eta eta_hat;
     vec3 e1_H, e2_H, epsilon, domega_S, F_cmd_H;
 } Output;
-typedef struct { Parameters p; Input u; State x; Output y; } Model;
+typedef struct {
+    Parameters p;
+    Input u;
+    State x;
+    Output y;
+} Model;
 
 static const Model start = {
     .p = {.mu = 3.986004415e14,
@@ -103,7 +115,8 @@ static mat3 full(Symmetric s)
 static void check(const Parameters *p, Problems *problems)
 {
     if (determinant(full(p->eta_hat_0.A)) <= 0 && p->use_wheels)
-        refuse(problems, "eta_hat_0", determinant(full(p->eta_hat_0.A)), "the wheel inertia estimate must have a positive determinant");
+        refuse(problems, "eta_hat_0", determinant(full(p->eta_hat_0.A)),
+               "the wheel inertia estimate must have a positive determinant");
 }
 
 /* ---- translation ---- */
@@ -141,9 +154,13 @@ static void control_translation(const Parameters *p, const Input *u, State *x, O
 /* Y(b)^T d and X(a,b)^T d: what a unit of each element of the symmetric matrix S adds to d.(S b) and d.(a x S b) */
 static Symmetric Y_transposed(vec3 b, vec3 d)
 {
-    return (Symmetric){{b.x * d.x, b.y * d.x + b.x * d.y, b.z * d.x + b.x * d.z, b.y * d.y, b.z * d.y + b.y * d.z, b.z * d.z}};
+    return (Symmetric){
+        {b.x * d.x, b.y * d.x + b.x * d.y, b.z * d.x + b.x * d.z, b.y * d.y, b.z * d.y + b.y * d.z, b.z * d.z}};
 }
-static Symmetric X_transposed(vec3 a, vec3 b, vec3 d) { return Y_transposed(b, cross(d, a)); } /* d.(a x v) = (d x a).v */
+static Symmetric X_transposed(vec3 a, vec3 b, vec3 d)
+{
+    return Y_transposed(b, cross(d, a));
+} /* d.(a x v) = (d x a).v */
 
 static Symmetric sum_symmetric(Symmetric a, Symmetric b)
 {
@@ -181,7 +198,10 @@ static void control_attitude(const Parameters *p, const Input *u, State *x, Outp
 }
 
 /* ---- projection, an option beyond the paper ---- */
-static double near(double value, double centre, double distance) { return clamp(value, centre - distance, centre + distance); }
+static double near(double value, double centre, double distance)
+{
+    return clamp(value, centre - distance, centre + distance);
+}
 
 static void project_symmetric(Symmetric *s, const Symmetric *s_0, double range, double off_diagonal)
 {
@@ -218,7 +238,8 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
-    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s)) control(p, u, x, y, s.t, s.period);
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
+        control(p, u, x, y, s.t, s.period);
     y->m_hat = x->m_hat;
     y->eta_hat = x->eta_hat;
 }

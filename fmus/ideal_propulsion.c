@@ -11,11 +11,23 @@
 
 #define STANDARD_GRAVITY 9.80665 /* m/s2 */
 
-typedef struct { vec3 F_max, M_max; double tau, Isp, max_step; } Parameters;
+typedef struct {
+    vec3 F_max, M_max;
+    double tau, Isp, max_step;
+} Parameters;
 typedef struct { vec3 F_cmd_S, M_cmd_S; } Input;
 typedef struct { vec3 F, M, impulse, torque_impulse; } State;
-typedef struct { vec3 F_S, M_S; double mdot; vec3 F_saturated, M_saturated, impulse, torque_impulse; } Output;
-typedef struct { Parameters p; Input u; State x; Output y; } Model;
+typedef struct {
+    vec3 F_S, M_S;
+    double mdot;
+    vec3 F_saturated, M_saturated, impulse, torque_impulse;
+} Output;
+typedef struct {
+    Parameters p;
+    Input u;
+    State x;
+    Output y;
+} Model;
 
 static const Model start = {.p = {.max_step = 0.1}};
 
@@ -80,7 +92,8 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 {
     double immediate = p->tau == 0; /* with a lag the thrust starts from zero */
     (void)t;
-    *x = (State){.F = scale(immediate, limited3(u->F_cmd_S, p->F_max)), .M = scale(immediate, limited3(u->M_cmd_S, p->M_max))};
+    *x = (State){.F = scale(immediate, limited3(u->F_cmd_S, p->F_max)),
+                 .M = scale(immediate, limited3(u->M_cmd_S, p->M_max))};
     publish(p, u, x, y);
 }
 

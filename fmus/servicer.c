@@ -10,7 +10,7 @@
  * The force stays in body axes: thrusters turn with the body. Before t_att the attitude is frozen: sigma holds its start
  * value, the published rate is zero, wheels stand still.
  * With velocity_follows_attitude the velocity turns with the body for free (no force does that): dv/dt += omega x v, so that
- * d(C_SN v)/dt = F_S / m, the kinematics of Kozlova & Fomichev 2023 (kin = 0 in spec relay_approach section 2).
+ * d(C_SN v)/dt = F_S / m, the kinematics of Kozlova & Fomichev 2023 (docs/models.md B.2).
  * Source: Zhu & Yang 2009, equations (9), (15), (17). Classical Runge-Kutta on the grid k * max_step. */
 #include "body_rows.h"
 #include "rigid_body.h"
@@ -27,10 +27,27 @@ typedef struct {
     Sinusoid M_dist_S, a_dist;
     double a_dist_axes, velocity_follows_attitude, max_step;
 } Parameters;
-typedef struct { vec3 F_S, M_S; double mdot; vec3 wheel_accel_cmd; } Input;
-typedef struct { vec3 r, v, sigma, omega, wheel_speed; double mass; } State;
-typedef struct { vec3 r_SN_N, v_SN_N; quat q_SN; vec3 omega_SN_S, sigma_SN, wheel_speed; double mass; } Output;
-typedef struct { Parameters p; Input u; State x; Output y; } Model;
+typedef struct {
+    vec3 F_S, M_S;
+    double mdot;
+    vec3 wheel_accel_cmd;
+} Input;
+typedef struct {
+    vec3 r, v, sigma, omega, wheel_speed;
+    double mass;
+} State;
+typedef struct {
+    vec3 r_SN_N, v_SN_N;
+    quat q_SN;
+    vec3 omega_SN_S, sigma_SN, wheel_speed;
+    double mass;
+} Output;
+typedef struct {
+    Parameters p;
+    Input u;
+    State x;
+    Output y;
+} Model;
 
 static const Model start = {
     .p = {.orbit = {EARTH, .a = 7158140, .e = 0.01, .inc = 0.5235987755982988, .argp = 1.0471975511965976,
@@ -63,7 +80,8 @@ static const Variable variables[] = {
     SINUSOID_ROWS(M_dist_S, "N.m", "disturbance torque, body axes"),
     SINUSOID_ROWS(a_dist, "m/s2", "disturbance acceleration, axes by a_dist_axes"),
     SWITCH(a_dist_axes, "axes of a_dist: 0 = N, 1 = Hill frame of the own orbit"),
-    SWITCH(velocity_follows_attitude, "1: unphysical, the velocity turns with the body; only to reproduce Kozlova & Fomichev 2023"),
+    SWITCH(velocity_follows_attitude,
+           "1: the velocity turns with the body; unphysical, only to reproduce Kozlova & Fomichev"),
     POSITIVE(max_step, "s", "internal integration step"),
 
     INPUT(F_S, "N", "force of the actuators, body axes"),
@@ -75,9 +93,10 @@ static const Variable variables[] = {
     OUTPUT(v_SN_N, "m/s", "velocity of the servicer, N axes"),
     OUTPUT(q_SN, "1", "attitude of the servicer relative to N, scalar first"),
     OUTPUT(omega_SN_S, "rad/s", "angular velocity of the servicer relative to N, body axes"),
-    OUTPUT(sigma_SN, "1", "attitude of the servicer relative to N, modified Rodrigues parameters inside the unit sphere"),
+    OUTPUT(sigma_SN, "1",
+           "attitude of the servicer relative to N, modified Rodrigues parameters inside the unit sphere"),
     OUTPUT(wheel_speed, "rad/s", "wheel speeds relative to the body"),
-    NONNEGATIVE_OUTPUT(mass, "kg", "mass"),
+    NONNEGATIVE_OUTPUT(mass, "kg", "mass with the propellant left"),
 };
 
 static void check(const Parameters *p, Problems *problems)
@@ -86,10 +105,16 @@ static void check(const Parameters *p, Problems *problems)
     check_inertia(problems, "J_S", p->J_S);
     check_positive_definite(problems, "A_w", p->A_w);
     mat3 A = p->A_w, J = p->J_S; /* the body without the wheels must have inertia of its own */
-    check_positive_definite(problems, "J_S - A_w", rows(sub(J.row[0], A.row[0]), sub(J.row[1], A.row[1]), sub(J.row[2], A.row[2])));
+    check_positive_definite(problems, "J_S - A_w",
+                            rows(sub(J.row[0], A.row[0]), sub(J.row[1], A.row[1]), sub(J.row[2], A.row[2])));
 }
 
-typedef struct { const Parameters *p; const Input *u; vec3 wheel_accel; int released; } Context;
+typedef struct {
+    const Parameters *p;
+    const Input *u;
+    vec3 wheel_accel;
+    int released;
+} Context;
 
 static vec3 disturbance_N(const Parameters *p, const State *x, double t)
 {
@@ -176,7 +201,8 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     for (Substep s = first_substep(t, h, p->max_step); s.h > 0; s = next_substep(s)) {
-        const Context context = {p, u, wheel_accels(p, u->wheel_accel_cmd, x->wheel_speed, s.h), reached(s.t, p->t_att)};
+        const Context context = {p, u, wheel_accels(p, u->wheel_accel_cmd, x->wheel_speed, s.h),
+                                 reached(s.t, p->t_att)};
         rk4(derivative, &context, s.t, s.h, &x->r.x, sizeof *x / sizeof(double));
         x->sigma = mrp_inside(x->sigma);
     }

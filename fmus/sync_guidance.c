@@ -28,7 +28,12 @@ typedef struct {
     vec3 rho_H, drho_H, rho_ref_H;
     double range, beta_t, beta_p, attitude_guard;
 } Output;
-typedef struct { Parameters p; Input u; State x; Output y; } Model;
+typedef struct {
+    Parameters p;
+    Input u;
+    State x;
+    Output y;
+} Model;
 
 static const Model start = {
     .p = {.mu = 3.986004415e14,
@@ -52,7 +57,8 @@ static const Variable variables[] = {
     NONNEGATIVE(beta, "1/s", "rate of approach"),
     SWITCH(know_M_dist, "1: the disturbance torque M_dist_T on the target is known"),
     SWITCH(use_gravity_gradient, "1: the software models the gravity gradient on the target"),
-    POSITIVE(guard_angle, "rad", "smallest angle between grasp axis and orbit normal before the roll reference is held"),
+    POSITIVE(guard_angle, "rad",
+             "smallest angle between grasp axis and orbit normal before the roll reference is held"),
     NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call"),
     SINUSOID_ROWS(M_dist_T, "N.m", "disturbance torque on the target, used with know_M_dist"),
 

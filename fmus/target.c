@@ -24,8 +24,17 @@ typedef struct {
 } Parameters;
 typedef struct { vec3 F_T, M_T; } Input;
 typedef struct { vec3 r, v, sigma, omega; } State;
-typedef struct { vec3 r_TN_N, v_TN_N; quat q_TN; vec3 omega_TN_T, sigma_TN, M_gg_T; } Output;
-typedef struct { Parameters p; Input u; State x; Output y; } Model;
+typedef struct {
+    vec3 r_TN_N, v_TN_N;
+    quat q_TN;
+    vec3 omega_TN_T, sigma_TN, M_gg_T;
+} Output;
+typedef struct {
+    Parameters p;
+    Input u;
+    State x;
+    Output y;
+} Model;
 
 static const Model start = {
     .p = {.orbit = {EARTH, .a = 7158140, .e = 0.01, .inc = 0.5235987755982988, .argp = 1.0471975511965976,
@@ -83,7 +92,10 @@ static vec3 disturbance_N(const Parameters *p, const State *x, double t)
     return p->a_dist_axes ? tmul(hill_frame(p->orbit.mu, x->r, x->v).C_HN, a) : a;
 }
 
-typedef struct { const Parameters *p; const Input *u; } Context;
+typedef struct {
+    const Parameters *p;
+    const Input *u;
+} Context;
 
 /* (2), (4) */
 static void derivative(const void *context, double t, const double *from, double *to)

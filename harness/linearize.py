@@ -158,6 +158,12 @@ class _Bench:
         return self.settings.get(name, float(declared))
 
 
+    def lowest(self, name: str) -> float:
+        """Declared lower bound of a variable."""
+        declared = next(v.min for v in self.interface.model.modelVariables if v.name == name)
+        return -np.inf if declared is None else float(declared)
+
+
 class _Differences:
     """Columns of the matrices about one operating point."""
 
@@ -191,12 +197,16 @@ class _Differences:
             yield (4 * fine - coarse) / 3
 
     def _slope(self, name: str, value: float, distance: float, moves_state: bool) -> Array:
-        ends = []
-        for moved in (value + distance, value - distance):
+        """Central difference; at a lower bound of the variable the one-sided one, also of second order."""
+
+        def after(moved: float) -> Array:
             state = {**self.state, name: moved} if moves_state else self.state
-            inputs = self.inputs if moves_state else {**self.inputs, name: moved}
-            ends.append(self._after(state, inputs))
-        return np.asarray((ends[0] - ends[1]) / (2 * distance))
+            return self._after(state, self.inputs if moves_state else {**self.inputs, name: moved})
+
+        if value - distance >= self.bench.lowest(name):
+            return np.asarray((after(value + distance) - after(value - distance)) / (2 * distance))
+        near, far = after(value + distance), after(value + 2 * distance)
+        return np.asarray((4 * near - far - 3 * after(value)) / (2 * distance))
 
     def model(self) -> LinearModel:
         """All matrices; y(t+h) is split into C x(t+h) + D u."""

@@ -10,28 +10,34 @@
 
 #define ORBIT_ROWS                                                                                              \
     NONNEGATIVE_AS("a", orbit.a, "m", "semi-major axis of the target orbit; 0 = Cartesian start r_0_N, v_0_N"), \
-    NONNEGATIVE_AS("e", orbit.e, "1", "eccentricity, below 1"),                                                 \
-    PARAMETER_AS("inc", orbit.inc, "rad", "inclination"),                                                       \
-    PARAMETER_AS("argp", orbit.argp, "rad", "argument of perigee"),                                             \
-    PARAMETER_AS("raan", orbit.raan, "rad", "right ascension of the ascending node"),                           \
-    PARAMETER_AS("nu", orbit.nu, "rad", "true anomaly at the start"),                                           \
-    NONNEGATIVE_AS("mu", orbit.mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),           \
-    NONNEGATIVE_AS("R_E", orbit.R_E, "m", "equatorial radius of the planet"),                                   \
-    NONNEGATIVE_AS("J2", orbit.J2, "1", "second zonal harmonic of the planet")
+        NONNEGATIVE_AS("e", orbit.e, "1", "eccentricity, below 1"),                                             \
+        PARAMETER_AS("inc", orbit.inc, "rad", "inclination"),                                                   \
+        PARAMETER_AS("argp", orbit.argp, "rad", "argument of perigee"),                                         \
+        PARAMETER_AS("raan", orbit.raan, "rad", "right ascension of the ascending node"),                       \
+        PARAMETER_AS("nu", orbit.nu, "rad", "true anomaly at the start"),                                       \
+        NONNEGATIVE_AS("mu", orbit.mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),       \
+        NONNEGATIVE_AS("R_E", orbit.R_E, "m", "equatorial radius of the planet"),                               \
+        NONNEGATIVE_AS("J2", orbit.J2, "1", "second zonal harmonic of the planet")
 
-typedef struct { vec3 r, v; quat q; vec3 omega; } Body; /* N, N, body relative to N, body components */
+typedef struct {
+    vec3 r, v;
+    quat q;
+    vec3 omega;
+} Body; /* N, N, body relative to N, body components */
 
-#define BODY_INPUTS(X, member, whose)                                                              \
-    ROW_AS(INPUT_ROW, u, "r_" X "N_N", member.r, 1, "m", "position of the " whose ", N axes", ANY_VALUE),   \
-    ROW_AS(INPUT_ROW, u, "v_" X "N_N", member.v, 1, "m/s", "velocity of the " whose ", N axes", ANY_VALUE), \
-    ROW_AS(INPUT_ROW, u, "q_" X "N", member.q, 1, "1", "attitude of the " whose " relative to N, scalar first", ANY_VALUE), \
-    ROW_AS(INPUT_ROW, u, "omega_" X "N_" X, member.omega, 1, "rad/s",                              \
-           "angular velocity of the " whose " relative to N, body axes", ANY_VALUE)
+#define BODY_INPUTS(X, member, whose)                                                                               \
+    ROW_AS(INPUT_ROW, u, "r_" X "N_N", member.r, 1, "m", "position of the " whose ", N axes", ANY_VALUE),           \
+        ROW_AS(INPUT_ROW, u, "v_" X "N_N", member.v, 1, "m/s", "velocity of the " whose ", N axes", ANY_VALUE),     \
+        ROW_AS(INPUT_ROW, u, "q_" X "N", member.q, 1, "1", "attitude of the " whose " relative to N, scalar first", \
+               ANY_VALUE),                                                                                          \
+        ROW_AS(INPUT_ROW, u, "omega_" X "N_" X, member.omega, 1, "rad/s",                                           \
+               "angular velocity of the " whose " relative to N, body axes", ANY_VALUE)
 
 static inline void check_orbit(Problems *problems, const Orbit *o, vec3 r_0_N)
 {
     if (o->e >= 1) refuse(problems, "e", o->e, "must be in [0, 1)");
-    if (o->a > 0 && o->mu == 0) refuse(problems, "mu", o->mu, "must be > 0 when the start is given by elements (a > 0)");
+    if (o->a > 0 && o->mu == 0)
+        refuse(problems, "mu", o->mu, "must be > 0 when the start is given by elements (a > 0)");
     if (o->a == 0 && o->mu > 0 && norm(r_0_N) == 0)
         refuse(problems, "r_0_N", 0, "must not be the centre of the planet when mu > 0");
 }

@@ -16,10 +16,13 @@ static void fault(const char *name, const char *what)
     faults++;
 }
 
-/* ---- units: products of kg, m, s, rad, N with exponents, e.g. "kg.m2", "N.m.s", "m3/s2"; "1" is dimensionless ---- */
+/* ---- units: products of kg, m, s, rad, N with exponents, e.g. "kg.m2", "m3/s2", "1/(N.m)"; "1" is dimensionless ---- */
 typedef struct { int kg, m, s, rad; } Dimension;
 
-static const struct { const char *symbol; Dimension dimension; } base_units[] = {
+static const struct {
+    const char *symbol;
+    Dimension dimension;
+} base_units[] = {
     {"rad", {0, 0, 0, 1}}, {"kg", {1, 0, 0, 0}}, {"m", {0, 1, 0, 0}},
     {"s", {0, 0, 1, 0}},   {"N", {1, 1, -2, 0}}, {"1", {0, 0, 0, 0}},
 };
@@ -32,7 +35,7 @@ static int parse_factor(const char **text, int sign, Dimension *d)
         if (strncmp(*text, base_units[i].symbol, length) != 0) continue;
         *text += length;
         int exponent = **text >= '2' && **text <= '9' ? *(*text)++ - '0' : 1;
-        if (**text && **text != '.' && **text != '/') return 0;
+        if (**text && !strchr("./)", **text)) return 0;
         d->kg += sign * exponent * base_units[i].dimension.kg;
         d->m += sign * exponent * base_units[i].dimension.m;
         d->s += sign * exponent * base_units[i].dimension.s;
@@ -47,8 +50,10 @@ static int parse_unit(const char *text, Dimension *d)
     int sign = 1;
     *d = (Dimension){0, 0, 0, 0};
     while (parse_factor(&text, sign, d)) {
+        if (*text == ')' && sign < 0) text++;
         if (!*text) return 1;
-        if (*text++ == '/') sign = -1;
+        if (*text++ == '/') sign = -1; /* all that follows is a divisor, in brackets if it is several factors */
+        if (*text == '(' && sign < 0) text++;
     }
     return 0;
 }
@@ -106,7 +111,8 @@ static void print_unit(const char *unit)
     print_exponent("s", d.s);
     print_exponent("rad", d.rad);
     printf("/>\n");
-    if (display_unit(unit)) printf("      <DisplayUnit name=\"%s\" factor=\"57.29577951308232\"/>\n", display_unit(unit));
+    if (display_unit(unit))
+        printf("      <DisplayUnit name=\"%s\" factor=\"57.29577951308232\"/>\n", display_unit(unit));
     printf("    </Unit>\n");
 }
 
@@ -178,14 +184,18 @@ static void print_unknowns(const char *section, const char *attributes)
 static void print_header(const char *version, const char *date, int sources, char *source[])
 {
     char guid[GUID_SIZE];
-    printf("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"2.0\" modelName=\"%s\" guid=\"%s\"\n  description=\"",
+    printf("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"2.0\" modelName=\"%s\" "
+           "guid=\"%s\"\n  description=\"",
            fmu_model.name, guid_of(&fmu_model, guid));
     print_text(fmu_model.text);
     printf("\" author=\"servicing-fmus\" version=\"%s\" copyright=\"BSD-2-Clause, see licenses/license.txt\"\n"
            "  license=\"BSD-2-Clause\" generationTool=\"servicing-fmus %s\" generationDateAndTime=\"%s\" "
-           "variableNamingConvention=\"structured\">\n", version, version, date);
-    printf("  <CoSimulation modelIdentifier=\"%s\" canHandleVariableCommunicationStepSize=\"true\" canGetAndSetFMUstate=\"true\" "
-           "canSerializeFMUstate=\"true\" providesDirectionalDerivative=\"true\">\n    <SourceFiles>\n", fmu_model.name);
+           "variableNamingConvention=\"structured\">\n",
+           version, version, date);
+    printf("  <CoSimulation modelIdentifier=\"%s\" canHandleVariableCommunicationStepSize=\"true\" "
+           "canGetAndSetFMUstate=\"true\" "
+           "canSerializeFMUstate=\"true\" providesDirectionalDerivative=\"true\">\n    <SourceFiles>\n",
+           fmu_model.name);
     for (int i = 0; i < sources; i++) printf("      <File name=\"%s\"/>\n", source[i]);
     printf("    </SourceFiles>\n  </CoSimulation>\n");
 }
@@ -211,6 +221,8 @@ static void check_row(size_t row)
 {
     const Variable *v = &fmu_model.variables[row];
     if (!*v->text) fault(v->name, "no description");
+    if (row > 0 && v->causality < fmu_model.variables[row - 1].causality)
+        fault(v->name, "rows must be in the order parameters, inputs, outputs");
     if (v->size == 0 || v->size > VR_STRIDE || v->size % v->columns) fault(v->name, "impossible shape");
     for (size_t i = 0; i < row; i++)
         if (strcmp(fmu_model.variables[i].name, v->name) == 0) fault(v->name, "name used twice");

@@ -51,7 +51,10 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     Instance caller = {.categories = logging ? LOG_ERRORS | LOG_WARNINGS | LOG_EVENTS : 0};
     (void)resources, (void)visible;
     if (functions) caller.call = *functions;
-    union { fmi2String read; char *own; } text = {name}; /* the copy in new_instance is the one that stays */
+    union {
+        fmi2String read;
+        char *own;
+    } text = {name}; /* the copy in new_instance is the one that stays */
     caller.name = text.own;
     if (!can_instantiate(&caller, type, guid)) return NULL;
     Instance *instance = new_instance(&caller);
@@ -82,7 +85,7 @@ fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t count, co
         if (!bit) return failure(instance, "fmi2SetDebugLogging", "unknown log category");
         wanted |= bit;
     }
-    instance->categories = on ? instance->categories | wanted : instance->categories & ~wanted;
+    instance->categories = on ? wanted : 0; /* only the categories named, or none */
     return fmi2OK;
 }
 
@@ -169,8 +172,10 @@ static bool acceptable(const Instance *instance, const fmi2ValueReference vr[], 
         Scalar s = scalar_of(&fmu_model, vr[i]);
         const char *rule = s.row ? why_not_settable(instance, s) : "";
         if (rule) return refuse_value(instance, "fmi2SetReal", vr[i], rule), false;
+        Rule limit =
+            s.row->causality == INPUT_ROW ? s.row->rule : ANY_VALUE; /* parameters: at the end of initialization */
         for (size_t end = i + run_length(s, vr + i, count - i); i < end; i++)
-            if (!isfinite(value[i])) return refuse_value(instance, "fmi2SetReal", vr[i], "must be finite"), false;
+            if ((rule = broken_rule(limit, value[i]))) return refuse_value(instance, "fmi2SetReal", vr[i], rule), false;
     }
     return true;
 }
@@ -214,7 +219,8 @@ static const char *why_no_step(const Progress *now, double t, double h)
     if (!isfinite(t) || !isfinite(h)) return "time and step size must be finite";
     if (h <= 0) return "the step size must be > 0";
     if (h > LONGEST_STEP) return "the step size must be <= 100000 s";
-    if (fabs(t - now->time) > 1e-9 * fmax(1, fabs(now->time))) return "the communication point is not the end of the last step";
+    if (fabs(t - now->time) > 1e-9 * fmax(1, fabs(now->time)))
+        return "the communication point is not the end of the last step";
     if (t + h > now->stop + 1e-9 * fmax(1, fabs(now->stop))) return "the step goes beyond the stop time";
     return NULL;
 }
@@ -227,13 +233,15 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean no_se
     if (!allowed(instance, "fmi2DoStep", STEPPING)) return fmi2Error;
     const char *rule = why_no_step(&instance->now, t, h);
     if (rule) {
-        snprintf(text, sizeof text, "t = %.17g s, step = %.17g s, expected t = %.17g s: %s", t, h, instance->now.time, rule);
+        snprintf(text, sizeof text, "t = %.17g s, step = %.17g s, expected t = %.17g s: %s", t, h, instance->now.time,
+                 rule);
         return failure(instance, "fmi2DoStep", text);
     }
     if (!step_into(instance, "fmi2DoStep", instance->model, instance->spare, instance->now.time, h)) {
         instance->now.phase = FAILED;
         return fmi2Error;
     }
+    report_alarms(instance, instance->model, instance->spare, instance->now.time + h);
     swap_models(instance);
     instance->now.time = t + h;
     instance->now.step = h;

@@ -76,7 +76,8 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size
     Instance *instance = c;
     if (!allowed(instance, "fmi2DeSerializeFMUstate", ANY_PHASE)) return fmi2Error;
     if (!bytes || !state) return failure(instance, "fmi2DeSerializeFMUstate", "missing array or pointer");
-    if (size != snapshot_size()) return failure(instance, "fmi2DeSerializeFMUstate", "wrong number of bytes for this FMU");
+    if (size != snapshot_size())
+        return failure(instance, "fmi2DeSerializeFMUstate", "wrong number of bytes for this FMU");
     Snapshot *s = allocate(instance, size);
     if (!s) return failure(instance, "fmi2DeSerializeFMUstate", "out of memory");
     memcpy(s, bytes, size);
@@ -94,7 +95,11 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size
  * After initialization: of the outputs at the end of the next step (of the size of the last one, 0.1 s before the first)
  * with respect to the inputs held over it. In initialization mode: of the first outputs with respect to parameters and
  * inputs. Central differences at d and d/2 with Richardson extrapolation, so the error is of fourth order in d. */
-typedef struct { const fmi2ValueReference *unknown, *known; size_t unknowns, knowns; const double *seed; } Direction;
+typedef struct {
+    const fmi2ValueReference *unknown, *known;
+    size_t unknowns, knowns;
+    const double *seed;
+} Direction;
 
 static double next_step(const Instance *instance) { return instance->now.step > 0 ? instance->now.step : 0.1; }
 
@@ -108,10 +113,12 @@ static bool evaluate_at(const Instance *instance, const Direction *d, double dis
     return step_into(instance, function, moved, into, instance->now.time, next_step(instance));
 }
 
-static bool central_difference(const Instance *instance, const Direction *d, double distance, void *work, double *result)
+static bool central_difference(const Instance *instance, const Direction *d, double distance, void *work,
+                               double *result)
 {
     char *moved = work, *plus = moved + fmu_model.size, *minus = plus + fmu_model.size;
-    if (!evaluate_at(instance, d, distance, moved, plus) || !evaluate_at(instance, d, -distance, moved, minus)) return false;
+    if (!evaluate_at(instance, d, distance, moved, plus) || !evaluate_at(instance, d, -distance, moved, minus))
+        return false;
     for (size_t i = 0; i < d->unknowns; i++) {
         Scalar s = scalar_of(&fmu_model, d->unknown[i]);
         result[i] = (*place_const(plus, s) - *place_const(minus, s)) / (2 * distance);
@@ -119,16 +126,23 @@ static bool central_difference(const Instance *instance, const Direction *d, dou
     return true;
 }
 
-/* 1 % of one unit, or 0.1 % of a large value, along the largest component of the seed; 0 for a zero seed */
+/* how far a variable may be moved: one unit, more for a position in N; a parameter by a part of its value */
+static double scale_of(Scalar s, double value)
+{
+    if (s.row->causality == PARAMETER_ROW && value != 0) return fabs(value);
+    return fmax(1, 1e-6 * fabs(value));
+}
+
+/* until the first known has moved by 1 % of its scale; 0 for a zero seed */
 static double difference_distance(const Instance *instance, const Direction *d)
 {
-    double largest = 0, size = 1;
+    double distance = INFINITY;
     for (size_t i = 0; i < d->knowns; i++) {
-        double value = *place_const(instance->model, scalar_of(&fmu_model, d->known[i]));
-        if (d->seed[i] != 0) size = fmax(size, 0.1 * fabs(value));
-        largest = fmax(largest, fabs(d->seed[i]));
+        Scalar s = scalar_of(&fmu_model, d->known[i]);
+        double scale = scale_of(s, *place_const(instance->model, s));
+        if (d->seed[i] != 0) distance = fmin(distance, 0.01 * scale / fabs(d->seed[i]));
     }
-    return largest > 0 ? 0.01 * size / largest : 0;
+    return isfinite(distance) ? distance : 0;
 }
 
 static const char *why_no_derivative(const Instance *instance, const Direction *d)

@@ -60,40 +60,43 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReferenc
 fmi2Status fmi2CancelStep(fmi2Component c) { return none(c, "fmi2CancelStep", 0, 1, ""); }
 
 /* The status functions exist for slaves that answer fmi2DoStep with fmi2Pending or fmi2Discard. */
-static fmi2Status no_status(fmi2Component c, const char *function)
+static fmi2Status no_status(fmi2Component c, const char *function, const void *value)
 {
     const Instance *instance = c;
+    char text[120];
     if (!allowed(instance, function, STEPPING | TERMINATED | FAILED)) return fmi2Error;
-    log_message(instance, fmi2Discard, LOG_WARNINGS, "no such status: steps are complete when fmi2DoStep returns");
+    if (!value) return failure(instance, function, "missing pointer");
+    snprintf(text, sizeof text, "%s: no such status, steps are complete when fmi2DoStep returns", function);
+    log_message(instance, fmi2Discard, LOG_WARNINGS, text);
     return fmi2Discard;
 }
 
 fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Status *value)
 {
-    (void)kind, (void)value;
-    return no_status(c, "fmi2GetStatus");
+    (void)kind;
+    return no_status(c, "fmi2GetStatus", value);
 }
 fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Integer *value)
 {
-    (void)kind, (void)value;
-    return no_status(c, "fmi2GetIntegerStatus");
+    (void)kind;
+    return no_status(c, "fmi2GetIntegerStatus", value);
 }
 fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind kind, fmi2String *value)
 {
-    (void)kind, (void)value;
-    return no_status(c, "fmi2GetStringStatus");
+    (void)kind;
+    return no_status(c, "fmi2GetStringStatus", value);
 }
 fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Real *value)
 {
     const Instance *instance = c;
-    if (kind != fmi2LastSuccessfulTime || !value) return no_status(c, "fmi2GetRealStatus");
+    if (kind != fmi2LastSuccessfulTime || !value) return no_status(c, "fmi2GetRealStatus", value);
     if (!allowed(instance, "fmi2GetRealStatus", STEPPING | TERMINATED | FAILED)) return fmi2Error;
     *value = instance->now.time;
     return fmi2OK;
 }
 fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value)
 {
-    if (kind != fmi2Terminated || !value) return no_status(c, "fmi2GetBooleanStatus");
+    if (kind != fmi2Terminated || !value) return no_status(c, "fmi2GetBooleanStatus", value);
     if (!allowed(c, "fmi2GetBooleanStatus", STEPPING | TERMINATED | FAILED)) return fmi2Error;
     *value = fmi2False;
     return fmi2OK;

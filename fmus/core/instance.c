@@ -3,12 +3,17 @@
 
 const char *const log_categories[3] = {"logStatusError", "logStatusWarning", "logEvents"};
 
-static const char *category_name(unsigned category) { return log_categories[category == LOG_ERRORS ? 0 : category == LOG_WARNINGS ? 1 : 2]; }
+enum { LINE_SIZE = sizeof(Problems) + 100 };
+
+static const char *category_name(unsigned category)
+{
+    return log_categories[category == LOG_ERRORS ? 0 : category == LOG_WARNINGS ? 1 : 2];
+}
 
 /* The callback reads its last argument as a printf format, so a percent sign must not reach it. */
 void log_message(const Instance *instance, fmi2Status status, unsigned category, const char *text)
 {
-    char line[2400];
+    char line[LINE_SIZE];
     if (!instance->call.logger || (category != LOG_ERRORS && !(instance->categories & category))) return;
     snprintf(line, sizeof line, "%s", text);
     for (char *c = line; *c; c++)
@@ -19,7 +24,7 @@ void log_message(const Instance *instance, fmi2Status status, unsigned category,
 
 fmi2Status failure(const Instance *instance, const char *function, const char *text)
 {
-    char line[2400];
+    char line[LINE_SIZE];
     if (!instance) return fmi2Error;
     snprintf(line, sizeof line, "%s: %s", function, text);
     log_message(instance, fmi2Error, LOG_ERRORS, line);
@@ -75,7 +80,9 @@ static void check_parameters(const void *model, Problems *problems)
     fmu_model.check(model, problems);
 }
 
-static const char *first_broken_output(const void *model, char text[NAME_SIZE + 80])
+enum { FINDING_SIZE = NAME_SIZE + 400 }; /* a name, a value, a rule and the text of the row */
+
+static const char *first_broken_output(const void *model, char text[FINDING_SIZE])
 {
     char name[NAME_SIZE];
     for (size_t i = 0; i < fmu_model.variable_count; i++)
@@ -84,7 +91,7 @@ static const char *first_broken_output(const void *model, char text[NAME_SIZE + 
             double value = *place_const(model, s);
             const char *rule = s.row->causality == OUTPUT_ROW ? broken_rule(s.row->rule, value) : NULL;
             if (!rule) continue;
-            snprintf(text, NAME_SIZE + 80, "%s = %.9g: %s", element_name(name, s), value, rule);
+            snprintf(text, FINDING_SIZE, "%s = %.9g: %s (%s)", element_name(name, s), value, rule, s.row->text);
             return text;
         }
     return NULL;
@@ -102,9 +109,10 @@ static bool all_finite(const void *model)
 
 static bool outputs_in_bounds(const void *model)
 {
-    for (size_t i = 0; i < fmu_model.variable_count; i++) {
+    for (size_t i = fmu_model.variable_count; i-- > 0;) { /* outputs are the last rows */
         const Variable *v = &fmu_model.variables[i];
-        if (v->causality != OUTPUT_ROW || v->rule == ANY_VALUE) continue;
+        if (v->causality != OUTPUT_ROW) break;
+        if (v->rule == ANY_VALUE) continue;
         for (size_t k = 0; k < v->size; k++)
             if (broken_rule(v->rule, *place_const(model, (Scalar){v, k}))) return false;
     }
@@ -113,7 +121,7 @@ static bool outputs_in_bounds(const void *model)
 
 static bool result_is_good(const Instance *instance, const char *function, const void *model, double t)
 {
-    char broken[NAME_SIZE + 80], text[NAME_SIZE + 160];
+    char broken[FINDING_SIZE], text[FINDING_SIZE + 80];
     if (all_finite(model) && outputs_in_bounds(model)) return true;
     const char *what = first_broken_output(model, broken);
     snprintf(text, sizeof text, "result at t = %.9g s refused: %s", t, what ? what : "an internal state is not finite");
@@ -140,4 +148,16 @@ bool step_into(const Instance *instance, const char *function, const void *from,
     memcpy(into, from, fmu_model.size);
     fmu_model.step(into, t, h);
     return result_is_good(instance, function, into, t + h);
+}
+
+void report_alarms(const Instance *instance, const void *before, const void *after, double t)
+{
+    char name[NAME_SIZE], text[FINDING_SIZE];
+    for (size_t i = fmu_model.variable_count; i-- > 0 && fmu_model.variables[i].causality == OUTPUT_ROW;)
+        for (size_t k = 0; k < fmu_model.variables[i].size && fmu_model.variables[i].rule == ALARM_VALUE; k++) {
+            Scalar s = {&fmu_model.variables[i], k};
+            if (*place_const(before, s) != 0 || *place_const(after, s) == 0) continue;
+            snprintf(text, sizeof text, "t = %.9g s: %s (%s)", t, element_name(name, s), s.row->text);
+            log_message(instance, fmi2Warning, LOG_WARNINGS, text);
+        }
 }

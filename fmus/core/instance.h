@@ -11,7 +11,13 @@
 #include <stdbool.h>
 #include <stdlib.h>
 
-typedef enum { INSTANTIATED = 1, INITIALIZING = 2, STEPPING = 4, TERMINATED = 8, FAILED = 16 } Phase; /* bits of masks */
+typedef enum {
+    INSTANTIATED = 1,
+    INITIALIZING = 2,
+    STEPPING = 4,
+    TERMINATED = 8,
+    FAILED = 16
+} Phase; /* bits of masks */
 enum { ANY_PHASE = INSTANTIATED | INITIALIZING | STEPPING | TERMINATED | FAILED };
 enum { LOG_ERRORS = 1, LOG_WARNINGS = 2, LOG_EVENTS = 4 };
 
@@ -33,13 +39,16 @@ extern const char *const log_categories[3];
 
 void log_message(const Instance *instance, fmi2Status status, unsigned category, const char *text);
 fmi2Status failure(const Instance *instance, const char *function, const char *text); /* logs, returns fmi2Error */
-bool allowed(const Instance *instance, const char *function, unsigned phases);            /* logs if not */
+bool allowed(const Instance *instance, const char *function, unsigned phases);        /* logs if not */
 void *allocate(const Instance *instance, size_t bytes);
 void release(const Instance *instance, void *memory);
 
 /* evaluate check + initialize, or one step, from `from` into `into`; false and a message if refused or not finite */
 bool initialize_into(const Instance *instance, const char *function, const void *from, void *into);
 bool step_into(const Instance *instance, const char *function, const void *from, void *into, double t, double h);
+
+/* warn of every alarm that has risen from `before` to `after` */
+void report_alarms(const Instance *instance, const void *before, const void *after, double t);
 
 static inline void swap_models(Instance *instance)
 {

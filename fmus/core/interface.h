@@ -9,7 +9,10 @@
 
 enum { VR_STRIDE = 1000, NAME_SIZE = 128, GUID_SIZE = 40 };
 
-typedef struct { const Variable *row; size_t element; } Scalar; /* row NULL: there is no such variable */
+typedef struct {
+    const Variable *row;
+    size_t element;
+} Scalar; /* row NULL: there is no such variable */
 
 static inline Scalar scalar_of(const ModelInterface *m, unsigned vr) /* vr = 1000 * row + element */
 {
@@ -52,15 +55,16 @@ static inline const char *element_name(char buffer[NAME_SIZE], Scalar s)
 
 /* what a rule allows: inclusive bounds (the adapter refuses 0 for POSITIVE_VALUE and all but 0 and 1 for a switch) */
 static inline double lowest(Rule rule) { return rule == ANY_VALUE ? -DBL_MAX : 0; }
+static inline int is_flag(Rule rule) { return rule == SWITCH_VALUE || rule == ALARM_VALUE; }
 static inline double highest(Rule rule)
 {
-    return rule == SWITCH_VALUE ? 1 : rule == ANGLE_VALUE ? 3.14159265358979323846 : DBL_MAX;
+    return is_flag(rule) ? 1 : rule == ANGLE_VALUE ? 3.14159265358979323846 : DBL_MAX;
 }
 static inline const char *broken_rule(Rule rule, double value) /* NULL: the value is fine */
 {
     if (!isfinite(value)) return "must be finite";
     if (rule == POSITIVE_VALUE && value <= 0) return "must be > 0";
-    if (rule == SWITCH_VALUE && value != 0 && value != 1) return "must be 0 or 1";
+    if (is_flag(rule) && value != 0 && value != 1) return "must be 0 or 1";
     if (value < lowest(rule)) return "must be >= 0";
     return value > highest(rule) ? "is above its upper bound" : NULL;
 }

@@ -6,14 +6,17 @@
 
 #include "attitude.h"
 
-typedef struct { double a, e, inc, argp, raan, nu, mu, R_E, J2; } Orbit; /* osculating elements at the start, and the planet */
-typedef struct { vec3 r, v; } PosVel;                                    /* N axes */
+typedef struct {
+    double a, e, inc, argp, raan, nu, mu, R_E, J2;
+} Orbit;                              /* osculating elements at the start, and the planet */
+typedef struct { vec3 r, v; } PosVel; /* N axes */
 
 /* position and velocity of the osculating ellipse: perifocal, turned by argp, inc, raan */
 static inline PosVel posvel_of_elements(const Orbit *o)
 {
     double p = o->a * (1 - o->e * o->e), r = p / (1 + o->e * cos(o->nu)), k = sqrt(o->mu / p);
-    double ci = cos(o->inc), si = sin(o->inc), cw = cos(o->argp), sw = sin(o->argp), cO = cos(o->raan), sO = sin(o->raan);
+    double ci = cos(o->inc), si = sin(o->inc), cw = cos(o->argp), sw = sin(o->argp), cO = cos(o->raan),
+           sO = sin(o->raan);
     vec3 P = vec(cO * cw - sO * sw * ci, sO * cw + cO * sw * ci, sw * si);
     vec3 Q = vec(-cO * sw - sO * cw * ci, -sO * sw + cO * cw * ci, cw * si);
     return (PosVel){add(scale(r * cos(o->nu), P), scale(r * sin(o->nu), Q)),
@@ -31,7 +34,10 @@ static inline vec3 gravity(const Orbit *o, double with_J2, vec3 r)
 
 /* A.4.1: C_HN = [ir; it; ih], rate |h|/r^2 and Keplerian acceleration -2 (r.v)/r^2 rate, both about z of H.
  * In deep space (mu = 0) there is no orbit: H is N. */
-typedef struct { mat3 C_HN; vec3 w_H, dw_H; } HillFrame;
+typedef struct {
+    mat3 C_HN;
+    vec3 w_H, dw_H;
+} HillFrame;
 
 static inline HillFrame hill_frame(double mu, vec3 r, vec3 v)
 {

@@ -40,7 +40,8 @@ static inline void check_inertia(Problems *problems, const char *name, mat3 J)
     double largest = fmax(J.row[0].x, fmax(J.row[1].y, J.row[2].z));
     check_positive_definite(problems, name, J);
     if (!keeps_triangle_rule(J))
-        refuse(problems, name, largest, "must keep the triangle rule (no principal moment above the sum of the other two)");
+        refuse(problems, name, largest,
+               "must keep the triangle rule (no principal moment above the sum of the other two)");
 }
 
 #endif

@@ -5,14 +5,17 @@
 #include "time_grid.h"
 #include "vec3.h"
 
-typedef struct { vec3 bias, amplitude, frequency, phase; double start; } Sinusoid;
+typedef struct {
+    vec3 bias, amplitude, frequency, phase;
+    double start;
+} Sinusoid;
 
 #define SINUSOID_ROWS(member, unit, text)                                           \
     PARAMETER(member.bias, unit, text ": constant part, per axis"),                 \
-    PARAMETER(member.amplitude, unit, text ": amplitude, per axis"),                \
-    PARAMETER(member.frequency, "rad/s", text ": angular frequency, per axis"),     \
-    PARAMETER(member.phase, "rad", text ": phase, per axis"),                       \
-    PARAMETER(member.start, "s", text ": nothing before this time")
+        PARAMETER(member.amplitude, unit, text ": amplitude, per axis"),            \
+        PARAMETER(member.frequency, "rad/s", text ": angular frequency, per axis"), \
+        PARAMETER(member.phase, "rad", text ": phase, per axis"),                   \
+        PARAMETER(member.start, "s", text ": nothing before this time")
 
 /* one axis; most disturbances of a run are switched off by zero amplitude, so the sine is worth a test */
 static inline double wave(double bias, double amplitude, double frequency, double phase, double t)

@@ -38,10 +38,7 @@ static inline Substep next_substep(Substep s)
 /* ---- sample instants in [t, t+h):  for (Sample s = first_sample(t, h, period); s.left > 0; s = next_sample(s)) ---- */
 typedef struct { double t, period, index, left; } Sample; /* period 0: one sample at every call */
 
-static inline double sample_index(double t, double period)
-{
-    return ceil(t / period - grid_tolerance(t / period));
-}
+static inline double sample_index(double t, double period) { return ceil(t / period - grid_tolerance(t / period)); }
 static inline Sample first_sample(double t, double h, double period)
 {
     if (period == 0) return (Sample){t, h, 0, 1};

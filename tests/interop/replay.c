@@ -23,14 +23,18 @@ static void *take(FILE *file, size_t size, size_t count)
     return data;
 }
 
-static void log_line(fmi2ComponentEnvironment env, fmi2String name, fmi2Status status, fmi2String category, fmi2String text, ...)
+static void log_line(fmi2ComponentEnvironment env, fmi2String name, fmi2Status status, fmi2String category,
+                     fmi2String text, ...)
 {
     (void)env, (void)status;
     fprintf(stderr, "%s: %s: %s\n", name, category, text);
 }
 
 #define FUNCTION(name) name##TYPE *name = (name##TYPE *)(void *)GetProcAddress(library, #name)
-#define CALL(call) do { if ((call) != fmi2OK) stop(#call); } while (0)
+#define CALL(call)                         \
+    do {                                   \
+        if ((call) != fmi2OK) stop(#call); \
+    } while (0)
 
 int main(int argc, char **argv)
 {
@@ -38,8 +42,13 @@ int main(int argc, char **argv)
     HMODULE library = LoadLibraryA(argv[1]);
     FILE *in = fopen(argv[2], "rb"), *out = fopen(argv[3], "wb");
     if (!library || !in || !out) stop("cannot open");
-    FUNCTION(fmi2Instantiate); FUNCTION(fmi2SetupExperiment); FUNCTION(fmi2EnterInitializationMode);
-    FUNCTION(fmi2ExitInitializationMode); FUNCTION(fmi2SetReal); FUNCTION(fmi2DoStep); FUNCTION(fmi2GetReal);
+    FUNCTION(fmi2Instantiate);
+    FUNCTION(fmi2SetupExperiment);
+    FUNCTION(fmi2EnterInitializationMode);
+    FUNCTION(fmi2ExitInitializationMode);
+    FUNCTION(fmi2SetReal);
+    FUNCTION(fmi2DoStep);
+    FUNCTION(fmi2GetReal);
 
     char *guid = take(in, 1, 64);
     uint32_t *n = take(in, sizeof(uint32_t), 4);

@@ -1,4 +1,4 @@
-"""Parameter values of the paper's case (spec/sync_approach.md, section 6)."""
+"""Parameter values of the paper's case (ssp/sync_approach.toml)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The formulas of spec/sync_approach.md as printed there: on trial in the tests of the identities, unused elsewhere."""
+"""The formulas of docs/models.md A as printed there: on trial in the tests of the identities, unused elsewhere."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Identities of the controller, spec/sync_approach.md section 5, each against a derivation of its own.
+"""Identities of the controller, docs/models.md A, sections 5, each against a derivation of its own.
 
 Exact derivatives come from second-order jets or complex steps, so that tolerances cover rounding only: EXACT is about a
 hundred roundings of the largest term. Finite differences are used nowhere.

@@ -1,0 +1,192 @@
+/* los_guidance.c - hovering in front of a feature of a rotating target, camera axis on the target, solar panels to the
+ * Sun.
+ *
+ *   rho_ref = rho_f R(q_TN) p_T                         R: target components to N components
+ *   D:  x = r/|r|,   y = chi x x / |chi x x|,   z = x x y,     r = r_TN - r_SN: actual line of sight, chi: to the Sun
+ *
+ * with first and second derivatives as seen in N. The target turns torque-free, or under gravity gradient if
+ * use_gravity_gradient. The relative acceleration behind alpha_DN_D is differential gravity minus the last command,
+ * without manoeuvres of the target, which the servicer does not know. The sign of y never changes in flight, nor does
+ * that of q_DN from sample to sample. Where the Sun stands within guard_angle of the line of sight, the last y is held,
+ * made normal to x.
+ * Flags: attitude_guard; los_guard near the poles of the LOS angles or below range_limit. A range of zero is refused.
+ * Source: Yin, Luo, Wei & Yuan 2017, equations (2) and (5); docs/models.md C.1, C.2. */
+#include "body_rows.h"
+#include "line_of_sight.h"
+#include "reference_rows.h"
+#include "rigid_body.h"
+#include "time_grid.h"
+
+typedef struct {
+    double mu;
+    mat3 J_T;
+    double use_gravity_gradient;
+    vec3 p_T, sun_N;
+    double rho_f, force_scale, up_axis, guard_angle, elevation_limit, range_limit, sample_period;
+} Parameters;
+typedef struct {
+    Body T, S;
+    vec3 F_cmd_S;
+} Input;
+typedef struct {
+    vec3 y_N;
+    quat q_DN;
+} State; /* y outside the guard and q_DN, of the last sample; 0: none yet */
+typedef struct {
+    Reference ref;
+    double range;
+    Motion los, los_ref;
+    double beta_t, beta_p, attitude_guard, los_guard;
+} Output;
+typedef struct {
+    Parameters p;
+    Input u;
+    State x;
+    Output y;
+} Model;
+
+static const Model start = {
+    .p = {.mu = 3.986004418e14,
+          .J_T = {{{100, 0, 0}, {0, 150, 0}, {0, 0, 90}}},
+          .p_T = {1, 0, 0},
+          .sun_N = {0.3, 0.9, 0.3},
+          .rho_f = 20,
+          .force_scale = 100,
+          .up_axis = UP_IS_Y,
+          .guard_angle = 1e-3,
+          .elevation_limit = 1.3962634015954636,
+          .range_limit = 5},
+    .u = {.T = {.r = {7158140, 0, 0}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}},
+          .S = {.r = {7157960, 180, 158.7450786638754}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}}},
+};
+
+static const Variable variables[] = {
+    NONNEGATIVE(mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),
+    MATRIX(J_T, "kg.m2", "inertia of the target as known to the software, body axes"),
+    SWITCH(use_gravity_gradient, "1: the software models the gravity gradient on the target"),
+    PARAMETER(p_T, "1", "unit vector from the target to the feature, target axes"),
+    PARAMETER(sun_N, "1", "direction to the Sun, N axes, of any length"),
+    POSITIVE(rho_f, "m", "distance to hover at"),
+    POSITIVE(force_scale, "kg", "newton per m/s2 of command: turns F_cmd_S into the expected acceleration"),
+    PARAMETER(up_axis, "1", UP_AXIS_TEXT),
+    POSITIVE(guard_angle, "rad", "smallest angle between line of sight and Sun before the panel axis is held"),
+    POSITIVE(elevation_limit, "rad", "los_guard: largest elevation, actual or desired"),
+    NONNEGATIVE(range_limit, "m", "los_guard: smallest range"),
+    NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call"),
+
+    BODY_INPUTS("T", T, "target"),
+    BODY_INPUTS("S", S, "servicer"),
+    INPUT(F_cmd_S, "N", "force commanded last, servicer axes"),
+
+    REFERENCE_ROWS(OUTPUT_ROW, y, ref),
+    ROW_AS(OUTPUT_ROW, y, "range", range, 1, "m", "distance between the centres of mass", POSITIVE_VALUE),
+    LOS_OUTPUTS("los", los.x, "m", "rad", "line of sight from servicer to target"),
+    LOS_OUTPUTS("dlos", los.d, "m/s", "rad/s", "rate of the line of sight"),
+    LOS_OUTPUTS("los_ref", los_ref.x, "m", "rad", "desired line of sight"),
+    LOS_OUTPUTS("dlos_ref", los_ref.d, "m/s", "rad/s", "rate of the desired line of sight"),
+    LOS_OUTPUTS("ddlos_ref", los_ref.dd, "m/s2", "rad/s2", "acceleration of the desired line of sight"),
+    ANGLE_OUTPUT(beta_t, "angle between the relative position and the feature axis of the target"),
+    ANGLE_OUTPUT(beta_p, "angle between the camera axis (+X of the servicer) and the direction to the target"),
+    ALARM(attitude_guard, "1: line of sight near the Sun, panel axis held"),
+    ALARM(los_guard, "1: elevation above elevation_limit or range below range_limit"),
+};
+
+static void check(const Parameters *p, Problems *problems)
+{
+    check_inertia(problems, "J_T", p->J_T);
+    check_up_axis(problems, p->up_axis);
+    if (fabs(norm(p->p_T) - 1) > 1e-9) refuse(problems, "p_T", norm(p->p_T), "must be a unit vector");
+    if (!(norm(p->sun_N) > 0)) refuse(problems, "sun_N", norm(p->sun_N), "must have a direction");
+    if (p->guard_angle >= 1.5) refuse(problems, "guard_angle", p->guard_angle, "must be below 1.5 rad");
+}
+
+/* section 2: n' = w x n, n'' = dw x n + w x n' */
+static Motion reference_position(const Parameters *p, const Body *T)
+{
+    mat3 C_TN = dcm_of_quat(canonical(T->q));
+    vec3 torque = p->use_gravity_gradient ? gravity_gradient(p->mu, mul(C_TN, T->r), p->J_T) : vec(0, 0, 0);
+    vec3 dw_T = solve(p->J_T, sub(torque, cross(T->omega, mul(p->J_T, T->omega))));
+    vec3 n = scale(p->rho_f, p->p_T), dn = cross(T->omega, n);
+    return (Motion){tmul(C_TN, n), tmul(C_TN, dn), tmul(C_TN, add(cross(dw_T, n), cross(T->omega, dn)))};
+}
+
+/* vector from servicer to target; its acceleration as far as the servicer knows it */
+static Motion line_to_target(const Parameters *p, const Input *u, vec3 F_cmd_S)
+{
+    vec3 rho = sub(u->S.r, u->T.r), a_S = scale(1 / p->force_scale, tmul(dcm_of_quat(canonical(u->S.q)), F_cmd_S));
+    return (Motion){neg(rho), sub(u->T.v, u->S.v), neg(add(differential_gravity(p->mu, u->T.r, rho), a_S))};
+}
+
+/* at range 0 the result is refused anyway; any direction keeps the other outputs finite */
+static Motion direction(Motion r) { return norm(r.x) > 0 ? normalised(r) : (Motion){.x = vec(1, 0, 0)}; }
+
+/* a direction normal to x, in case the very first sample lies inside the guard */
+static vec3 some_normal(vec3 x)
+{
+    vec3 least = fabs(x.x) < 0.6 ? vec(1, 0, 0) : vec(0, 1, 0);
+    return unit(cross(x, least));
+}
+
+/* section 3.2: y normal to Sun and line of sight */
+static Motion panel_axis(const Parameters *p, Motion x, State *held, double *guarded)
+{
+    vec3 chi = unit(p->sun_N);
+    Motion w = {cross(chi, x.x), cross(chi, x.d), cross(chi, x.dd)};
+    *guarded = norm(w.x) < sin(p->guard_angle);
+    if (*guarded && norm(held->y_N) == 0) held->y_N = some_normal(x.x);
+    Motion y = normalised(*guarded ? normal_part(held->y_N, x) : w);
+    if (!*guarded) held->y_N = y.x;
+    return y;
+}
+
+static quat continued(quat q, quat last)
+{
+    double cosine = q.w * last.w + q.x * last.x + q.y * last.y + q.z * last.z;
+    return cosine < 0 ? (quat){-q.w, -q.x, -q.y, -q.z} : q;
+}
+
+static void reference_attitude(const Parameters *p, Motion r, State *held, Output *y)
+{
+    Motion i = direction(r), j = panel_axis(p, i, held, &y->attitude_guard), k = cross_motion(i, j);
+    held->q_DN = continued(quat_of_dcm(rows(i.x, j.x, k.x)), held->q_DN);
+    y->ref.q = held->q_DN;
+    y->ref.omega = frame_rate(i, j, k);
+    y->ref.alpha = frame_acceleration(i, j, k);
+}
+
+static void publish_line_of_sight(const Parameters *p, const Input *u, Motion r, Motion ref, Output *y)
+{
+    y->range = norm(r.x);
+    y->los = line_of_sight(p->up_axis, r).q;
+    y->los_ref = line_of_sight(p->up_axis, neg_motion(ref)).q;
+    y->beta_t = angle(neg(r.x), ref.x);
+    y->beta_p = angle(dcm_of_quat(canonical(u->S.q)).row[0], r.x);
+    double elevation = fmax(fabs(y->los.x.y), fabs(y->los_ref.x.y));
+    y->los_guard = elevation > p->elevation_limit || y->range < p->range_limit;
+}
+
+static void guide(const Parameters *p, const Input *u, State *x, Output *y, vec3 F_cmd_S)
+{
+    Motion ref = reference_position(p, &u->T), r = line_to_target(p, u, F_cmd_S);
+    y->ref.rho = ref.x;
+    y->ref.drho = ref.d;
+    y->ref.ddrho = ref.dd;
+    publish_line_of_sight(p, u, r, ref, y);
+    reference_attitude(p, r, x, y);
+}
+
+/* nothing has been commanded yet, so start values that travel from software to software close no loop */
+static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    State first = {0};
+    (void)t;
+    *x = first;
+    guide(p, u, &first, y, vec(0, 0, 0));
+}
+
+static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
+{
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s)) guide(p, u, x, y, u->F_cmd_S);
+}
+
+FMU_MODEL("los_guidance", "Guidance for hovering in front of a feature of a rotating target, panels to the Sun");

@@ -1,0 +1,144 @@
+/* propulsion.c - propulsion unit of up to 16 thrusters with switching delay, rise and fall, called every T0.
+ *
+ *   command   P_nom throttle
+ *   delay     a new command is taken over when it has stood for more than Tl/T0 calls (response: exactly Tl later)
+ *   lag       P += k (delayed - P),   k = T0/T2 or 1 - exp(-T0/T2),   T2 = T2up where delayed is not 0, else T2dn
+ *   wrench    F = sum P R,   M = sum (L - D_cm) x (P R),   mdot = sum P / (Isp g_0)
+ *   impulse   integral of P: each call adds P T0
+ *
+ * The calls are at k T0 whatever the communication step: a call reads the inputs of the step it falls in. Between calls
+ * the thrust is held, so with a communication step above T0 the wrench seen outside is that of the last call.
+ * Source: Kozlova & Fomichev 2023; fall constant, moment, delay counter corrected, docs/models.md B.8. */
+#include "thrusters.h"
+#include "time_grid.h"
+
+#define STANDARD_GRAVITY 9.80665 /* m/s2 */
+
+typedef struct {
+    Thrusters thrusters;
+    double T0, Tl, T2up, T2dn, exact_lag, latch, Isp;
+    double fault_kind[THRUSTERS], fault_factor[THRUSTERS], fault_time[THRUSTERS];
+} Parameters;
+typedef struct { double throttle[THRUSTERS]; } Input;
+typedef struct { double command, delayed, waited, thrust, impulse, switches; } Engine; /* N, N, calls, N, N.s, 1 */
+typedef struct { Engine engine[THRUSTERS]; } State;
+typedef struct {
+    vec3 F_S, M_S;
+    double mdot, thrust[THRUSTERS], impulse[THRUSTERS], switches[THRUSTERS];
+} Output;
+typedef struct {
+    Parameters p;
+    Input u;
+    State x;
+    Output y;
+} Model;
+
+typedef enum { NO_FAULT, STUCK_ON, STUCK_OFF, REDUCED, FAULT_KINDS } FaultKind;
+
+static const Model start = {
+    .p = {.thrusters = PAPER_THRUSTERS, .T0 = 0.1, .Tl = 0.1, .T2up = 0.3, .T2dn = 0.7},
+};
+
+static const Variable variables[] = {
+    THRUSTER_ROWS(thrusters),
+    POSITIVE(T0, "s", "call period; thrust is constant between calls"),
+    NONNEGATIVE(Tl, "s", "switching delay"),
+    NONNEGATIVE(T2up, "s", "time constant of the rise; below T0 the Euler lag acts at once"),
+    NONNEGATIVE(T2dn, "s", "time constant of the fall; below T0 the Euler lag acts at once"),
+    SWITCH(exact_lag, "lag: 0 Euler step (its definition in the paper), 1 exact for a command held over T0"),
+    SWITCH(latch, "1: the counter of the delay runs always, as printed: samples the command every Tl/T0 + 1 calls"),
+    NONNEGATIVE(Isp, "s", "specific impulse; 0 = no propellant is consumed"),
+    NONNEGATIVE(fault_kind, "1", "fault, per thruster: 0 none, 1 stuck on, 2 stuck off, 3 reduced to fault_factor"),
+    NONNEGATIVE(fault_factor, "1", "thrust left with fault 3, part of nominal, per thruster"),
+    PARAMETER(fault_time, "s", "the fault acts from this time on, per thruster"),
+
+    INPUT(throttle, "1", "commanded part of the nominal thrust, per thruster, clipped to 0..1"),
+
+    OUTPUT(F_S, "N", "force on the servicer, body axes"),
+    OUTPUT(M_S, "N.m", "torque on the servicer about its centre of mass, body axes"),
+    NONNEGATIVE_OUTPUT(mdot, "kg/s", "propellant consumption"),
+    NONNEGATIVE_OUTPUT(thrust, "N", "thrust, per thruster"),
+    NONNEGATIVE_OUTPUT(impulse, "N.s", "impulse of all calls so far, per thruster"),
+    NONNEGATIVE_OUTPUT(switches, "1", "how often the command went from off to on, per thruster"),
+};
+
+static void check(const Parameters *p, Problems *problems)
+{
+    char name[32];
+    check_thrusters(problems, &p->thrusters);
+    for (int i = 0; i < THRUSTERS; i++) {
+        double kind = p->fault_kind[i], factor = p->fault_factor[i];
+        snprintf(name, sizeof name, "fault_kind[%d]", i + 1);
+        if (kind != floor(kind) || kind >= FAULT_KINDS) refuse(problems, name, kind, "must be 0, 1, 2 or 3");
+        snprintf(name, sizeof name, "fault_factor[%d]", i + 1);
+        if (factor > 1) refuse(problems, name, factor, "must be in [0, 1]");
+    }
+}
+
+/* section 6: the counter runs while the command differs from what is delivered (latch: always) */
+static void delay(const Parameters *p, Engine *e)
+{
+    int settled = e->command == e->delayed && !p->latch, ripe = e->waited >= p->Tl / p->T0 - 1e-9;
+    if (settled || ripe) {
+        e->delayed = e->command;
+        e->waited = 0;
+    } else e->waited++;
+}
+
+static double after_fault(const Parameters *p, int i, double delayed, double t)
+{
+    if (!reached(t, p->fault_time[i])) return delayed;
+    const double with_fault[FAULT_KINDS] = {delayed, p->thrusters.nominal[i], 0, p->fault_factor[i] * delayed};
+    return with_fault[(FaultKind)p->fault_kind[i]];
+}
+
+static double lag_factor(const Parameters *p, double T2)
+{
+    if (p->exact_lag) return T2 > 0 ? 1 - exponential(-p->T0 / T2) : 1;
+    return T2 >= p->T0 ? p->T0 / T2 : 1;
+}
+
+/* one call of one thruster */
+static void call(const Parameters *p, Engine *e, int i, double throttle, double t)
+{
+    double before = e->command;
+    e->command = p->thrusters.nominal[i] * clamp(throttle, 0, 1);
+    e->switches += before == 0 && e->command > 0;
+    delay(p, e);
+    double valve = after_fault(p, i, e->delayed, t);
+    e->thrust += lag_factor(p, valve != 0 ? p->T2up : p->T2dn) * (valve - e->thrust);
+    e->impulse += e->thrust * p->T0;
+}
+
+static void publish(const Parameters *p, const State *x, Output *y)
+{
+    double total = 0;
+    y->F_S = y->M_S = vec(0, 0, 0);
+    for (int i = 0; i < THRUSTERS; i++) {
+        const Engine *e = &x->engine[i];
+        Wrench w = thruster_wrench(&p->thrusters, i, e->thrust);
+        y->F_S = add(y->F_S, w.F);
+        y->M_S = add(y->M_S, w.M);
+        y->thrust[i] = e->thrust;
+        y->impulse[i] = e->impulse;
+        y->switches[i] = e->switches;
+        total += e->thrust;
+    }
+    y->mdot = p->Isp > 0 ? total / (p->Isp * STANDARD_GRAVITY) : 0;
+}
+
+static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    (void)u, (void)t;
+    *x = (State){.engine = {{0}}};
+    publish(p, x, y);
+}
+
+static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
+{
+    for (Sample s = first_sample(t, h, p->T0); s.left > 0; s = next_sample(s))
+        for (int i = 0; i < THRUSTERS; i++) call(p, &x->engine[i], i, u->throttle[i], s.t);
+    publish(p, x, y);
+}
+
+FMU_MODEL("propulsion", "Propulsion unit of up to 16 thrusters with switching delay, rise and fall, and faults");

@@ -1,0 +1,162 @@
+/* relay_controller.c - relays with hysteresis for 13 engines: rates by 8, speed along X by main engine and brakes.
+ *
+ *   sigma_v = Kp_v e + Kd_v de/dt,   e = (v_T + drho_ref - v_S) . X          0 while translate is 0
+ *             law 0: de/dt = -d(v_S . X)/dt, because the steps of the required speed are not to be differentiated
+ *   sigma_w = Kp_w dw + Kd_w ddw/dt,   dw = C_SD omega_D - omega_S        per axis; differences over a sample, 0 at first
+ *
+ * One-sided relays: on where s >= s_on, off where s < s_off (translation: s <= s_off), else as before; s = +-sigma:
+ *   P6 P8 / P5 P7   +-sigma_wx      P4 / P2   +-sigma_wy      P1 / P3   +-sigma_wz      (xi2 on, xi1 off)
+ *   main P'5 / brakes P'1..P'4   +-sigma_v                                              (rho2 on, rho1 off)
+ * Order of the throttles: P1..P8, P'1..P'4, P'5. The remaining inputs belong to every controller and are not used.
+ * Source: Kozlova & Fomichev 2023 as corrected in docs/models.md B.5, B.8. */
+#include "body_rows.h"
+#include "reference_rows.h"
+#include "thrusters.h"
+#include "time_grid.h"
+
+enum { ENGINES = 13, SPEED = 3 };
+
+typedef struct {
+    double law, Kp_v, Kd_v, rho1, rho2;
+    double Kp_w[3], Kd_w[3], xi1[3], xi2[3];
+    double sample_period;
+} Parameters;
+typedef struct {
+    Body T, S;
+    vec3 wheel_speed;
+    Reference ref;
+    double translate;
+} Input;
+typedef struct { double started, e[4], on[ENGINES]; } State; /* e: what was differentiated at the last sample; relays */
+typedef struct { double throttle[THRUSTERS], translation_firing, sigma_w[3], sigma_v, domega_S[3], e_v; } Output;
+typedef struct {
+    Parameters p;
+    Input u;
+    State x;
+    Output y;
+} Model;
+
+/* what switches each engine: axis of the rate error or speed, and sign */
+static const struct {
+    int channel;
+    double sign;
+} engines[ENGINES] = {
+    {2, 1}, {1, -1},     {2, -1},     {1, 1},      {0, -1},     {0, 1},     {0, -1},
+    {0, 1}, {SPEED, -1}, {SPEED, -1}, {SPEED, -1}, {SPEED, -1}, {SPEED, 1},
+};
+
+static const Model start = {
+    .p = {.law = 1,
+          .Kp_v = 1,
+          .Kd_v = 0.8,
+          .rho1 = 4e-3,
+          .rho2 = 5e-3,
+          .Kp_w = {50, 50, 50},
+          .Kd_w = {40, 40, 40},
+          .xi1 = {3e-2, 3e-2, 3e-2},
+          .xi2 = {5e-2, 5e-2, 5e-2}},
+    .u = {.T = {.q = {1, 0, 0, 0}}, .S = {.q = {1, 0, 0, 0}}, .ref = {.q = {1, 0, 0, 0}}},
+};
+
+static const Variable variables[] = {
+    SWITCH(law, "speed law of the guidance: 0 scalar (differentiates the own speed), 1 vector (the whole error)"),
+    NONNEGATIVE(Kp_v, "1", "gain of the speed error"),
+    NONNEGATIVE(Kd_v, "s", "gain of its derivative"),
+    NONNEGATIVE(rho1, "m/s", "translation goes off at this switching function"),
+    POSITIVE(rho2, "m/s", "translation goes on from this switching function on"),
+    NONNEGATIVE(Kp_w, "s", "gain of the rate error, per body axis"),
+    NONNEGATIVE(Kd_w, "s2", "gain of its derivative, per body axis"),
+    NONNEGATIVE(xi1, "1", "rotation goes off below this switching function, per body axis"),
+    POSITIVE(xi2, "1", "rotation goes on from this switching function on, per body axis"),
+    NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call"),
+
+    BODY_INPUTS("T", T, "target"),
+    BODY_INPUTS("S", S, "servicer"),
+    INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body"),
+    REFERENCE_ROWS(INPUT_ROW, u, ref),
+    INPUT(translate, "1", "1: translational thrust permitted"),
+
+    NONNEGATIVE_OUTPUT(throttle, "1", "0 or 1, per thruster: P1..P8, P'1..P'4, P'5, none"),
+    FLAG(translation_firing, "1: main engine or brakes are commanded"),
+    OUTPUT(sigma_w, "1", "switching functions of rotation, body axes"),
+    OUTPUT(sigma_v, "m/s", "switching function of translation"),
+    OUTPUT(domega_S, "rad/s", "required less present angular velocity, servicer axes"),
+    OUTPUT(e_v, "m/s", "required less present velocity along X"),
+};
+
+static void check(const Parameters *p, Problems *problems)
+{
+    char name[16];
+    if (p->rho1 >= p->rho2) refuse(problems, "rho1", p->rho1, "must be below rho2");
+    for (int i = 0; i < 3; i++) {
+        snprintf(name, sizeof name, "xi1[%d]", i + 1);
+        if (p->xi1[i] >= p->xi2[i]) refuse(problems, name, p->xi1[i], "must be below xi2");
+    }
+}
+
+static double difference(const State *x, int channel, double now, double period)
+{
+    return x->started ? (now - x->e[channel]) / period : 0;
+}
+
+static void switch_rotation(const Parameters *p, const Input *u, State *x, Output *y, double period)
+{
+    mat3 C_SD = dcm_of_quat(product(conjugate(canonical(u->ref.q)), canonical(u->S.q)));
+    vec3 dw = sub(mul(C_SD, u->ref.omega), u->S.omega);
+    const double now[3] = {dw.x, dw.y, dw.z};
+    for (int i = 0; i < 3; i++) {
+        y->sigma_w[i] = p->Kp_w[i] * now[i] + p->Kd_w[i] * difference(x, i, now[i], period);
+        y->domega_S[i] = x->e[i] = now[i];
+    }
+}
+
+static void switch_translation(const Parameters *p, const Input *u, State *x, Output *y, double period)
+{
+    vec3 X = dcm_of_quat(canonical(u->S.q)).row[0];
+    y->e_v = dot(add(sub(u->T.v, u->S.v), u->ref.drho), X);
+    double now = p->law ? y->e_v : -dot(u->S.v, X);
+    double sigma = p->Kp_v * y->e_v + p->Kd_v * difference(x, SPEED, now, period);
+    y->sigma_v = u->translate > 0 ? sigma : 0;
+    x->e[SPEED] = now;
+}
+
+/* between its thresholds a relay stays as it is */
+static double relay(double s, double s_on, double s_off, int off_at_threshold, double before)
+{
+    if (s >= s_on) return 1;
+    return s < s_off || (off_at_threshold && s == s_off) ? 0 : before;
+}
+
+static double relay_of_engine(const Parameters *p, const Output *y, int i, double before)
+{
+    int channel = engines[i].channel;
+    if (channel == SPEED) return relay(engines[i].sign * y->sigma_v, p->rho2, p->rho1, 1, before);
+    return relay(engines[i].sign * y->sigma_w[channel], p->xi2[channel], p->xi1[channel], 0, before);
+}
+
+static void control(const Parameters *p, const Input *u, State *x, Output *y, double period)
+{
+    switch_rotation(p, u, x, y, period);
+    switch_translation(p, u, x, y, period);
+    x->started = 1;
+    y->translation_firing = 0;
+    for (int i = 0; i < ENGINES; i++) {
+        y->throttle[i] = x->on[i] = relay_of_engine(p, y, i, x->on[i]);
+        if (engines[i].channel == SPEED && x->on[i] > 0) y->translation_firing = 1;
+    }
+}
+
+static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    State first = {.started = 0};
+    (void)t;
+    *x = first;
+    control(p, u, &first, y, 0);
+}
+
+static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
+{
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s)) control(p, u, x, y, s.period);
+}
+
+FMU_MODEL("relay_controller", "Relays with hysteresis for 13 engines: angular rate and speed along the thrust axis");

@@ -1,0 +1,276 @@
+/* thruster_allocation.c - throttles of up to 16 thrusters for a commanded force and torque.
+ *
+ *   min |A x - w|^2 + eps sum (|a_i| x_i)^2,   0 <= x_i <= 1,     w = W [F; M],   a_i = W [P R; (L - D_cm) x P R]
+ *
+ * The second term chooses among the many x that give the same wrench. With it the solution is unique and continuous in the
+ * command, thrusters never work against each other (both could be lowered), and being measured in the thrust it does not
+ * depend on how strong a thruster is; with eps = 1e-10 it costs about eps/sigma^2 < 1e-6 of the wrench, sigma the smallest
+ * singular value of the columns a_i/|a_i|. Active-set solver after Stark & Parker 1995 (BVLS), at most 100 exchanges.
+ *
+ * A command that is out of reach is scaled to s w with the largest s in reach. The attainable wrenches are convex and contain
+ * 0, so the residual r = s w - A x of a point out of reach gives a plane that separates it: s = r.(A x) / r.w is never
+ * too small, and the sequence ends on the facet that w leaves through.
+ *
+ * Pulses: once per period each thruster is given x_i times the period plus what was not spent, in whole samples; less than
+ * min_on_time waits. So the on-time lags the demand by less than min_on_time or one sample at any time.
+ * Own design; the wrench of a thruster as in docs/models.md B.6. */
+#include "thrusters.h"
+#include "time_grid.h"
+
+enum { EXCHANGES = 100, CUTS = 20, LENGTH = 6 + THRUSTERS };
+#define DAMPING  1e-5 /* sqrt(eps) */
+#define IN_REACH 1e-6 /* a wrench is in reach if it is met within this part of its length */
+
+typedef struct {
+    Thrusters thrusters;
+    vec3 weight_F, weight_M;
+    double keep_direction, pulsed, pulse_period, min_on_time, sample_period;
+} Parameters;
+typedef struct { vec3 F_cmd_S, M_cmd_S; } Input;
+typedef struct { double on[THRUSTERS], carry[THRUSTERS]; } State; /* samples: of this period's pulse, not yet spent */
+typedef struct {
+    double throttle[THRUSTERS], infeasible, scale;
+    vec3 F_alloc_S, M_alloc_S;
+    double demand[THRUSTERS], unspent[THRUSTERS];
+} Output;
+typedef struct {
+    Parameters p;
+    Input u;
+    State x;
+    Output y;
+} Model;
+
+static const Model start = {
+    .p = {.thrusters = PAPER_THRUSTERS,
+          .weight_F = {1, 1, 1},
+          .weight_M = {1, 1, 1},
+          .keep_direction = 1,
+          .pulse_period = 1,
+          .min_on_time = 0.2,
+          .sample_period = 0.1},
+};
+
+static const Variable variables[] = {
+    THRUSTER_ROWS(thrusters),
+    NONNEGATIVE(weight_F, "1/N", "weight of the force error, per body axis; 0 = this axis does not matter"),
+    NONNEGATIVE(weight_M, "1/(N.m)", "weight of the torque error, per body axis; 0 = this axis does not matter"),
+    SWITCH(keep_direction, "command out of reach: 1 scaled, 0 nearest wrench by the weights"),
+    SWITCH(pulsed, "0: continuous throttles, 1: pulse-width modulation"),
+    POSITIVE(pulse_period, "s", "period of the pulses, a multiple of sample_period"),
+    NONNEGATIVE(min_on_time, "s", "shortest pulse"),
+    NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call (not with pulses)"),
+
+    INPUT(F_cmd_S, "N", "commanded force, body axes"),
+    INPUT(M_cmd_S, "N.m", "commanded torque about the centre of mass, body axes"),
+
+    NONNEGATIVE_OUTPUT(throttle, "1", "commanded part of the nominal thrust, per thruster; 0 or 1 with pulses"),
+    FLAG(infeasible, "1: the command is out of reach"),
+    NONNEGATIVE_OUTPUT(scale, "1", "part of the command that is allocated"),
+    OUTPUT(F_alloc_S, "N", "allocated force, body axes"),
+    OUTPUT(M_alloc_S, "N.m", "allocated torque about the centre of mass, body axes"),
+    NONNEGATIVE_OUTPUT(demand, "1", "allocated part of the nominal thrust, per thruster"),
+    NONNEGATIVE_OUTPUT(unspent, "s", "on-time carried over to later pulses, per thruster"),
+};
+
+static int is_multiple(double a, double b) { return fabs(a / b - nearbyint(a / b)) <= 1e-9 * fmax(1, a / b); }
+
+static void check(const Parameters *p, Problems *problems)
+{
+    check_thrusters(problems, &p->thrusters);
+    if (!p->pulsed) return;
+    if (p->sample_period == 0) refuse(problems, "sample_period", 0, "must be > 0 with pulses");
+    else if (!is_multiple(p->pulse_period, p->sample_period))
+        refuse(problems, "pulse_period", p->pulse_period, "must be a multiple of sample_period");
+    if (p->min_on_time > p->pulse_period)
+        refuse(problems, "min_on_time", p->min_on_time, "must not be above pulse_period");
+}
+
+/* ---- columns: six weighted wrench components, then one row of damping per thruster ---- */
+typedef struct { double v[LENGTH]; } Column;
+typedef struct { Column a[THRUSTERS]; } Matrix;
+
+static double product_of(const Column *a, const Column *b, int length)
+{
+    double sum = 0;
+    for (int i = 0; i < length; i++) sum += a->v[i] * b->v[i];
+    return sum;
+}
+
+static Column plus(Column a, double k, const Column *b) /* a + k b */
+{
+    for (int i = 0; i < LENGTH; i++) a.v[i] += k * b->v[i];
+    return a;
+}
+
+static Column weighted(const Parameters *p, vec3 F, vec3 M)
+{
+    vec3 f = times(p->weight_F, F), m = times(p->weight_M, M);
+    return (Column){{f.x, f.y, f.z, m.x, m.y, m.z}};
+}
+
+static Matrix columns_of(const Parameters *p)
+{
+    Matrix A;
+    for (int i = 0; i < THRUSTERS; i++) {
+        Wrench w = thruster_wrench(&p->thrusters, i, p->thrusters.nominal[i]);
+        A.a[i] = weighted(p, w.F, w.M);
+        A.a[i].v[6 + i] = DAMPING * sqrt(product_of(&A.a[i], &A.a[i], 6));
+    }
+    return A;
+}
+
+static Column residual(const Matrix *A, Column b, const double *x)
+{
+    for (int i = 0; i < THRUSTERS; i++) b = plus(b, -x[i], &A->a[i]);
+    return b;
+}
+
+/* ---- bounded least squares ---- */
+typedef enum { AT_ZERO, FREE, AT_ONE } Side;
+typedef struct {
+    double x[THRUSTERS];
+    Side side[THRUSTERS];
+} Iterate;
+
+/* step of the free x to the minimum with the others held: d = R^-1 Q^T r by modified Gram-Schmidt */
+static void free_step(const Matrix *A, const Iterate *it, Column r, double *d)
+{
+    Column Q[THRUSTERS];
+    double R[THRUSTERS][THRUSTERS], c[THRUSTERS];
+    int who[THRUSTERS], n = 0;
+    for (int i = 0; i < THRUSTERS; i++) {
+        d[i] = 0;
+        if (it->side[i] != FREE) continue;
+        Q[n] = A->a[i];
+        for (int k = 0; k < n; k++) {
+            R[k][n] = product_of(&Q[k], &Q[n], LENGTH);
+            Q[n] = plus(Q[n], -R[k][n], &Q[k]);
+        }
+        R[n][n] = sqrt(product_of(&Q[n], &Q[n], LENGTH));
+        for (int k = 0; k < LENGTH; k++) Q[n].v[k] /= R[n][n];
+        c[n] = product_of(&Q[n], &r, LENGTH);
+        r = plus(r, -c[n], &Q[n]);
+        who[n++] = i;
+    }
+    while (n-- > 0) {
+        d[who[n]] = c[n] / R[n][n];
+        for (int k = 0; k < n; k++) c[k] -= R[k][n] * d[who[n]];
+    }
+}
+
+/* the bound variable whose release lowers the sum of squares fastest, -1 if none does: the minimum */
+static int variable_to_release(const Matrix *A, const Iterate *it, const Column *b)
+{
+    Column r = residual(A, *b, it->x);
+    double best = 0, size = sqrt(product_of(b, b, LENGTH));
+    int found = -1;
+    for (int i = 0; i < THRUSTERS; i++) {
+        double length = sqrt(product_of(&A->a[i], &A->a[i], LENGTH));
+        if (it->side[i] == FREE || length == 0) continue;
+        double slope = product_of(&A->a[i], &r, LENGTH) / length * (it->side[i] == AT_ZERO ? 1 : -1);
+        if (slope > 1e-14 * size && slope > best) best = slope, found = i;
+    }
+    return found;
+}
+
+/* one move towards the minimum over the free variables, up to the first bound; 1 if the minimum was reached */
+static int move(const Matrix *A, Iterate *it, const Column *b)
+{
+    double d[THRUSTERS], part = 1, room[THRUSTERS];
+    free_step(A, it, residual(A, *b, it->x), d);
+    for (int i = 0; i < THRUSTERS; i++) {
+        room[i] = d[i] > 0 ? (1 - it->x[i]) / d[i] : d[i] < 0 ? -it->x[i] / d[i] : 2;
+        part = fmin(part, room[i]);
+    }
+    for (int i = 0; i < THRUSTERS; i++) {
+        if (it->side[i] != FREE) continue;
+        int stopped = room[i] <= part && part < 1;
+        it->x[i] = stopped ? d[i] > 0 : clamp(it->x[i] + part * d[i], 0, 1);
+        if (stopped) it->side[i] = d[i] > 0 ? AT_ONE : AT_ZERO;
+    }
+    return part == 1;
+}
+
+static Iterate bounded_least_squares(const Matrix *A, const Column *b)
+{
+    Iterate it = {{0}, {AT_ZERO}};
+    for (int exchange = 0, i; exchange < EXCHANGES && (i = variable_to_release(A, &it, b)) >= 0; exchange++) {
+        it.side[i] = FREE;
+        for (int bound = 0; bound <= THRUSTERS && !move(A, &it, b); bound++) {}
+    }
+    return it;
+}
+
+/* ---- the command ---- */
+static void allocate_wrench(const Parameters *p, const Input *u, Output *y)
+{
+    Matrix A = columns_of(p);
+    Column w = weighted(p, u->F_cmd_S, u->M_cmd_S), none = {{0}};
+    Iterate it;
+    y->scale = 1;
+    for (int cut = 0;; cut++) {
+        Column target = plus(none, y->scale, &w);
+        it = bounded_least_squares(&A, &target);
+        Column r = residual(&A, target, it.x), met = plus(target, -1, &r);
+        int in_reach = product_of(&r, &r, 6) <= IN_REACH * IN_REACH * product_of(&w, &w, 6);
+        if (in_reach || !p->keep_direction || cut == CUTS - 1) break;
+        y->scale = fmax(0, product_of(&r, &met, 6) / product_of(&r, &w, 6));
+    }
+    memcpy(y->demand, it.x, sizeof it.x);
+}
+
+static void publish_wrench(const Parameters *p, const Input *u, Output *y)
+{
+    y->F_alloc_S = y->M_alloc_S = vec(0, 0, 0);
+    for (int i = 0; i < THRUSTERS; i++) {
+        Wrench w = thruster_wrench(&p->thrusters, i, p->thrusters.nominal[i] * y->demand[i]);
+        y->F_alloc_S = add(y->F_alloc_S, w.F);
+        y->M_alloc_S = add(y->M_alloc_S, w.M);
+    }
+    Column w = weighted(p, u->F_cmd_S, u->M_cmd_S), met = weighted(p, y->F_alloc_S, y->M_alloc_S);
+    Column missing = plus(w, -1, &met);
+    y->infeasible = product_of(&missing, &missing, 6) > IN_REACH * IN_REACH * product_of(&w, &w, 6);
+}
+
+/* ---- pulses, counted in samples ---- */
+static void plan_pulse(double demand, double period, double shortest, double *on, double *carry)
+{
+    double due = demand * period + *carry;
+    *on = fmin(floor(due + 1e-9), period);
+    if (*on < shortest) *on = 0;
+    *carry = fmax(0, due - *on);
+}
+
+static void modulate(const Parameters *p, State *x, Output *y, double index)
+{
+    double period = nearbyint(p->pulse_period / p->sample_period);
+    double shortest = ceil(p->min_on_time / p->sample_period - 1e-9);
+    double phase = index - period * floor(index / period);
+    for (int i = 0; i < THRUSTERS; i++) {
+        if (phase == 0) plan_pulse(y->demand[i], period, shortest, &x->on[i], &x->carry[i]);
+        y->throttle[i] = phase < x->on[i];
+        y->unspent[i] = x->carry[i] * p->sample_period;
+    }
+}
+
+static void allocate(const Parameters *p, const Input *u, State *x, Output *y, double index)
+{
+    allocate_wrench(p, u, y);
+    publish_wrench(p, u, y);
+    if (p->pulsed) modulate(p, x, y, index);
+    else memcpy(y->throttle, y->demand, sizeof y->demand);
+}
+
+static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    State first = {.on = {0}};
+    *x = first;
+    allocate(p, u, &first, y, p->sample_period > 0 ? sample_index(t, p->sample_period) : 0);
+}
+
+static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
+{
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s)) allocate(p, u, x, y, s.index);
+}
+
+FMU_MODEL("thruster_allocation", "Thruster allocation by bounded least squares, continuous or pulse-width modulated");

@@ -1,0 +1,33 @@
+"""Every FMU of the build: its file, what its description says, and the library, loaded once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.compliance import description
+from tests.compliance.fmus import ARCHIVES
+from tests.compliance.probe import Fmu, Instance
+
+
+@pytest.fixture(scope="session", params=ARCHIVES, ids=lambda path: path.stem)
+def archive(request) -> Path:
+    return request.param
+
+
+@pytest.fixture(scope="session")
+def about(archive) -> description.Description:
+    return description.read(archive)
+
+
+@pytest.fixture(scope="session")
+def fmu(archive, tmp_path_factory) -> Fmu:
+    return Fmu(archive, tmp_path_factory.mktemp(archive.stem))
+
+
+@pytest.fixture
+def instance(fmu):
+    """A fresh instance."""
+    with Instance(fmu) as one:
+        yield one

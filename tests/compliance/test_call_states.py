@@ -1,0 +1,105 @@
+"""Every function in every state: accepted where FMI 2.0 allows it, else refused with a message and without effect."""
+
+from __future__ import annotations
+
+import math
+from ctypes import byref, c_double
+
+import pytest
+
+from tests.compliance import api
+from tests.compliance.api import Status
+from tests.compliance.probe import Instance
+from tests.compliance.states import MARKS, STATES, allowed, attempt, bring, overflow, right_answer
+
+in_every_state = pytest.mark.parametrize("state", STATES)
+
+
+def brought(fmu, state):
+    instance = Instance(fmu)
+    if not bring(instance, state):
+        instance.free()
+        pytest.skip(f"no input makes a step of {fmu.name} fail")
+    return instance
+
+
+def test_the_table_speaks_of_every_function():
+    assert set(MARKS) == set(api.ARGUMENTS)
+
+
+@in_every_state
+def test_calls_are_accepted_exactly_where_the_standard_allows_them(fmu, state):
+    wrong = {}
+    for function in MARKS:
+        with brought(fmu, state) as instance:
+            status = attempt(instance, function)
+            if status is not (right_answer(function) if allowed(function, state) else Status.ERROR):
+                wrong[function] = status.name
+    assert wrong == {}
+
+
+@in_every_state
+def test_a_call_in_the_wrong_state_names_function_and_state_and_changes_nothing(fmu, state):
+    with brought(fmu, state) as instance:
+        before = instance.snapshot()
+        for function in (name for name in MARKS if not allowed(name, state)):
+            instance.host.messages.clear()
+            attempt(instance, function)
+            (message,) = instance.host.errors
+            assert message.startswith(f"{function}: ")
+            assert f"'{state}'" in message
+            assert instance.snapshot() == before, function
+
+
+def test_version_and_platform_are_those_of_fmi_2(fmu):
+    assert fmu.library.fmi2GetVersion() == b"2.0"
+    assert fmu.library.fmi2GetTypesPlatform() == b"default"
+
+
+def test_a_missing_instance_is_refused_and_freeing_it_does_nothing(fmu):
+    with Instance(fmu) as instance:
+        arguments = {name: [kind() for kind in kinds] for name, kinds in api.ARGUMENTS.items()}
+        instance.handle, handle = None, instance.handle
+        answers = {name: instance.call(name, *arguments[name]) for name in MARKS}
+        fmu.library.fmi2FreeInstance(None)
+        instance.handle = handle
+    assert {name: answer.name for name, answer in answers.items() if answer is not Status.ERROR} == {}
+
+
+# ---- a step that fails
+
+
+def test_a_step_ends_with_finite_outputs_or_with_an_error(fmu):
+    with Instance(fmu) as instance:
+        instance.start()
+        status = overflow(instance)
+        assert status in (Status.OK, Status.ERROR)
+        assert all(map(math.isfinite, instance.values(fmu.outputs)))
+
+
+def test_a_failed_step_keeps_the_last_good_state_and_says_what_happened(fmu):
+    with Instance(fmu) as instance:
+        instance.start()
+        instance.fly(5)
+        outputs, count = instance.outputs(), len(instance.host.errors)
+        instance.set({v.name: min(v.high, 1.7e308) for v in fmu.inputs})
+        if instance.call("fmi2DoStep", 0.5, 10.0, 0) is Status.OK:
+            pytest.skip(f"no input makes a step of {fmu.name} fail")
+        assert instance.outputs() == outputs
+        last = c_double()
+        instance.ok("fmi2GetRealStatus", api.LAST_SUCCESSFUL_TIME, byref(last))
+        assert last.value == 0.5
+        (message,) = instance.host.errors[count:]
+        assert message.startswith("fmi2DoStep: ")
+        assert "finite" in message
+        assert "t = 10.5 s" in message
+
+
+def test_a_failed_step_can_be_undone_by_a_saved_state(fmu):
+    with Instance(fmu) as instance, Instance(fmu) as other:
+        state = instance.start().save()
+        if overflow(instance) is Status.OK:
+            pytest.skip(f"no input makes a step of {fmu.name} fail")
+        instance.restore(state)
+        assert instance.fly(10) == other.start().fly(10)
+        instance.drop(state)

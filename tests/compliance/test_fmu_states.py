@@ -1,0 +1,209 @@
+"""Saved states: the future after a restore is the future that was, to the last bit, in any instance and in any order."""
+
+from __future__ import annotations
+
+from ctypes import byref, c_double, c_void_p
+
+import pytest
+
+from tests.compliance import api
+from tests.compliance.api import Status
+from tests.compliance.fmus import ARCHIVES
+from tests.compliance.probe import Fmu, Instance, excitation
+from tests.compliance.states import STATES, bring
+
+
+@pytest.fixture
+def flying(fmu):
+    with Instance(fmu) as instance:
+        instance.start()
+        instance.fly(5)
+        yield instance
+
+
+def time_of(instance):
+    last = c_double()
+    instance.ok("fmi2GetRealStatus", api.LAST_SUCCESSFUL_TIME, byref(last))
+    return last.value
+
+
+def test_a_restored_state_has_the_same_future_again_and_again(flying):
+    state = flying.save()
+    futures = set()
+    for _ in range(3):
+        futures.add(flying.fly(20, first=5))
+        flying.restore(state)
+    flying.drop(state)
+    assert len(futures) == 1
+
+
+def test_a_restored_state_has_the_outputs_and_the_time_of_the_saved_one(flying):
+    state, outputs = flying.save(), flying.outputs()
+    flying.fly(5, first=5)
+    flying.restore(state)
+    assert flying.outputs() == outputs
+    assert time_of(flying) == 0.5
+    assert flying.call("fmi2DoStep", 1.0, 0.1, 0) is Status.ERROR
+    flying.step(0.5, 0.1)
+    flying.drop(state)
+
+
+def test_a_restored_state_brings_its_inputs_back(flying):
+    state = flying.save()
+    flying.step(0.5, 0.1)
+    expected = flying.outputs()
+    flying.restore(state)
+    flying.set(excitation(flying.fmu.inputs, 99))
+    flying.restore(state)
+    flying.step(0.5, 0.1)
+    assert flying.outputs() == expected
+    flying.drop(state)
+
+
+def test_several_states_are_kept_apart_and_restored_in_any_order(flying):
+    states, futures = [], []
+    for k in range(5, 9):
+        states.append(flying.save())
+        futures.append(flying.fly(1, first=k))
+    for i in (2, 0, 3, 1, 1, 2):
+        flying.restore(states[i])
+        assert flying.fly(1, first=5 + i) == futures[i]
+    for state in states:
+        flying.drop(state)
+
+
+def test_a_saved_state_is_not_touched_by_what_the_instance_does_later(flying):
+    state = flying.save()
+    before = flying.serialize(state)
+    flying.fly(5, first=5)
+    flying.ok("fmi2Reset")
+    assert flying.serialize(state) == before
+    flying.drop(state)
+
+
+def test_saving_into_an_old_state_replaces_it(flying):
+    state = flying.save()
+    future = [flying.fly(1, first=5), flying.fly(1, first=6)]
+    flying.restore(state)
+    flying.fly(1, first=5)
+    place = c_void_p(state.value)
+    flying.ok("fmi2GetFMUstate", byref(place))
+    assert place.value == state.value
+    flying.fly(1, first=6)
+    flying.restore(place)
+    assert flying.fly(1, first=6) == future[1]
+    flying.drop(place)
+
+
+def test_freeing_a_state_forgets_its_address(flying):
+    state = flying.save()
+    flying.drop(state)
+    assert state.value is None
+
+
+@pytest.mark.parametrize("phase", STATES)
+def test_every_state_of_the_life_cycle_can_be_saved_and_restored(fmu, phase):
+    with Instance(fmu) as instance, Instance(fmu) as other:
+        if not bring(instance, phase):
+            pytest.skip(f"no input makes a step of {fmu.name} fail")
+        saved = instance.save()
+        data = instance.serialize(saved)
+        other.start()
+        copy = other.deserialize(data)
+        other.restore(copy)
+        assert other.snapshot() == data
+        instance.ok("fmi2Reset")
+        instance.restore(saved)
+        assert instance.snapshot() == data
+        instance.drop(saved)
+        other.drop(copy)
+
+
+# ---- serialized
+
+
+def test_a_serialized_state_lives_on_in_another_instance(flying):
+    data = flying.snapshot()
+    future = flying.fly(20, first=5)
+    with Instance(flying.fmu) as other:
+        state = other.deserialize(data)
+        assert other.serialize(state) == data
+        other.restore(state)
+        assert other.fly(20, first=5) == future
+        other.drop(state)
+
+
+def test_equal_states_have_equal_bytes_and_different_ones_do_not(fmu):
+    with Instance(fmu) as one, Instance(fmu) as other:
+        assert one.snapshot() == other.snapshot()
+        one.start()
+        assert one.snapshot() != other.snapshot()
+        other.start()
+        assert one.fly(5) == other.fly(5)
+        assert one.snapshot() == other.snapshot()
+
+
+def assert_refused(instance, data):
+    state = c_void_p()
+    instance.host.messages.clear()
+    assert instance.try_deserialize(data, state) is Status.ERROR
+    assert state.value is None
+    (message,) = instance.host.errors
+    assert message.startswith("fmi2DeSerializeFMUstate: ")
+
+
+def test_bytes_with_any_damage_are_refused_and_change_nothing(flying):
+    """One bit in every byte."""
+    data = flying.snapshot()
+    for i in range(len(data)):
+        assert_refused(flying, data[:i] + bytes([data[i] ^ (1 << i % 8)]) + data[i + 1 :])
+    assert flying.snapshot() == data
+
+
+def test_bytes_of_another_length_are_refused(flying):
+    data = flying.snapshot()
+    for wrong in (b"", data[:1], data[:-1], data[:-8], data + b"\0", data + data):
+        assert_refused(flying, wrong)
+
+
+def test_bytes_of_another_fmu_are_refused(flying, tmp_path):
+    size = len(flying.snapshot())
+    for archive in ARCHIVES:
+        if archive.stem == flying.fmu.name:
+            continue
+        with Instance(Fmu(archive, tmp_path / archive.stem)) as stranger:
+            data = stranger.start().snapshot()
+        assert_refused(flying, data)
+        assert_refused(flying, data[:size].ljust(size, b"\0"))
+
+
+def test_a_refused_state_leaves_an_old_one_alone(flying):
+    state = flying.save()
+    data, address = flying.serialize(state), state.value
+    assert flying.try_deserialize(data[:-1], state) is Status.ERROR
+    assert state.value == address
+    assert flying.serialize(state) == data
+    flying.drop(state)
+
+
+def test_a_previous_state_at_the_place_of_the_result_is_replaced_and_released(flying):
+    """FMPy and the Reference FMUs take it for a state to use again; a master must start with a null pointer."""
+    state = flying.save()
+    data, blocks = flying.serialize(state), len(flying.host.live)
+    flying.fly(5, first=5)
+    assert flying.try_deserialize(data, state) is Status.OK
+    assert len(flying.host.live) == blocks
+    assert flying.serialize(state) == data
+    flying.drop(state)
+
+
+# ---- identical to a flight without any saving
+
+
+def test_saving_and_serializing_leave_no_trace_in_a_flight(fmu):
+    with Instance(fmu) as quiet, Instance(fmu) as busy:
+        quiet.start()
+        busy.start()
+        for k in range(10):
+            busy.drop(busy.deserialize(busy.snapshot()))
+            assert quiet.fly(1, first=k) == busy.fly(1, first=k)

@@ -1,0 +1,239 @@
+"""Before the first step: parameters at any time, outputs that follow the values set, and refusal of impossible models."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.compliance import description
+from tests.compliance.api import Status
+from tests.compliance.fmus import ARCHIVES
+from tests.compliance.probe import Fmu, Instance, excitation
+
+
+def moved(v):
+    """Another value of a parameter, near the start value; a time that was 0 becomes one that costs little."""
+    if (v.low, v.high) == (0, 1):
+        return 1.0 - v.start
+    return min(v.start * (1 + 1e-10) or (0.01 if v.unit == "s" else 1e-10), v.high)
+
+
+def is_accepted(fmu, values):
+    with Instance(fmu) as instance:
+        instance.set(values)
+        instance.enter()
+        return instance.call("fmi2ExitInitializationMode") is Status.OK
+
+
+@pytest.fixture
+def moves(fmu):
+    """Other values of as many parameters as can be moved one after the other without breaking a rule of the model."""
+    values = {}
+    for v in fmu.parameters:
+        if is_accepted(fmu, values | {v.name: moved(v)}):
+            values[v.name] = moved(v)
+    assert len(values) >= len(fmu.parameters) / 3
+    return values
+
+
+# ---- order of calls
+
+
+def test_parameters_may_be_set_before_the_experiment_and_again_in_initialization_mode(fmu, moves):
+    """As libcosim does it."""
+    values = moves | excitation(fmu.inputs, 1)
+    with Instance(fmu) as early, Instance(fmu) as late, Instance(fmu) as twice:
+        early.start(values)
+        late.enter()
+        late.set(values)
+        twice.set(values)
+        twice.enter()
+        twice.set(values)
+        for instance in (late, twice):
+            instance.ok("fmi2ExitInitializationMode")
+        assert early.fly(10) == late.fly(10) == twice.fly(10)
+
+
+def test_the_last_value_set_counts(fmu, moves):
+    """Also when start values and outputs have been read in between."""
+    with Instance(fmu) as instance, Instance(fmu) as other:
+        instance.enter()
+        for name, value in moves.items():
+            instance.set({name: value})
+            instance.outputs()
+        instance.set({v.name: v.start for v in fmu.parameters})
+        instance.ok("fmi2ExitInitializationMode")
+        assert instance.outputs() == other.start().outputs()
+        assert instance.fly(10) == other.fly(10)
+
+
+def test_the_last_experiment_set_up_counts(fmu):
+    with Instance(fmu) as instance, Instance(fmu) as other:
+        instance.set_up(start=2.0, stop=3.05)
+        assert instance.start(start=3.0).outputs() == other.start(start=3.0).outputs()
+        assert instance.call("fmi2DoStep", 2.0, 0.1, 0) is Status.ERROR
+        instance.step(3.0, 0.1)
+
+
+# ---- outputs in initialization mode
+
+
+def first_outputs(fmu, values):
+    with Instance(fmu) as instance:
+        return instance.start(values).outputs()
+
+
+def test_outputs_in_initialization_mode_follow_the_inputs(fmu):
+    """A master propagates start values by rounds of get and set; the law at the last inputs is what counts."""
+    with Instance(fmu) as instance:
+        instance.enter()
+        for k in (1, 2, 1, 3):
+            instance.set(excitation(fmu.inputs, k))
+            expected = first_outputs(fmu, excitation(fmu.inputs, k))
+            assert instance.outputs() == expected
+            assert instance.outputs() == expected, "reading advances nothing"
+        instance.ok("fmi2ExitInitializationMode")
+        assert instance.outputs() == expected
+
+
+def test_outputs_in_initialization_mode_follow_every_parameter(fmu, moves):
+    with Instance(fmu) as instance:
+        instance.enter()
+        so_far = {}
+        for name, value in moves.items():
+            instance.set({name: value})
+            so_far[name] = value
+            assert instance.outputs() == first_outputs(fmu, so_far), name
+
+
+def test_first_outputs_of_some_fmu_depend_on_its_inputs(tmp_path):
+    """Else the test above would compare constants."""
+    fmus = [Fmu(path, tmp_path / path.stem) for path in ARCHIVES]
+    assert any(first_outputs(fmu, excitation(fmu.inputs, 1)) != first_outputs(fmu, {}) for fmu in fmus)
+
+
+def test_reading_outputs_early_does_not_change_the_flight(fmu):
+    with Instance(fmu) as curious, Instance(fmu) as other:
+        curious.enter()
+        for _ in range(3):
+            curious.outputs()
+        curious.ok("fmi2ExitInitializationMode")
+        assert curious.fly(10) == other.start().fly(10)
+
+
+# ---- impossible parameters
+
+SPOILED = [
+    ("mass", 0, "> 0"),
+    ("mass", -5, "> 0"),
+    ("mass_0", 0, "> 0"),
+    ("m_hat_0", 0, "> 0"),
+    ("max_step", 0, "> 0"),
+    ("max_step", -0.1, "> 0"),
+    ("sample_period", -0.1, ">= 0"),
+    ("e", 1, "[0, 1)"),
+    ("e", 1.5, "[0, 1)"),
+    ("e", -0.1, ">= 0"),
+    ("a", -7e6, ">= 0"),
+    ("use_J2", 0.5, "0 or 1"),
+    ("use_wheels", 2, "0 or 1"),
+    ("J_T", [-100, 0, 0, 0, 150, 0, 0, 0, 90], "positive definite"),
+    ("J_T", [100, 0, 0, 0, 0, 0, 0, 0, 90], "positive definite"),
+    ("J_T", [100, 120, 0, 120, 100, 0, 0, 0, 150], "positive definite"),
+    ("J_T", [100, 0, 0, 0, 300, 0, 0, 0, 90], "triangle"),
+    ("J_T", [100, 1, 0, 0, 150, 0, 0, 0, 90], "symmetric"),
+    ("J_S", [200, 0, 0, 0, 250, 0, 0, 0, 20], "triangle"),
+    ("A_w", [12, 0, 0, 0, -15, 0, 0, 0, 10], "positive definite"),
+    ("A_w", [250, 0, 0, 0, 15, 0, 0, 0, 10], "J_S - A_w"),
+    ("p_T", [1, 1, 0], "unit vector"),
+    ("p_T", [0, 0, 0], "unit vector"),
+    ("rho_M", 0, "> 0"),
+    ("guard_angle", 3, "1.5 rad"),
+    ("eta_hat_0", [180, 0, 0, 240, 0, 160, -14, 0, 0, 16, 0, 12], "positive"),
+    ("F_max", [-1, 1, 1], ">= 0"),
+    ("Isp", -1, ">= 0"),
+]
+
+
+def spoiled_fmus():
+    """Every case on every FMU that has the parameter."""
+    for path in ARCHIVES:
+        parameters = {v.row for v in description.read(path).of("parameter")}
+        for row, value, rule in SPOILED:
+            if row in parameters:
+                yield pytest.param(path, row, value, rule, id=f"{path.stem}-{row}-{value}".replace(" ", ""))
+
+
+@pytest.mark.parametrize(("archive", "row", "value", "rule"), list(spoiled_fmus()), indirect=["archive"])
+def test_impossible_parameters_are_refused_with_name_and_rule(fmu, row, value, rule):
+    with Instance(fmu) as instance:
+        instance.enter()
+        instance.set(fmu.settings(**{row: value}))
+        assert instance.call("fmi2ExitInitializationMode") is Status.ERROR
+        (message,) = instance.host.errors
+        assert message.startswith("fmi2ExitInitializationMode: ")
+        assert row in message
+        assert rule in message
+
+
+def test_every_rule_is_tried_on_some_fmu():
+    tried = {case.values[1] for case in spoiled_fmus()}
+    assert {row for row, _, _ in SPOILED} == tried
+
+
+def beyond(v):
+    """A value just outside the declared bounds of a parameter, None if it has none."""
+    return -0.5 if v.low == 0 else v.high + 0.5 if v.high < 1e300 else None
+
+
+def test_every_declared_bound_of_a_parameter_is_kept(fmu):
+    for v in fmu.parameters:
+        if beyond(v) is None:
+            continue
+        with Instance(fmu) as instance:
+            instance.enter()
+            instance.set({v.name: beyond(v)})
+            assert instance.call("fmi2ExitInitializationMode") is Status.ERROR, v.name
+            assert v.name in instance.host.errors[0]
+
+
+def test_all_problems_are_named_in_one_message(fmu):
+    bad = {v.name: beyond(v) for v in fmu.parameters if beyond(v) is not None}
+    with Instance(fmu) as instance:
+        instance.enter()
+        instance.set(bad)
+        assert instance.call("fmi2ExitInitializationMode") is Status.ERROR
+        (message,) = instance.host.errors
+        assert [name for name in bad if f"{name} = " not in message] == []
+
+
+def test_outputs_of_an_impossible_model_are_refused_in_initialization_mode(fmu):
+    v = next(v for v in fmu.parameters if beyond(v) is not None)
+    with Instance(fmu) as instance:
+        instance.enter()
+        instance.set({v.name: beyond(v)})
+        output = fmu.outputs[0].name
+        with pytest.raises(AssertionError, match="fmi2GetReal answered ERROR.*" + v.row):
+            instance.get(output)
+
+
+def test_initialization_can_be_repeated_after_a_correction(fmu):
+    v = next(v for v in fmu.parameters if beyond(v) is not None)
+    with Instance(fmu) as instance, Instance(fmu) as other:
+        instance.enter()
+        for _ in range(3):
+            instance.set({v.name: beyond(v)})
+            assert instance.call("fmi2ExitInitializationMode") is Status.ERROR
+        instance.set({v.name: v.start})
+        instance.ok("fmi2ExitInitializationMode")
+        assert instance.outputs() == other.start().outputs()
+        assert instance.fly(10) == other.fly(10)
+
+
+def test_inputs_outside_their_declared_bounds_are_refused(fmu):
+    bounded = [v for v in fmu.inputs if beyond(v) is not None]
+    for v in bounded:
+        with Instance(fmu) as instance:
+            instance.start()
+            instance.try_set({v.name: beyond(v)})
+            assert instance.host.errors or instance.call("fmi2DoStep", 0.0, 0.1, 0) is Status.ERROR, v.name
+            assert v.name in instance.host.errors[0]

@@ -1,0 +1,138 @@
+"""Instances do not know of each other, a reset one is a fresh one, and what is freed is gone. Equal means: equal bits."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from pathlib import Path
+from threading import Barrier
+
+import pytest
+
+from tests.compliance.probe import Host, Instance, excitation
+from tests.compliance.states import STATES, bring
+
+
+def alone(fmu, wave, steps=10):
+    with Instance(fmu) as instance:
+        return instance.start().fly(steps, wave=wave)
+
+
+def test_the_start_values_are_a_valid_state_to_run_from(fmu):
+    with Instance(fmu) as instance:
+        instance.start()
+        for k in range(20):
+            instance.step(0.1 * k, 0.1)
+        assert instance.host.errors == []
+
+
+def test_inputs_and_start_values_are_those_of_the_description(instance):
+    instance.enter()
+    for v in (*instance.fmu.inputs, *instance.fmu.parameters):
+        assert instance.get(v.name) == v.start, v.name
+
+
+def test_a_hundred_interleaved_instances_fly_like_each_alone(fmu):
+    """All of the same name, as ecos gives them, and each with inputs of its own."""
+    with ExitStack() as stack:
+        fleet = [stack.enter_context(Instance(fmu, "slave")).start() for _ in range(100)]
+        records = [bytearray() for _ in fleet]
+        for k in range(10):
+            for wave, (instance, record) in enumerate(zip(fleet, records, strict=True)):
+                record += instance.fly(1, first=k, wave=wave)
+    assert len(set(map(bytes, records))) == (100 if fmu.inputs else 1)
+    assert [wave for wave, record in enumerate(records) if record != alone(fmu, wave)] == []
+
+
+def test_instances_on_four_threads_fly_like_each_alone(fmu):
+    """Steps of many internal steps and samples, so that the threads really are inside the FMU at the same time."""
+    fine, barrier = fmu.sampled_every(1e-3), Barrier(4)
+
+    def fly(wave, together):
+        with Instance(fmu, "slave") as instance:
+            instance.start(fine)
+            if together:
+                barrier.wait(timeout=60)
+            return instance.fly(10, h=0.5, wave=wave)
+
+    with ThreadPoolExecutor(4) as pool:
+        parallel = list(pool.map(lambda wave: fly(wave, together=True), range(4)))
+    assert parallel == [fly(wave, together=False) for wave in range(4)]
+
+
+# ---- reset
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_a_reset_instance_is_a_fresh_one_from_every_state(fmu, state):
+    with Instance(fmu) as instance, Instance(fmu) as fresh:
+        if not bring(instance, state):
+            pytest.skip(f"no input makes a step of {fmu.name} fail")
+        instance.ok("fmi2Reset")
+        assert instance.snapshot() == fresh.snapshot()
+        assert instance.start().fly(10) == fresh.start().fly(10)
+
+
+def test_a_reset_forgets_parameters_inputs_start_time_and_stop_time(fmu):
+    changed = {v.name: min(v.start * 1.01 + 0.001, v.high) for v in fmu.parameters if v.high > 1}
+    with Instance(fmu) as instance, Instance(fmu) as fresh:
+        instance.set(changed | excitation(fmu.inputs, 5))
+        instance.set_up(start=3.0, stop=4.0)
+        instance.ok("fmi2Reset")
+        assert instance.snapshot() == fresh.snapshot()
+        assert instance.start().fly(60) == fresh.start().fly(60)
+
+
+def test_a_flight_can_be_repeated_on_one_instance_as_often_as_one_likes(fmu):
+    with Instance(fmu) as instance:
+        flights = set()
+        for _ in range(5):
+            flights.add(instance.start().fly(10))
+            instance.ok("fmi2Terminate")
+            instance.ok("fmi2Reset")
+    assert len(flights) == 1
+
+
+# ---- memory
+
+
+def life(fmu, host):
+    """Everything that could allocate."""
+    with Instance(fmu, name="n" * 200, host=host, logging=False) as instance:
+        state = instance.start().save()
+        instance.step(0.0, 0.1)
+        instance.drop(instance.deserialize(instance.serialize(state)))
+        instance.restore(state)
+        instance.drop(state)
+        instance.ok("fmi2Reset")
+
+
+def test_every_block_of_memory_is_given_back(fmu):
+    host = Host()
+    for _ in range(10):
+        life(fmu, host)
+    assert host.requests > 0
+    assert host.live == set()
+
+
+def resident_bytes():
+    return 4096 * int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="the memory of the process is read from /proc")
+def test_memory_does_not_grow_over_ten_thousand_lives(fmu):
+    """Less than 100 bytes per life, with the memory management of the FMU itself: not even a name is left behind."""
+    if "libasan" in Path("/proc/self/maps").read_text(encoding="ascii"):
+        pytest.skip("the address sanitizer keeps freed memory on purpose")
+
+    def live(times):
+        for _ in range(times):
+            with Instance(fmu, name="n" * 200, host=host, logging=False) as instance:
+                instance.start()
+                instance.call("fmi2DoStep", 0.0, 0.1, 0)
+
+    host = Host(allocate=False, free=False)
+    live(500)
+    before = resident_bytes()
+    live(10_000)
+    assert resident_bytes() - before < 1_000_000

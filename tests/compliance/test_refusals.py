@@ -1,0 +1,285 @@
+"""Arguments that make no sense are refused: with a message that says why, and with the instance as it was, ready to go on."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from ctypes import byref, c_char, c_double, c_int, c_size_t, c_void_p
+from math import inf, nan
+
+import pytest
+
+from tests.compliance import api
+from tests.compliance.api import Status
+from tests.compliance.probe import Host, Instance, excitation
+
+
+@pytest.fixture
+def flying(fmu):
+    """An instance after five steps, at t = 0.5 s of an experiment that ends at 100 s."""
+    with Instance(fmu) as instance:
+        instance.start(stop=100.0)
+        instance.fly(5)
+        yield instance
+
+
+@contextmanager
+def refused(instance, function, *words):
+    """What happens inside must be refused by `function` with one message that has these words, and change nothing."""
+    before, host = instance.snapshot(), instance.host
+    host.messages.clear()
+    answer = []
+    yield answer
+    assert answer == [Status.ERROR]
+    (message,) = host.errors
+    assert message.startswith(f"{function}: ")
+    assert [word for word in words if word not in message] == []
+    assert instance.snapshot() == before
+
+
+def assert_usable(instance):
+    """Goes on from t = 0.5 s to the bits of an instance that has never met a refusal."""
+    with Instance(instance.fmu) as other:
+        other.start()
+        other.fly(5)
+        assert instance.fly(5, first=5) == other.fly(5, first=5)
+
+
+# ---- instantiation
+
+
+@pytest.mark.parametrize(
+    ("wrong", "word"),
+    [
+        ({"guid": "{00000000-0000-0000-0000-000000000000}"}, "guid"),
+        ({"guid": ""}, "guid"),
+        ({"guid": "{%n%s%x" + "0" * 5000}, "guid"),
+        ({"kind": api.MODEL_EXCHANGE}, "co-simulation"),
+        ({"name": ""}, "name"),
+    ],
+    ids=["other guid", "empty guid", "endless guid", "model exchange", "no name"],
+)
+def test_an_instance_that_was_not_meant_is_not_made(fmu, wrong, word):
+    refusal = Instance(fmu, host=Host(), **wrong)
+    assert refusal.handle is None
+    (message,) = refusal.host.errors
+    assert message.startswith("fmi2Instantiate: ")
+    assert word in message
+    assert refusal.host.live == set()
+
+
+@pytest.mark.parametrize("missing", ["name", "guid"])
+def test_a_missing_name_or_guid_is_refused(fmu, missing):
+    host, about = Host(), fmu.about
+    name, guid = (None if missing == "name" else b"probe"), (None if missing == "guid" else about.guid.encode())
+    assert fmu.library.fmi2Instantiate(name, api.CO_SIMULATION, guid, None, byref(host.callbacks), 0, 0) is None
+    assert missing in host.errors[0]
+
+
+# ---- experiment
+
+
+@pytest.mark.parametrize(
+    ("start", "stop", "word"),
+    [(nan, None, "start"), (inf, None, "start"), (-inf, None, "start"), (0, -1, "stop"), (5, 5, "stop"), (0, nan, "stop")],
+)
+def test_impossible_experiments_are_refused(instance, start, stop, word):
+    with refused(instance, "fmi2SetupExperiment", word) as answer:
+        answer.append(instance.call("fmi2SetupExperiment", 0, 0.0, start, stop is not None, stop or 0.0))
+    instance.start()
+
+
+# ---- steps
+
+
+@pytest.mark.parametrize(
+    ("t", "h", "word"),
+    [
+        (0.4, 0.1, "communication point"),
+        (0.6, 0.1, "communication point"),
+        (0.0, 0.1, "communication point"),
+        (0.5 + 1e-8, 0.1, "communication point"),
+        (0.5 - 1e-8, 0.1, "communication point"),
+        (0.5, 0.0, "> 0"),
+        (0.5, -0.1, "> 0"),
+        (nan, 0.1, "finite"),
+        (inf, 0.1, "finite"),
+        (0.5, nan, "finite"),
+        (0.5, inf, "finite"),
+        (0.5, 1e300, "step size"),
+        (0.5, 99.5 + 1e-6, "stop time"),
+    ],
+)
+def test_impossible_steps_are_refused_with_the_expected_time(flying, t, h, word):
+    with refused(flying, "fmi2DoStep", word, "expected t = 0.5") as answer:
+        answer.append(flying.call("fmi2DoStep", t, h, 0))
+    assert_usable(flying)
+
+
+def test_the_last_step_may_end_at_the_stop_time_within_rounding(fmu):
+    for excess in (0.0, 1e-12, 1e-9):
+        with Instance(fmu) as instance:
+            instance.start(stop=1.0)
+            instance.step(0.0, 1.0 + excess)
+
+
+@pytest.mark.parametrize("start", [-5.0, 0.0, 1e6])
+def test_a_communication_point_may_be_off_by_rounding(fmu, start):
+    tolerated = 0.9e-9 * max(1, abs(start))
+    with Instance(fmu) as instance:
+        instance.start(start=start)
+        instance.step(start + tolerated, 0.1)
+        instance.step(start + 0.1, 0.1)
+
+
+# ---- values
+
+
+@pytest.mark.parametrize("value", [nan, inf, -inf])
+@pytest.mark.parametrize("phase", ["instantiated", "initialization mode", "step complete"])
+def test_values_that_are_no_numbers_are_refused(fmu, phase, value):
+    with Instance(fmu) as instance:
+        if phase != "instantiated":
+            instance.enter() if phase == "initialization mode" else instance.start()
+        settable = fmu.inputs + (fmu.parameters if phase != "step complete" else [])
+        for v in settable[:: max(1, len(settable) // 10)]:
+            with refused(instance, "fmi2SetReal", v.name, "finite") as answer:
+                answer.append(instance.try_set({v.name: value}))
+
+
+def unknown_references(fmu):
+    """Next to the known ones, between rows, and far away."""
+    known = {v.reference for v in fmu.about.variables}
+    near = {r + 1 for r in known} | {max(known) + 1000, 999, 2**31 - 1, 2**31, 2**32 - 1}
+    return sorted(near - known)
+
+
+@pytest.mark.parametrize("function", ["fmi2SetReal", "fmi2GetReal"])
+def test_unknown_value_references_are_refused(flying, function):
+    for reference in unknown_references(flying.fmu):
+        with refused(flying, function, str(reference)) as answer:
+            answer.append(flying.call(function, api.references([reference]), 1, api.reals([1.0])))
+    assert_usable(flying)
+
+
+def test_outputs_cannot_be_set(instance):
+    for phase in ("instantiated", "initialization mode", "step complete"):
+        for v in instance.fmu.outputs[::5]:
+            with refused(instance, "fmi2SetReal", v.name, "output") as answer:
+                answer.append(instance.try_set({v.name: 1.0}))
+        if phase != "step complete":
+            instance.enter() if phase == "instantiated" else instance.ok("fmi2ExitInitializationMode")
+
+
+def test_no_parameter_can_be_set_after_initialization(flying):
+    for v in flying.fmu.parameters:
+        with refused(flying, "fmi2SetReal", v.name, "parameter") as answer:
+            answer.append(flying.try_set({v.name: v.start}))
+    assert_usable(flying)
+
+
+def test_one_bad_value_among_good_ones_leaves_all_as_they_were(flying):
+    good = excitation(flying.fmu.inputs, 77)
+    for bad in ({flying.fmu.outputs[0].name: 1.0}, {flying.fmu.parameters[0].name: 1.0}):
+        with refused(flying, "fmi2SetReal", *bad) as answer:
+            answer.append(flying.try_set(good | bad))
+    assert_usable(flying)
+
+
+@pytest.mark.parametrize("kind", ["Integer", "Boolean", "String"])
+@pytest.mark.parametrize("verb", ["Set", "Get"])
+def test_there_are_no_variables_of_other_types(flying, verb, kind):
+    function = f"fmi2{verb}{kind}"
+    values = (api.c_char_p * 1)(b"1") if kind == "String" else (c_int * 1)(1)
+    with refused(flying, function, "Real") as answer:
+        answer.append(flying.call(function, api.references([0]), 1, values))
+    flying.ok(function, None, 0, None)
+
+
+def test_derivatives_of_inputs_and_outputs_are_not_provided(flying):
+    one = (api.references([flying.fmu.about.variables[0].reference]), 1, (c_int * 1)(1), api.reals([1.0]))
+    for function in ("fmi2SetRealInputDerivatives", "fmi2GetRealOutputDerivatives"):
+        with refused(flying, function, "derivatives") as answer:
+            answer.append(flying.call(function, *one))
+
+
+# ---- missing pointers
+
+ONE = api.references([0])
+MISSING_POINTERS = [
+    ("fmi2SetReal", (None, 1, api.reals([1.0]))),
+    ("fmi2SetReal", (ONE, 1, None)),
+    ("fmi2GetReal", (None, 1, api.reals([1.0]))),
+    ("fmi2GetReal", (ONE, 1, None)),
+    ("fmi2SetDebugLogging", (1, 1, None)),
+    ("fmi2SetDebugLogging", (1, 1, (api.c_char_p * 1)(None))),
+    ("fmi2GetFMUstate", (None,)),
+    ("fmi2SetFMUstate", (None,)),
+    ("fmi2SerializedFMUstateSize", (None, byref(c_size_t()))),
+    ("fmi2SerializeFMUstate", (None, (c_char * 9)(), 9)),
+    ("fmi2DeSerializeFMUstate", (None, 9, byref(c_void_p()))),
+    ("fmi2DeSerializeFMUstate", ((c_char * 9)(), 9, None)),
+    ("fmi2GetDirectionalDerivative", (None, 1, None, 0, None, api.reals([0.0]))),
+    ("fmi2GetDirectionalDerivative", (None, 0, None, 1, api.reals([0.0]), None)),
+    ("fmi2GetDirectionalDerivative", (None, 0, ONE, 1, None, None)),
+    ("fmi2GetRealStatus", (api.LAST_SUCCESSFUL_TIME, None)),
+    ("fmi2GetBooleanStatus", (api.TERMINATED, None)),
+]
+
+
+@pytest.mark.parametrize(("function", "arguments"), MISSING_POINTERS, ids=lambda x: x if isinstance(x, str) else "")
+def test_missing_arrays_and_pointers_are_refused(flying, function, arguments):
+    with refused(flying, function) as answer:
+        answer.append(flying.call(function, *arguments))
+    assert_usable(flying)
+
+
+def test_missing_places_of_states_and_derivatives_are_refused(flying):
+    state = flying.save()
+    output = api.references([flying.fmu.outputs[0].reference])
+    size = len(flying.serialize(state))
+    for function, arguments in (
+        ("fmi2SerializedFMUstateSize", (state, None)),
+        ("fmi2SerializeFMUstate", (state, None, size)),
+        ("fmi2SerializeFMUstate", (state, (c_char * size)(), size - 1)),
+        ("fmi2GetDirectionalDerivative", (output, 1, None, 0, None, None)),
+    ):
+        with refused(flying, function) as answer:
+            answer.append(flying.call(function, *arguments))
+    flying.drop(state)
+
+
+def test_nothing_at_all_may_be_read_set_and_freed(flying):
+    for function in ("fmi2SetReal", "fmi2GetReal"):
+        flying.ok(function, None, 0, None)
+    flying.ok("fmi2GetDirectionalDerivative", None, 0, None, 0, None, None)
+    flying.ok("fmi2FreeFMUstate", None)
+    flying.ok("fmi2FreeFMUstate", byref(c_void_p()))
+    assert_usable(flying)
+
+
+# ---- status questions
+
+
+@pytest.mark.parametrize(
+    ("function", "kind", "place"),
+    [
+        ("fmi2GetStatus", api.DO_STEP_STATUS, c_int()),
+        ("fmi2GetIntegerStatus", api.DO_STEP_STATUS, c_int()),
+        ("fmi2GetStringStatus", api.PENDING_STATUS, api.c_char_p()),
+        ("fmi2GetRealStatus", api.PENDING_STATUS, c_double()),
+        ("fmi2GetBooleanStatus", api.DO_STEP_STATUS, c_int()),
+        ("fmi2GetStatus", 99, c_int()),
+    ],
+)
+def test_a_status_that_does_not_exist_is_discarded_with_a_word_about_it(flying, function, kind, place):
+    flying.host.messages.clear()
+    assert flying.call(function, kind, byref(place)) is Status.DISCARD
+    (message,) = flying.host.messages
+    assert message.text.startswith(f"{function}: ")
+
+
+def test_the_time_of_the_last_success_and_no_termination_are_reported(flying):
+    time, terminated = c_double(), c_int(7)
+    flying.ok("fmi2GetRealStatus", api.LAST_SUCCESSFUL_TIME, byref(time))
+    flying.ok("fmi2GetBooleanStatus", api.TERMINATED, byref(terminated))
+    assert (time.value, terminated.value) == (0.5, 0)

@@ -1,0 +1,100 @@
+"""One FMU as the tests see it: made from a .fmu with parameters by vector name, then set, stepped and read.
+
+Scalars `v[1], v[2], v[3]` of the interface are the vector `v`, `J[1,2]` are elements of the matrix `J`. A record
+such as a sinusoid may be given as a dict: {"M_dist_T": {"bias": (1, 0, 0)}} is {"M_dist_T.bias": (1, 0, 0)}.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from fmpy import extract, read_model_description
+from fmpy.fmi2 import FMU2Slave
+
+Values = Mapping[str, object]
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def archive(name: str) -> Path:
+    """The .fmu in the build folder that SERVICING_FMUS_BUILD names."""
+    return ROOT / os.environ.get("SERVICING_FMUS_BUILD", "build") / "fmus" / f"{name}.fmu"
+
+
+def flat(values: Values, prefix: str = "") -> dict[str, np.ndarray]:
+    """Records become dotted names, values become flat arrays (row-major)."""
+    result = {}
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            result |= flat(value, f"{prefix}{name}.")
+        else:
+            result[prefix + name] = np.array(value, dtype=float).ravel()
+    return result
+
+
+class Kind:
+    """An unpacked FMU: where it lies and which value references make up each vector."""
+
+    def __init__(self, name: str, folder: Path) -> None:
+        self.folder = extract(str(archive(name)), unzipdir=str(folder))
+        self.description = read_model_description(self.folder)
+        self.references: dict[str, list[int]] = {}
+        self.outputs: dict[str, None] = {}  # an ordered set
+        for v in self.description.modelVariables:
+            vector = v.name.partition("[")[0]
+            self.references.setdefault(vector, []).append(v.valueReference)
+            if v.causality == "output":
+                self.outputs[vector] = None
+
+
+class Unit:
+    """One instance. `time` is the communication point it has reached."""
+
+    def __init__(self, kind: Kind, parameters: Values, inputs: Values, start: float) -> None:
+        self.kind, self.time = kind, start
+        d = kind.description
+        self.slave = FMU2Slave(guid=d.guid, modelIdentifier=d.coSimulation.modelIdentifier, unzipDirectory=kind.folder)
+        self.slave.instantiate()
+        self.slave.setupExperiment(startTime=start)
+        self.slave.enterInitializationMode()
+        self.set(parameters)
+        self.set(inputs)
+        self.slave.exitInitializationMode()
+
+    def set(self, values: Values) -> None:
+        for name, value in flat(values).items():
+            references = self.kind.references[name]
+            assert len(value) == len(references), f"{name} has {len(references)} elements"
+            self.slave.setReal(references, value.tolist())
+
+    def step(self, h: float, inputs: Values | None = None) -> None:
+        """Set the inputs and step by h."""
+        self.set(inputs or {})
+        self.slave.doStep(self.time, h)
+        self.time += h
+
+    def get(self, name: str) -> np.ndarray:
+        """Vector of an output or parameter; a scalar comes as a number."""
+        values = np.array(self.slave.getReal(self.kind.references[name]))
+        return values if len(values) > 1 else values[0]
+
+    def outputs(self) -> dict[str, np.ndarray]:
+        return {name: self.get(name) for name in self.kind.outputs}
+
+    def history(self, h: float, steps: int, *names: str) -> tuple[np.ndarray, ...]:
+        """Times and the named outputs, one row per communication point including the present one."""
+        rows = [[self.time, *map(self.get, names)]]
+        for _ in range(steps):
+            self.step(h)
+            rows.append([self.time, *map(self.get, names)])
+        return tuple(np.array(column) for column in zip(*rows, strict=True))
+
+    def close(self) -> None:
+        self.slave.freeInstance()
+
+
+def bits(unit: Unit) -> bytes:
+    """All outputs of a unit to the last bit."""
+    return b"".join(np.asarray(value).tobytes() for value in unit.outputs().values())

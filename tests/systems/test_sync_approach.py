@@ -1,0 +1,129 @@
+"""sync_approach under the master against an independent program, a monolithic C program, and itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from harness.master import Simulation
+from harness.monolith import Monolith
+from harness.run import fly
+
+from .sync_case import GYROSCOPIC, PAPER, THRUSTERS, deviation, flight, identical, reference_flight, system
+
+CASES = pytest.mark.parametrize("case", [PAPER, GYROSCOPIC, THRUSTERS], ids=str)
+SPINNING = pytest.mark.parametrize("case", [PAPER, GYROSCOPIC], ids=str)
+
+ORBIT = {
+    "r_TN_N": 3e-6,  # m
+    "r_SN_N": 3e-6,
+    "v_TN_N": 1e-8,  # m/s
+    "v_SN_N": 2e-8,
+    "rho_H": 1e-6,
+    "range": 1e-6,
+    "e1_H": 1e-6,
+    "drho_H": 2e-8,
+    "e2_H": 2e-8,
+    "F_cmd_H": 2e-7,  # N
+    "F_cmd_S": 2e-7,
+    "F_S": 2e-7,
+    "impulse": 2e-6,  # N.s
+    "m_hat": 1e-8,  # kg
+    "beta_t": 3e-7,  # rad: rho over 4 m
+    "beta_p": 3e-7,
+}
+"""Tolerances of what is a difference of two orbits: about 30 times what rounding 7e6 m and 7e3 m/s leaves of it."""
+
+ATTITUDE = {PAPER: 1e-11, GYROSCOPIC: 1e-8, THRUSTERS: 1e-8}
+"""Tolerance of everything else relative to its largest value: about 30 times the difference between RK4 on quaternions
+and on Rodrigues parameters at 0.1 s, (rate x 0.1 s)^5/120 per step at up to 0.02 rad/s, and 0.12 rad/s."""
+
+ONLY_IN_THE_REFERENCE = {"time", "guidance.normal_distance"}
+
+
+@CASES
+def test_every_output_at_every_step_is_that_of_the_independent_program(case):
+    result, expected = flight(case), reference_flight(case)
+    assert set(result.vectors) == set(expected) - ONLY_IN_THE_REFERENCE
+    assert not (result.time - expected["time"]).any()
+    for name in result.vectors:
+        scale = np.abs(expected[name]).max()
+        tolerance = ORBIT.get(name.partition(".")[2], ATTITUDE[case] * scale)
+        worst = deviation(name, result[name], expected[name])
+        assert worst.max() <= tolerance, f"{name} at {result.time[worst.argmax()]} s"
+
+
+def test_cases_exercise_what_they_are_for():
+    """Gyroscopic torque, limits of the estimates, guard of the attitude; agreement would otherwise say little."""
+    wheels, rate = flight(GYROSCOPIC)["servicer.wheel_speed"][601:], flight(GYROSCOPIC)["servicer.omega_SN_S"][601:]
+    momentum = wheels * [12, 15, 10] + rate * [200, 250, 150]
+    assert np.linalg.norm(np.cross(rate, momentum), axis=1).max() > 1  # N.m
+    assert np.linalg.norm(momentum, axis=1).min() > 10  # N.m.s: in the paper's case it is almost zero
+    limited = flight(THRUSTERS)
+    m_hat, eta_hat = limited["controller.m_hat"], limited["controller.eta_hat"]
+    assert np.isclose(m_hat, 95 * (1 + 1e-4), rtol=1e-12).any()
+    assert (np.abs(eta_hat[:, [1, 2, 4]]) == 0.2).any()  # J off the diagonal
+    assert np.isclose(np.abs(eta_hat[:, [6, 9, 11]] / [14, 16, 12] - 1), 0.01, rtol=1e-12).any()  # A on it
+    assert 0 < limited["guidance.attitude_guard"].mean() < 1
+
+
+def test_propulsion_passes_the_command_of_the_same_step_on():
+    result = flight(PAPER)
+    assert result["propulsion.F_S"].tobytes() == result["controller.F_cmd_S"].tobytes()
+
+
+# ---- one system, several programs: same bits
+
+
+@SPINNING
+def test_master_and_monolithic_program_agree_to_the_bit(case):
+    """The same model files without FMI in one C program; compared once per second."""
+    result = flight(case)
+    with system(case) as changed:
+        program = Monolith(changed)
+        for row in range(0, len(result.time), 10):
+            assert program.outputs().tobytes() == result.values[row].tobytes(), f"at {result.time[row]} s"
+            program.run(10)
+
+
+@CASES
+def test_both_executors_agree_to_the_bit(case):
+    assert identical(flight(case, executor="python"), flight(case))
+
+
+def test_a_flight_repeats_to_the_bit():
+    assert identical(flight.__wrapped__(PAPER), flight(PAPER))
+
+
+@pytest.mark.parametrize("every", [7, 10])
+def test_recording_fewer_steps_changes_nothing_but_the_rows(every):
+    thin, full = flight(PAPER, every=every), flight(PAPER)
+    assert thin.values.tobytes() == full.values[::every].tobytes()
+    assert thin.time.tobytes() == full.time[::every].tobytes()
+
+
+@pytest.mark.parametrize("order", [(4, 3, 2, 1, 0), (2, 4, 0, 3, 1)])
+def test_order_of_the_components_does_not_matter_to_jacobi(order):
+    with system(GYROSCOPIC, algorithm="jacobi") as changed:
+        shuffled = replace(changed, components=tuple(changed.components[i] for i in order))
+        assert identical(fly(changed), fly(shuffled))
+
+
+@pytest.mark.parametrize(
+    ("case", "saved_at", "executor"),
+    [(PAPER, 9000, "c"), (GYROSCOPIC, 1000, "c"), (GYROSCOPIC, 1000, "python")],
+    ids=str,
+)
+def test_a_restored_system_has_the_same_future_to_the_bit(case, saved_at, executor):
+    """Saved half way; flown on, restored, flown on again; in between the first future has moved every state."""
+    with system(case) as changed, Simulation(changed, executor=executor) as simulation:
+        simulation.advance(to=saved_at)
+        snapshot = simulation.save()
+        for _ in range(2):
+            simulation.advance()
+            assert identical(simulation.result(), flight(case))
+            simulation.restore(snapshot)
+            simulation.recorder.table[saved_at + 1 :] = np.nan
+        simulation.free(snapshot)
