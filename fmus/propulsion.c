@@ -75,7 +75,7 @@ static void check(const Parameters *p, Problems *problems)
     }
 }
 
-/* section 6: the counter runs while the command differs from what is delivered (latch: always) */
+/* B.6: the counter runs while the command differs from what is delivered (latch: always) */
 static void delay(const Parameters *p, Engine *e)
 {
     int settled = e->command == e->delayed && !p->latch, ripe = e->waited >= p->Tl / p->T0 - 1e-9;

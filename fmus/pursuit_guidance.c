@@ -128,7 +128,7 @@ static vec3 direction(vec3 a, vec3 otherwise) /* unit vector; at zero length the
 
 /* ---- attitude ---- */
 
-/* 4.1: rows of A are the required axes in N; g: angle from X to d, b: from the XY plane to the plane of X and d */
+/* B.4.1: rows of A are the required axes in N; g: angle from X to d, b: from the XY plane to the plane of X and d */
 static quat two_turns(quat q_SN, vec3 d)
 {
     double q = sqrt(d.y * d.y + d.z * d.z), cb = q > 0 ? d.y / q : 1, sb = q > 0 ? d.z / q : 0;
@@ -136,7 +136,7 @@ static quat two_turns(quat q_SN, vec3 d)
     return canonical(product(conjugate(q_SN), quat_of_dcm(A)));
 }
 
-/* 4.2: turn X to b, d in S axes: [c, 0, -b3/(2c), b2/(2c)], c = sqrt((1 + b1)/2); b = -X: half a turn about Y */
+/* B.4.2: turn X to b, d in S axes: [c, 0, -b3/(2c), b2/(2c)], c = sqrt((1 + b1)/2); b = -X: half a turn about Y */
 static quat shortest_arc(quat q_SN, vec3 d)
 {
     vec3 b = mul(dcm_of_quat(q_SN), d);
@@ -144,7 +144,7 @@ static quat shortest_arc(quat q_SN, vec3 d)
     return c > 0 ? canonical((quat){c, 0, -b.z / (2 * c), b.y / (2 * c)}) : (quat){0, 0, 1, 0};
 }
 
-/* 4.3 */
+/* B.4: along the axis of L, limited */
 static vec3 required_rate(const Parameters *p, quat L)
 {
     vec3 omega = scale(2 * p->k_q, vector_part(L));
@@ -162,7 +162,7 @@ static void point(const Parameters *p, quat q_SN, vec3 d, Output *y)
 
 /* ---- velocity ---- */
 
-/* 4.4: far beyond zeta1, with hysteresis from the second sample on */
+/* B.4.4: far beyond zeta1, with hysteresis from the second sample on */
 static double scalar_speed(const Parameters *p, State *x, double range, double v_T)
 {
     double width = x->started ? p->zhys : 0;
@@ -172,13 +172,13 @@ static double scalar_speed(const Parameters *p, State *x, double range, double v
     return range <= p->zeta2 || p->text_speed ? v_T : 0.5 * v_T;
 }
 
-/* 4.5: state of the engines before this sample's command */
+/* B.4.5: state of the engines before this sample's command */
 static int firing(const Parameters *p, const Input *u)
 {
     return u->translation_firing > 0 || u->F_S.x > 0.01 * p->main_thrust || -u->F_S.x > 0.01 * p->brake_thrust;
 }
 
-/* 4.5: the transitions are tested in this order within one sample; returns the direction that X shall have */
+/* B.4.5: the transitions are tested in this order within one sample; returns the direction that X shall have */
 static vec3 advance_mode(const Parameters *p, const Input *u, State *x, vec3 sight, vec3 e_v, vec3 X, double t)
 {
     vec3 d = sight;

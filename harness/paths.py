@@ -33,7 +33,7 @@ def monolith_library() -> Path | None:
 
 
 def _library(name: str) -> Path | None:
-    candidates = (folder / name for folder in (*_chosen(), PACKAGE, BUILD))
+    candidates = (folder / name for folder in (*_chosen(), PACKAGE / "data", BUILD))
     return next((path for path in candidates if path.is_file()), None)
 
 

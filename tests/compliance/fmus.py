@@ -16,4 +16,3 @@ ARCHIVES = sorted((BUILD / "fmus").glob("*.fmu"))
 
 if not ARCHIVES:  # pytest would skip tests that are parametrised over nothing
     raise pytest.UsageError(f"there are no FMUs in {BUILD / 'fmus'}: build them first (make build)")
-

@@ -219,7 +219,9 @@ class Instance:
         return buffer.raw
 
     def try_deserialize(self, data: bytes, state: c_void_p) -> Status:
-        return self.call("fmi2DeSerializeFMUstate", ctypes.create_string_buffer(data, len(data)), len(data), byref(state))
+        return self.call(
+            "fmi2DeSerializeFMUstate", ctypes.create_string_buffer(data, len(data)), len(data), byref(state)
+        )
 
     def deserialize(self, data: bytes) -> c_void_p:
         state = c_void_p()

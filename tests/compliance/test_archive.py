@@ -51,7 +51,9 @@ def test_there_is_no_stray_file(archive, files):
     assert [path for path in files if not is_expected(path, archive.stem)] == []
 
 
-@pytest.mark.parametrize("stray", ["notes.txt", "sources/.x.c.swp", "binaries/linux64/other.so", "sources/a/b.c", "binaries/a.so"])
+@pytest.mark.parametrize(
+    "stray", ["notes.txt", "sources/.x.c.swp", "binaries/linux64/other.so", "sources/a/b.c", "binaries/a.so"]
+)
 def test_a_stray_file_would_be_noticed(stray):
     assert not is_expected(stray, "target")
 
@@ -107,7 +109,9 @@ def test_the_library_exports_the_fmi_functions_and_nothing_else(fmu):
     library = fmu.folder / "binaries" / FOLDER / (fmu.name + ENDING)
     lines = subprocess.run(["nm", "-D", "--defined-only", library], capture_output=True, text=True, check=True).stdout
     exported = {line.split()[-1].split("@")[0] for line in lines.splitlines()}
-    assert exported - {name for name in exported if name.startswith(("__asan", "__ubsan", "__odr_asan"))} == set(api.FUNCTIONS)
+    assert exported - {name for name in exported if name.startswith(("__asan", "__ubsan", "__odr_asan"))} == set(
+        api.FUNCTIONS
+    )
 
 
 def test_no_file_tells_where_it_was_built(files):

@@ -59,7 +59,9 @@ def calls(about):
     return some.one_of(kind for kind, verb in zip(kinds, verbs, strict=True) for _ in range(weights.get(verb, 1)))
 
 
-BEGIN = [[(s, "new"), (s, "call", "fmi2EnterInitializationMode"), (s, "call", "fmi2ExitInitializationMode")] for s in (0, 1)]
+BEGIN = [
+    [(s, "new"), (s, "call", "fmi2EnterInitializationMode"), (s, "call", "fmi2ExitInitializationMode")] for s in (0, 1)
+]
 KEEP = [(0, "save", 0), (0, "serialize", 0, 0)]
 """How both instances begin their lives; sequences start with a part of it, mostly the whole for the first instance."""
 

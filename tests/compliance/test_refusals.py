@@ -80,7 +80,14 @@ def test_a_missing_name_or_guid_is_refused(fmu, missing):
 
 @pytest.mark.parametrize(
     ("start", "stop", "word"),
-    [(nan, None, "start"), (inf, None, "start"), (-inf, None, "start"), (0, -1, "stop"), (5, 5, "stop"), (0, nan, "stop")],
+    [
+        (nan, None, "start"),
+        (inf, None, "start"),
+        (-inf, None, "start"),
+        (0, -1, "stop"),
+        (5, 5, "stop"),
+        (0, nan, "stop"),
+    ],
 )
 def test_impossible_experiments_are_refused(instance, start, stop, word):
     with refused(instance, "fmi2SetupExperiment", word) as answer:

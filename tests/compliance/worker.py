@@ -24,7 +24,10 @@ class Session:
     """Two instances, up to four saved states, up to four arrays of bytes. Verbs are the methods called do_<verb>."""
 
     def __init__(self, fmu: Fmu) -> None:
-        self.fmu, self.host = fmu, Host()  # one host: a state may be released by another instance than the one that gave it
+        self.fmu, self.host = (
+            fmu,
+            Host(),
+        )  # one host: a state may be released by another instance than the one that gave it
         self.slots: list[Instance | None] = [None, None]
         self.states: dict[int, c_void_p] = {}
         self.bytes: dict[int, bytes] = {}

@@ -45,7 +45,7 @@ def pulse(ticks, total, i=12):
 
 @pytest.mark.parametrize("ticks", [1, 2, 3, 7, 20])
 def test_impulse_of_a_pulse_is_the_closed_form(fmu, ticks):
-    """Spec section 6: sum of the two geometric series; 400 ticks of decay leave (6/7)^400 < 1e-26."""
+    """B.6: sum of the two geometric series; 400 ticks of decay leave (6/7)^400 < 1e-26."""
     unit = fmu("propulsion", {"Tl": 0})
     fly(unit, pulse(ticks, ticks + 400))
     a, P = 0.1 / 0.3, 50
@@ -114,7 +114,7 @@ def test_latch_samples_the_command_every_third_call(fmu):
 
 
 @pytest.mark.parametrize("options", [{}, {"latch": 1}, {"exact_lag": 1}, {"Tl": 0.3}, {"Tl": 0.25, "T2dn": 0.05}])
-def test_thrust_impulse_and_switches_follow_the_recursion_of_the_spec(fmu, rng, options):
+def test_thrust_impulse_and_switches_follow_the_recursion_of_the_reference(fmu, rng, options):
     """The reference's recursion with random flags of random length; 1e-12 covers exp of two libraries."""
     flags = np.repeat(rng.integers(0, 2, (60, 13)), rng.integers(1, 6, 60), axis=0)
     unit, p = fmu("propulsion", options), relay.Parameters(brake=10, main=50, **options)

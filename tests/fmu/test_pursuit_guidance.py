@@ -28,7 +28,7 @@ def at_range(distance, along=X):
 
 
 def printed_matrix(d):
-    """4.1 as printed: rows are the required body axes in ISK."""
+    """B.4.1 as printed: rows are the required body axes in ISK."""
     r, q = np.linalg.norm(d), np.hypot(d[1], d[2])
     cg, sg, cb, sb = d[0] / r, q / r, d[1] / q, d[2] / q
     return np.array([(cg, sg * cb, sg * sb), (-sg, cg * cb, cg * sb), (0, -sb, cb)])

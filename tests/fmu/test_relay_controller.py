@@ -62,7 +62,7 @@ def test_truth_table_of_the_rotation_relays(fmu, axis, sign, value, from_off, fr
 @pytest.mark.parametrize(("value", "from_off", "from_on"), TRANSLATION_TABLE)
 @pytest.mark.parametrize(("sign", "engines", "others"), [(1, MAIN, BRAKES), (-1, BRAKES, MAIN)])
 def test_truth_table_of_main_engine_and_brakes(fmu, sign, engines, others, value, from_off, from_on, before):
-    """The brakes go off when sigma_v has risen to -rho1 (E3: printed with the other sign, they would never go off)."""
+    """The brakes go off when sigma_v has risen to -rho1 (B.8: printed with the other sign, they would never go off)."""
     unit = fmu("relay_controller", STATIC, FREE)
     for error in ((ABOVE if before else 0), value):
         unit.step(T0, {"drho_ref_N": (sign * error, 0, 0)})

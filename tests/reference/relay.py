@@ -23,7 +23,7 @@ COAST, ALIGN, BURN = 0, 1, 2
 ENGINES = 13
 MAIN = 12
 """index of P'5; the brakes P'1..P'4 are 8..11, the attitude thrusters P1..P8 are 0..7"""
-# section 6: position from O [m], direction of the force
+# B.6: position from O [m], direction of the force
 GEOMETRY: tuple[tuple[Vector, Vector], ...] = (
     ((-0.5, 1, 0), (0, -1, 0)),
     ((-0.5, 0, 1), (0, 0, -1)),
@@ -136,11 +136,11 @@ def turn(q: Quaternion, v: Vector) -> Vector:
     return times(times(q, (0.0, *v)), conjugate(q))[1:]
 
 
-# ---- section 4: guidance
+# ---- B.4: guidance
 
 
 def two_turns(q: Quaternion, d: Vector) -> Quaternion:
-    """4.1: +b about X, then +g about the new Z brings X to d; the transition quaternion from the attitude q."""
+    """B.4.1: +b about X, then +g about the new Z brings X to d; the transition quaternion from the attitude q."""
     g, b = atan2(hypot(d[1], d[2]), d[0]), atan2(d[2], d[1]) if (d[1], d[2]) != (0, 0) else 0.0
     required = times((cos(b / 2), sin(b / 2), 0.0, 0.0), (cos(g / 2), 0.0, 0.0, sin(g / 2)))
     L = times(conjugate(q), required)
@@ -148,7 +148,7 @@ def two_turns(q: Quaternion, d: Vector) -> Quaternion:
 
 
 def shortest_arc(q: Quaternion, d: Vector) -> Quaternion:
-    """4.2: the half-way quaternion 1 + X~ b, b the pointing vector in SSK."""
+    """B.4.2: the half-way quaternion 1 + X~ b, b the pointing vector in SSK."""
     b1, b2, b3 = turn(conjugate(q), unit(d))
     n = sqrt((1 + b1) ** 2 + b2 * b2 + b3 * b3)
     return ((1 + b1) / n, 0.0, -b3 / n, b2 / n) if n > 0 else (0.0, 0.0, 1.0, 0.0)
@@ -167,7 +167,7 @@ class Guidance:
         self.far: bool | None = None
 
     def scalar_speed(self, distance: float, v_tar: float) -> float:
-        """4.4"""
+        """B.4.4"""
         p = self.p
         if self.far is None or p.zhys == 0:
             self.far = distance > p.zeta1
@@ -180,13 +180,13 @@ class Guidance:
         return v_tar if distance <= p.zeta2 or p.vlog else 0.5 * v_tar
 
     def velocity_error(self, dr: Vector, v: Vector, v_T: Vector) -> Vector:
-        """4.5: v_r - v"""
+        """B.4.5: v_r - v"""
         r, speed = norm(dr), norm(v_T)
         s = min(max(self.p.k_r * (r - self.p.zeta1), -speed), 2 * speed)
         return plus(plus(v_T, dr, s / r), v, -1.0)
 
     def modes(self, k: int, dr: Vector, e_v: Vector, X: Vector, omega: Vector, firing: bool) -> Vector:
-        """4.5, the three transitions in the printed order; returns the pointing vector"""
+        """B.4.5, the three transitions in the printed order; returns the pointing vector"""
         p, d, error = self.p, dr, norm(e_v)
         if self.mode == COAST and error >= p.rho2:
             self.mode = ALIGN
@@ -204,7 +204,7 @@ class Guidance:
         return d
 
 
-# ---- section 5: relays
+# ---- B.5: relays
 
 
 def relay(s: float, on: float, off: float, before: int, off_at_threshold: bool = False) -> int:
@@ -244,7 +244,7 @@ class Relays:
                 f[i] = relay(-s, p.xi2, p.xi1, f[i])
 
 
-# ---- section 6: propulsion unit
+# ---- B.6: propulsion unit
 
 
 class Engines:
@@ -286,7 +286,7 @@ class Engines:
         return F, M
 
 
-# ---- sections 2 and 3: plants
+# ---- B.2: plants
 
 
 def tide(t: float, r: Vector, p: Parameters) -> Vector:

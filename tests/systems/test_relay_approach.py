@@ -201,7 +201,7 @@ def test_double_precision_suffices_for_inertial_coordinates_in_geostationary_orb
 
 
 def test_only_a_velocity_that_turns_with_the_body_lets_the_scalar_law_come_to_rest():
-    """E1: with Newton's law the velocity across the axis is nobody's business; it grows until the servicer circles."""
+    """B.8: with Newton's law the velocity across the axis is nobody's business; it grows until the servicer circles."""
     newton = flight(PAPER, ("servicer.velocity_follows_attitude=0",))
     paper = flight(PAPER)
     assert relative_speed(paper)[last(paper, 5000)].mean() < 2e-3

@@ -69,6 +69,13 @@ def test_cases_exercise_what_they_are_for():
     assert 0 < limited["guidance.attitude_guard"].mean() < 1
 
 
+@CASES
+def test_rodrigues_parameters_are_published_inside_the_unit_sphere(case):
+    """They are compared above in either set; the target of the paper leaves the sphere up to |sigma| = 3 if let."""
+    for name in ("target.sigma_TN", "servicer.sigma_SN", "controller.epsilon"):
+        assert np.linalg.norm(flight(case)[name], axis=1).max() <= 1 + 1e-15
+
+
 def test_propulsion_passes_the_command_of_the_same_step_on():
     result = flight(PAPER)
     assert result["propulsion.F_S"].tobytes() == result["controller.F_cmd_S"].tobytes()
@@ -91,6 +98,17 @@ def test_master_and_monolithic_program_agree_to_the_bit(case):
 @CASES
 def test_both_executors_agree_to_the_bit(case):
     assert identical(flight(case, executor="python"), flight(case))
+
+
+@pytest.mark.parametrize("algorithm", ["gauss-seidel", "jacobi"])
+def test_both_executors_agree_to_the_bit_with_periods_and_latencies(algorithm):
+    """Software every fourth and second step, published one step late; the result is not that of all at once."""
+    rates = {"guidance": {"every": 4, "latency": 1}, "controller": {"every": 2, "latency": 1}}
+    with system(GYROSCOPIC, algorithm=algorithm) as changed:
+        slow = replace(changed, components=tuple(replace(c, **rates.get(c.name, {})) for c in changed.components))
+        result = fly(slow)
+        assert identical(fly(slow, executor="python"), result)
+    assert not identical(result, flight(GYROSCOPIC, algorithm=algorithm))
 
 
 def test_a_flight_repeats_to_the_bit():

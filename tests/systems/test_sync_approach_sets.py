@@ -103,7 +103,7 @@ def final_position_error(name: str, changes) -> float:
 
 
 def test_with_nothing_unknown_the_position_error_vanishes():
-    """The software takes the orbit for Keplerian; J2 turns the Hill frame by 1e-6 rad/s more (docs/models.md A.4.1): below 1 mm."""
+    """The software takes the orbit for Keplerian; J2 turns the Hill frame by 1e-6 rad/s more (docs/models.md A.4.1)."""
     assert final_position_error("nothing unknown", NOTHING_UNKNOWN) < 1e-4
 
 
