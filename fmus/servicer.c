@@ -113,12 +113,13 @@ typedef struct {
     const Parameters *p;
     const Input *u;
     vec3 wheel_accel;
+    double since; /* start of the internal step */
     int released;
 } Context;
 
-static vec3 disturbance_N(const Parameters *p, const State *x, double t)
+static vec3 disturbance_N(const Parameters *p, const State *x, double since, double t)
 {
-    vec3 a = sinusoid(&p->a_dist, t);
+    vec3 a = sinusoid(&p->a_dist, since, t);
     return p->a_dist_axes ? tmul(hill_frame(p->orbit.mu, x->r, x->v).C_HN, a) : a;
 }
 
@@ -134,7 +135,7 @@ static void attitude_derivative(const Context *c, double t, const State *x, Stat
 {
     const Parameters *p = c->p;
     vec3 momentum = add(mul(p->J_S, x->omega), mul(p->A_w, x->wheel_speed));
-    vec3 torque = add(c->u->M_S, sinusoid(&p->M_dist_S, t));
+    vec3 torque = add(c->u->M_S, sinusoid(&p->M_dist_S, c->since, t));
     if (p->use_gravity_gradient)
         torque = add(torque, gravity_gradient(p->orbit.mu, mul(dcm_of_mrp(x->sigma), x->r), p->J_S));
 
@@ -151,7 +152,7 @@ static void derivative(const void *context, double t, const double *from, double
     State *dx = (State *)(void *)to;
 
     vec3 thrust = scale(1 / x->mass, tmul(dcm_of_mrp(x->sigma), c->u->F_S));
-    vec3 free_fall = add(gravity(&p->orbit, p->use_J2, x->r), disturbance_N(p, x, t));
+    vec3 free_fall = add(gravity(&p->orbit, p->use_J2, x->r), disturbance_N(p, x, c->since, t));
     *dx = (State){.r = x->v, .v = sum3(free_fall, thrust, slaved_N(c, x)), .mass = -c->u->mdot};
     if (c->released) attitude_derivative(c, t, x, dx);
 }
@@ -201,7 +202,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     for (Substep s = first_substep(t, h, p->max_step); s.h > 0; s = next_substep(s)) {
-        const Context context = {p, u, wheel_accels(p, u->wheel_accel_cmd, x->wheel_speed, s.h),
+        const Context context = {p, u, wheel_accels(p, u->wheel_accel_cmd, x->wheel_speed, s.h), s.t,
                                  reached(s.t, p->t_att)};
         rk4(derivative, &context, s.t, s.h, &x->r.x, sizeof *x / sizeof(double));
         x->sigma = mrp_inside(x->sigma);

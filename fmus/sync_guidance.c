@@ -5,7 +5,7 @@
  *   D:  i = -C_HT p_T,   u = i x z_H,   k = u/|u|,   j = k x i
  *
  * with all derivatives, published as seen in N. Where the grasp axis comes within guard_angle of the orbit normal, k stays
- * where it was at the last sample, turned perpendicular to i. The software knows the model of the target (inertia, gravity
+ * where it was at the last sample outside, turned perpendicular to i. The software knows the model of the target (inertia, gravity
  * gradient, Keplerian orbit rate), not its disturbances unless know_M_dist.
  * Source: Zhu & Yang 2009, equations (5) to (7) and (10); derivatives: docs/models.md A.4. */
 #include "body_rows.h"
@@ -22,7 +22,7 @@ typedef struct {
     Sinusoid M_dist_T;
 } Parameters;
 typedef struct { Body T, S; } Input;
-typedef struct { vec3 k_H; } State; /* k of the last sample */
+typedef struct { vec3 k_H; } State; /* k of the last sample outside the guard */
 typedef struct {
     Reference ref;
     vec3 rho_H, drho_H, rho_ref_H;
@@ -86,7 +86,7 @@ static void check(const Parameters *p, Problems *problems)
 static Motion grasp_axis(const Parameters *p, const Body *T, const HillFrame *H, double t)
 {
     mat3 C_TN = dcm_of_quat(canonical(T->q)), C_TH = matmul_t(C_TN, H->C_HN);
-    vec3 torque = p->know_M_dist ? sinusoid(&p->M_dist_T, t) : vec(0, 0, 0);
+    vec3 torque = p->know_M_dist ? sinusoid(&p->M_dist_T, t, t) : vec(0, 0, 0);
     if (p->use_gravity_gradient) torque = add(torque, gravity_gradient(p->mu, mul(C_TN, T->r), p->J_T));
     vec3 domega = solve(p->J_T, sub(torque, cross(T->omega, mul(p->J_T, T->omega))));
 
@@ -132,7 +132,7 @@ static void reference_attitude(const Parameters *p, const HillFrame *H, Motion a
     if (y->attitude_guard) u = normal_part(*held, i);
     Motion k = normalised(u);
     publish_attitude(H, i, cross_motion(k, i), k, &y->ref);
-    *held = k.x;
+    if (!y->attitude_guard) *held = k.x;
 }
 
 /* A.4.1, A.4.2: derivatives as seen in H become derivatives as seen in N, all in N axes */

@@ -86,15 +86,16 @@ static vec3 gravity_gradient_T(const Parameters *p, mat3 C_TN, vec3 r)
     return p->use_gravity_gradient ? gravity_gradient(p->orbit.mu, mul(C_TN, r), p->J_T) : vec(0, 0, 0);
 }
 
-static vec3 disturbance_N(const Parameters *p, const State *x, double t)
+static vec3 disturbance_N(const Parameters *p, const State *x, double since, double t)
 {
-    vec3 a = sinusoid(&p->a_dist, t);
+    vec3 a = sinusoid(&p->a_dist, since, t);
     return p->a_dist_axes ? tmul(hill_frame(p->orbit.mu, x->r, x->v).C_HN, a) : a;
 }
 
 typedef struct {
     const Parameters *p;
     const Input *u;
+    double since; /* start of the internal step */
 } Context;
 
 /* (2), (4) */
@@ -102,15 +103,17 @@ static void derivative(const void *context, double t, const double *from, double
 {
     const Parameters *p = ((const Context *)context)->p;
     const Input *u = ((const Context *)context)->u;
+    double since = ((const Context *)context)->since;
     const State *x = (const State *)(const void *)from;
     State *dx = (State *)(void *)to;
 
     mat3 C_TN = dcm_of_mrp(x->sigma);
     vec3 contact = scale(1 / p->mass, tmul(C_TN, u->F_T));
-    vec3 torque = sum3(gravity_gradient_T(p, C_TN, x->r), sinusoid(&p->M_dist_T, t), u->M_T);
+    vec3 torque = sum3(gravity_gradient_T(p, C_TN, x->r), sinusoid(&p->M_dist_T, since, t), u->M_T);
 
     dx->r = x->v;
-    dx->v = sum4(gravity(&p->orbit, p->use_J2, x->r), disturbance_N(p, x, t), sinusoid(&p->a_manoeuvre_N, t), contact);
+    dx->v = sum4(gravity(&p->orbit, p->use_J2, x->r), disturbance_N(p, x, since, t),
+                 sinusoid(&p->a_manoeuvre_N, since, t), contact);
     dx->sigma = mrp_rate(x->sigma, x->omega);
     dx->omega = solve(p->J_T, sub(torque, cross(x->omega, mul(p->J_T, x->omega))));
 }
@@ -135,8 +138,8 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
-    const Context context = {p, u};
     for (Substep s = first_substep(t, h, p->max_step); s.h > 0; s = next_substep(s)) {
+        const Context context = {p, u, s.t};
         rk4(derivative, &context, s.t, s.h, &x->r.x, sizeof *x / sizeof(double));
         x->sigma = mrp_inside(x->sigma);
     }

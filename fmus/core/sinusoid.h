@@ -23,9 +23,10 @@ static inline double wave(double bias, double amplitude, double frequency, doubl
     return amplitude == 0 ? bias : bias + amplitude * sin(frequency * t + phase);
 }
 
-static inline vec3 sinusoid(const Sinusoid *d, double t)
+/* `since`: start of the internal step that t lies in, so that the last stage before the start time does not feel it */
+static inline vec3 sinusoid(const Sinusoid *d, double since, double t)
 {
-    if (!reached(t, d->start)) return vec(0, 0, 0);
+    if (!reached(since, d->start)) return vec(0, 0, 0);
     return vec(wave(d->bias.x, d->amplitude.x, d->frequency.x, d->phase.x, t),
                wave(d->bias.y, d->amplitude.y, d->frequency.y, d->phase.y, t),
                wave(d->bias.z, d->amplitude.z, d->frequency.z, d->phase.z, t));

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fmpy.fmi1 import FMICallException
 
 from tests.reference import relay
 
 from .cases import random_direction
 from .driver import bits
+from .refusals import refusal
 
 G_0 = 9.80665  # m/s2, standard gravity, exact by definition
 T0 = 0.1
@@ -290,10 +290,8 @@ def test_thruster_that_sticks_still_rises_and_falls_with_its_lag(fmu):
         ({"latch": 2}, "latch = 2: must be 0 or 1"),
     ],
 )
-def test_bad_parameters_are_refused_with_the_rule(fmu, capfd, parameters, rule):
-    with pytest.raises(FMICallException):
-        fmu("propulsion", parameters)
-    assert rule in capfd.readouterr().out
+def test_bad_parameters_are_refused_with_the_rule(tmp_path, parameters, rule):
+    assert rule in refusal("propulsion", parameters, tmp_path)
 
 
 def test_rows_of_thrusters_that_do_not_exist_may_hold_anything(fmu):

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fmpy.fmi1 import FMICallException
 
 from tests.reference import relay
 
 from .cases import random_rotation
+from .refusals import refusal
 from .theory import quaternion_of_dcm
 
 T0 = 0.1
@@ -260,7 +260,5 @@ def test_limit_cycle_of_a_double_integrator_has_the_period_of_theory(fmu, axis, 
         ({"law": 3}, "law = 3: must be 0 or 1"),
     ],
 )
-def test_bad_parameters_are_refused_with_the_rule(fmu, capfd, parameters, rule):
-    with pytest.raises(FMICallException):
-        fmu("relay_controller", parameters)
-    assert rule in capfd.readouterr().out
+def test_bad_parameters_are_refused_with_the_rule(tmp_path, parameters, rule):
+    assert rule in refusal("relay_controller", parameters, tmp_path)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fmpy.fmi1 import FMICallException
 from scipy.optimize import linprog, lsq_linear
 
 from .cases import random_direction
+from .refusals import refusal
 
 T0 = 0.1
 DAMPING = 1e-5  # sqrt(eps) of the model's definition
@@ -281,7 +281,5 @@ def test_first_outputs_leave_no_memory(fmu):
         (PULSES | {"min_on_time": 1.1}, "min_on_time = 1.1: must not be above pulse_period"),
     ],
 )
-def test_bad_parameters_are_refused_with_the_rule(fmu, capfd, parameters, rule):
-    with pytest.raises(FMICallException):
-        fmu("thruster_allocation", parameters)
-    assert rule in capfd.readouterr().out
+def test_bad_parameters_are_refused_with_the_rule(tmp_path, parameters, rule):
+    assert rule in refusal("thruster_allocation", parameters, tmp_path)

@@ -128,15 +128,14 @@ def moment(err: AttitudeError, wheel_speed: Array, eta_hat: Array, p: Parameters
 
 
 def projected(m_hat: float, eta_hat: Array, p: Parameters) -> Estimate:
-    """Clipping into the box of section 9."""
+    """Clipping into a box about the start values."""
     if not p.projection:
         return Estimate(m_hat, eta_hat)
     start = np.array(p.eta_hat_0)
     off_diagonal = np.array([p.J_offdiag_max] * 6 + [p.A_offdiag_max] * 6)
     room = np.where(DIAGONAL, p.eta_hat_range * np.abs(start), off_diagonal)
-    centre = np.where(DIAGONAL, start, 0.0)
     m = np.clip(m_hat, p.m_hat_0 * (1.0 - p.m_hat_range), p.m_hat_0 * (1.0 + p.m_hat_range))
-    return Estimate(float(m), np.clip(eta_hat, centre - room, centre + room))
+    return Estimate(float(m), np.clip(eta_hat, start - room, start + room))
 
 
 def sample(

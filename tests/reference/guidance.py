@@ -60,7 +60,7 @@ def radius(t: float, p: Parameters) -> Jet:
 def facing_frame(grasp_N: Jet, C_HN: Jet, held_H: Array | None, p: Parameters) -> tuple[Jet, float]:
     """C_DN and |x cross orbit normal|.
 
-    Inside the guard the z axis of the previous sample, kept constant in H, takes the place of the cross product and
+    Inside the guard the z axis of the last sample outside, kept constant in H, takes the place of the cross product and
     is made normal to x again.
     """
     x = -grasp_N
@@ -74,8 +74,8 @@ def facing_frame(grasp_N: Jet, C_HN: Jet, held_H: Array | None, p: Parameters) -
     return jet.rows(x, jet.cross(z, x), z), size
 
 
-def sample(t: float, T: Body, S: Body, p: Parameters, held_H: Array | None = None) -> tuple[dict[str, Any], Array]:
-    """All outputs at t, and the z axis of D in H components that the guard of the next sample may hold."""
+def sample(t: float, T: Body, S: Body, p: Parameters, held_H: Array | None = None) -> tuple[dict[str, Any], Array | None]:
+    """All outputs at t, and the z axis of D in H components that the guard of a later sample may hold."""
     C_HN = hill_frame(T.r, T.v, p.mu)
     grasp_N = target_frame(t, T, p) @ jet.constant(np.array(p.p_T, dtype=float))
     rho_ref_N = radius(t, p) * grasp_N
@@ -98,4 +98,4 @@ def sample(t: float, T: Body, S: Body, p: Parameters, held_H: Array | None = Non
         "attitude_guard": float(size < sin(p.guard_angle)),
         "normal_distance": size,
     }
-    return outputs, C_HN.x @ C_DN.x[2]
+    return outputs, held_H if outputs["attitude_guard"] else C_HN.x @ C_DN.x[2]
