@@ -1,19 +1,30 @@
-"""Unpacking of .ssp and .fmu archives that may come from anywhere.
+"""Unpacking of .ssp and .fmu archives that may come from anywhere, and packing of our own.
 
 Every name is judged before anything is written: no absolute path, no `..`, no link, no more than MAX_UNPACKED bytes.
 """
 
 from __future__ import annotations
 
+import io
 import stat
 import zipfile
 import zlib
+from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 
-from harness.errors import ArchiveError
+from harness.errors import ArchiveError, ResultsError
 
 MAX_UNPACKED = 2 * 1024**3
 """Largest sum of unpacked sizes of one archive [bytes]."""
+
+MAX_FILES = 100_000
+"""Largest number of files in one archive."""
+
+DATE = (1980, 1, 1, 0, 0, 0)
+"""Date of every file in an archive that is written."""
+
+MAX_ENTRY = 64 * 1024**2
+"""Largest single file that is read into memory [bytes]."""
 
 _DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, NotImplementedError, ValueError, OSError)
 """What zipfile raises for damaged, encrypted or exotically compressed archives."""
@@ -31,6 +42,43 @@ def unpack(path: Path, folder: Path, limit: int = MAX_UNPACKED) -> None:
         raise ArchiveError(f"{path}: cannot be unpacked, the file is damaged or not a zip archive ({error})") from error
 
 
+def read_entry(path: Path, name: str, limit: int = MAX_ENTRY) -> bytes:
+    """Content of one file of an archive; ArchiveError if it is not there, damaged or longer than the limit."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if archive.getinfo(name).file_size > limit:
+                raise ArchiveError(f"{path}: {name} is longer than the limit of {limit} bytes")
+            return archive.read(name)
+    except KeyError:
+        raise ArchiveError(f"{path}: it holds no {name}") from None
+    except _DAMAGE as error:
+        raise ArchiveError(f"{path}: cannot be read, the file is damaged or not a zip archive ({error})") from error
+
+
+def has_doctype(xml: bytes) -> bool:
+    """Whether a text in any encoding may declare a document type, and with it entities; nothing of it is parsed."""
+    return b"<!DOCTYPE" in xml.replace(b"\0", b"")
+
+
+def pack(path: Path, content: Mapping[str, bytes], compression: int = zipfile.ZIP_STORED) -> None:
+    """Write files by name as a zip archive, always with the same bytes; ResultsError if it cannot be written."""
+    data = io.BytesIO()
+    with zipfile.ZipFile(data, "w", compression) as archive:
+        for name, file in sorted(content.items()):
+            archive.writestr(_entry(name), file, compression)
+    try:
+        path.write_bytes(data.getvalue())
+    except OSError as error:
+        raise ResultsError(f"{path}: cannot be written ({error.strerror})") from error
+
+
+def _entry(name: str) -> zipfile.ZipInfo:
+    entry = zipfile.ZipInfo(name, DATE)
+    entry.create_system = 3  # Unix, so that the bytes do not depend on the platform
+    entry.external_attr = 0o100644 << 16
+    return entry
+
+
 def _refuse_unsafe(path: Path, entries: list[zipfile.ZipInfo], limit: int) -> None:
     """Judge all entries; one that does not begin the file belongs to an archive inside a truncated one."""
     if min((entry.header_offset for entry in entries), default=1) != 0:
@@ -38,6 +86,8 @@ def _refuse_unsafe(path: Path, entries: list[zipfile.ZipInfo], limit: int) -> No
     for entry in entries:
         if reason := _unsafe(entry):
             raise ArchiveError(f"{path}: refused, it holds {reason}: {entry.orig_filename!r}")
+    if len(entries) > MAX_FILES:
+        raise ArchiveError(f"{path}: refused, it holds {len(entries)} files, more than the limit of {MAX_FILES}")
     size = sum(entry.file_size for entry in entries)
     if size > limit:
         raise ArchiveError(f"{path}: refused, it would unpack to {size} bytes, more than the limit of {limit}")

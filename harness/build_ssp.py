@@ -104,7 +104,8 @@ class _Composer:
     def _finish(self, system: System, wiring: Wiring) -> None:
         """Raise everything that was found; open inputs that the wiring has already spoken of are not repeated."""
         further = graph.problems(replace(system, strict=not wiring.problems), self.interfaces)
-        if found := [*wiring.problems, *self.problems, *further]:
+        unequal = graph.unequal_units(system, self.interfaces)
+        if found := [*wiring.problems, *self.problems, *further, *unequal]:
             raise StructureError(found)
         macro_steps(system.experiment, [c.every for c in system.components])
 

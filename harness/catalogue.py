@@ -13,12 +13,15 @@ from harness.errors import FmuError, HarnessError, StructureError, UsageError, d
 from harness.graph import build_graph
 from harness.interface import has_binary, read_interface
 from harness.overrides import choose_set, set_names
+from harness.run import find_system
 from harness.schedule import macro_steps
 from harness.system import System
 
 
-def text() -> str:
-    """All systems with components and sets, and all FMUs, as lines for reading."""
+def text(name: str | None = None) -> str:
+    """All systems with components and sets, and all FMUs, as lines for reading; with a name or path one system."""
+    if name is not None:
+        return "\n".join(_system_lines(find_system(name)))
     systems, fmus = paths.systems(), paths.fmus()
     if not systems and not fmus:
         raise UsageError("there are neither systems nor FMUs: build the project first")
@@ -75,18 +78,23 @@ def _fmu_problems(path: Path) -> list[str]:
 
 def _check_system(system: System) -> str:
     """Check time span and schedule, and structure, FMUs and parameters with every parameter set."""
-    problems = _complaints(lambda: macro_steps(system.experiment, [c.every for c in system.components]))
+    experiment = system.experiment
+    missing = [name for name in ("step", "stop") if getattr(experiment, name) is None]
+    problems = []
+    if not missing:
+        problems = _complaints(lambda: macro_steps(experiment, [c.every for c in system.components]))
     for name in set_names(system):
         problems += _complaints(lambda name=name: build_graph(choose_set(system, name)))  # type: ignore[misc]
     if not problems:
-        missing = [c for c in system.components if not has_binary(read_interface(c.fmu))]
-        problems = [f"{c.name}: {c.fmu.name} holds no binary for this platform" for c in missing]
+        bare = [c for c in system.components if not has_binary(read_interface(c.fmu))]
+        problems = [f"{c.name}: {c.fmu.name} holds no binary for this platform" for c in bare]
     if problems:
         raise StructureError(problems)
     counts = (
         f"{len(system.components)} components, {len(system.connections)} connections, {len(set_names(system))} sets"
     )
-    return f"{system.name}: fine ({counts})"
+    wanted = f", give {' and '.join(f'--{name}' for name in missing)}" if missing else ""
+    return f"{system.name}: fine ({counts}){wanted}"
 
 
 def _complaints(test: Callable[[], object]) -> list[str]:

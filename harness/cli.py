@@ -1,4 +1,4 @@
-"""The command line: `harness run | list | check | plot | report | bench`.
+"""The command line: `harness run | list | check | export | draw | linearize | plot | report | bench`.
 
 Exit status 0: fine, 1: the run or check failed, 2: wrong use. Errors are one line each on stderr. What a command
 needs is imported when it runs, so that the command line itself starts at once.
@@ -9,18 +9,24 @@ from __future__ import annotations
 import logging
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import Annotated
 
 import typer
 
-from harness.errors import HarnessError, RunError
+from harness.errors import HarnessError, ResultsError, RunError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 SystemArgument = Annotated[str, typer.Argument(metavar="SYSTEM", help="name of a system, or path of an .ssp")]
+ParamsOption = Annotated[str | None, typer.Option(metavar="SET_OR_FILE", help="parameter set, .toml or .ssv")]
+SetOption = Annotated[list[str] | None, typer.Option("--set", metavar="C.NAME=VALUE", help="one parameter")]
+SwapOption = Annotated[list[str] | None, typer.Option(metavar="C=FMU", help="another FMU (name or path)")]
+StepOption = Annotated[float | None, typer.Option(help="macro step [s]")]
+StopOption = Annotated[float | None, typer.Option(help="stop time [s]")]
+AlgorithmOption = Annotated[str | None, typer.Option(help="gauss-seidel or jacobi")]
 FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="results of `harness run`, .csv or .nc")]
 
 
@@ -28,12 +34,12 @@ FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="results of `
 def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     system: SystemArgument,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="results: .csv, .nc or .mat")] = None,
-    params: Annotated[str | None, typer.Option(metavar="SET_OR_FILE", help="parameter set, .toml or .ssv")] = None,
-    set_: Annotated[list[str] | None, typer.Option("--set", metavar="C.NAME=VALUE", help="one parameter")] = None,
-    swap: Annotated[list[str] | None, typer.Option(metavar="C=FMU", help="another FMU (name or path)")] = None,
-    step: Annotated[float | None, typer.Option(help="macro step [s]")] = None,
-    stop: Annotated[float | None, typer.Option(help="stop time [s]")] = None,
-    algorithm: Annotated[str | None, typer.Option(help="gauss-seidel or jacobi")] = None,
+    params: ParamsOption = None,
+    set_: SetOption = None,
+    swap: SwapOption = None,
+    step: StepOption = None,
+    stop: StopOption = None,
+    algorithm: AlgorithmOption = None,
     executor: Annotated[str, typer.Option(help="c or python (the same bits, for debugging)")] = "c",
     every: Annotated[int, typer.Option(help="record every N-th macro step")] = 1,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress bar, no summary")] = False,
@@ -69,11 +75,15 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
 
 
 @app.command("list")
-def list_command() -> None:
-    """Show the systems with their components and parameter sets, and the FMUs."""
+def list_command(
+    system: Annotated[
+        str | None, typer.Argument(metavar="[SYSTEM]", help="name of a system, or path of an .ssp")
+    ] = None,
+) -> None:
+    """Show the systems with their components and parameter sets, and the FMUs; or one system."""
     from harness import catalogue
 
-    typer.echo(catalogue.text())
+    typer.echo(catalogue.text(system))
 
 
 @app.command()
@@ -84,6 +94,69 @@ def check(
     from harness import catalogue
 
     typer.echo(catalogue.check(name))
+
+
+@app.command("export")
+def export_command(  # noqa: PLR0913, PLR0917 - one argument per option
+    system: SystemArgument,
+    target: Annotated[Path, typer.Argument(metavar="DIR_OR_FILE", help="folder, or file NAME.ssp or NAME.fmu")],
+    params: ParamsOption = None,
+    set_: SetOption = None,
+    swap: SwapOption = None,
+    step: StepOption = None,
+    stop: StopOption = None,
+    algorithm: AlgorithmOption = None,
+) -> None:
+    """Write a system with all changes as one .ssp with everything inside, or (by the ending .fmu) as one FMU."""
+    from harness.export import export
+
+    typer.echo(
+        export(
+            system,
+            target,
+            params=params,
+            set=set_ or (),
+            swap=swap or (),
+            step=step,
+            stop=stop,
+            algorithm=algorithm,
+        )
+    )
+
+
+@app.command("draw")
+def draw_command(
+    system: SystemArgument,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="picture (default: SYSTEM.svg)")] = None,
+) -> None:
+    """Draw the block diagram of a system."""
+    from harness.draw import draw
+    from harness.run import loaded
+
+    with loaded(system) as found:
+        path = output or Path(f"{found.name}.svg")
+        draw(found, path)
+    typer.echo(path)
+
+
+@app.command("linearize")
+def linearize_command(
+    fmu: Annotated[str, typer.Argument(metavar="FMU", help="name of an FMU, or path of a .fmu")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="matrices, names and units: .npz")],
+    at: Annotated[float, typer.Option(help="time of the operating point [s]")] = 0.0,
+    step: Annotated[float, typer.Option(help="step of the linear model [s]")] = 0.1,
+    set_: Annotated[list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="parameter or input")] = None,
+) -> None:
+    """Write the linear model of one FMU about an operating point."""
+    from harness.linearize import linearize
+    from harness.overrides import pairs
+    from harness.swap import find_fmu
+    from harness.values import parse
+
+    values = {name: parse(value) for name, value in pairs("--set", set_ or ())}
+    model = linearize(find_fmu(fmu), at, step, values)
+    _write(output, model.save)
+    typer.echo(f"{output}: {len(model.states)} states, {len(model.inputs)} inputs, {len(model.outputs)} outputs")
 
 
 @app.command()
@@ -117,6 +190,15 @@ def bench(system: SystemArgument) -> None:
     from harness.bench import bench as measure
 
     typer.echo(measure(system))
+
+
+def _write(path: Path, save: Callable[[Path], None]) -> None:
+    """Save something; ResultsError if the file cannot be written."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        save(path)
+    except OSError as error:
+        raise ResultsError(f"{path}: cannot be written ({error.strerror})") from error
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -55,6 +55,9 @@ class PythonExecutor:
 _KINDS = {(Verb.SET, True): 0, (Verb.SET, False): 1, (Verb.STEP, True): 2, (Verb.GET, True): 3, (Verb.GET, False): 4}
 """Call.kind in loop.c by verb and whether the values are Real."""
 
+_SET_AFFINE = 5
+"""Call.kind in loop.c for Real inputs that are changed on the way."""
+
 NOT_FINITE = -1
 """Status of loop.c for an output that is infinite or not a number."""
 
@@ -73,6 +76,8 @@ class _Call(ctypes.Structure):
         ("reference", ctypes.c_void_p),
         ("slot", ctypes.c_void_p),
         ("value", ctypes.c_void_p),
+        ("factor", ctypes.c_void_p),
+        ("offset", ctypes.c_void_p),
     ]
 
 
@@ -135,9 +140,9 @@ def _origins(plan: Sequence[Action[Unit]]) -> Iterator[tuple[Action[Unit], Trans
 def _call(action: Action[Unit], transfer: Transfer | None) -> _Call:
     unit, period = action.unit, (action.every, action.phase, action.unit.no_rollback)
     if transfer is None:
-        return _Call(_KINDS[Verb.STEP, True], *period, _address(unit.do_step), unit.handle, 0, None, None, None)
+        return _Call(_KINDS[Verb.STEP, True], *period, _address(unit.do_step), unit.handle)
     return _Call(
-        _KINDS[action.verb, transfer.real],
+        _KINDS[action.verb, transfer.real] if transfer.plain else _SET_AFFINE,
         *period,
         _address(transfer.function),
         unit.handle,
@@ -145,6 +150,8 @@ def _call(action: Action[Unit], transfer: Transfer | None) -> _Call:
         ctypes.addressof(transfer.references),
         transfer.slots.ctypes.data,
         ctypes.addressof(transfer.values),
+        transfer.factors.ctypes.data,
+        transfer.offsets.ctypes.data,
     )
 
 

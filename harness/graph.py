@@ -6,15 +6,20 @@ at once.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from harness.arrival import final, way
 from harness.errors import FmuError, StructureError, did_you_mean
 from harness.interface import Interface, Variable, read_interface, units_agree
 from harness.schedule import problems as schedule_problems
 from harness.system import Component, Connection, Parameter, Port, System
-from harness.values import Scalar, coerce
+from harness.units import IDENTITY, Affine, Unit, compose
+from harness.values import Scalar
+
+_log = logging.getLogger("harness")
 
 
 class Slot(NamedTuple):
@@ -26,10 +31,11 @@ class Slot(NamedTuple):
 
 
 class Wire(NamedTuple):
-    """A variable of a unit and the slot it is written to (outputs) or read from (inputs)."""
+    """A variable of a unit and the slot it is written to (outputs) or read from (inputs), changed on the way."""
 
     variable: Variable
     slot: int
+    change: Affine = IDENTITY
 
 
 class Setting(NamedTuple):
@@ -71,7 +77,7 @@ def build_graph(system: System) -> Graph:
     ports = [Port(name, v) for name, interface in interfaces.items() for v in interface.outputs()]
     slot_of = {port: slot for slot, port in enumerate(ports)}
     slots = tuple(_slot(port, interfaces[port.component].variables[port.variable]) for port in ports)
-    driven = {connection.target: slot_of[connection.source] for connection in system.connections}
+    driven = {c.target: (slot_of[c.source], way(c, interfaces)) for c in system.connections}
     return Graph(tuple(_node(c, interfaces[c.name], slot_of, driven) for c in system.components), slots)
 
 
@@ -92,13 +98,15 @@ def _slot(port: Port, variable: Variable) -> Slot:
     return Slot(str(port), variable.unit or "", variable.description)
 
 
-def _node(component: Component, interface: Interface, slot_of: dict[Port, int], driven: dict[Port, int]) -> Node:
+def _node(
+    component: Component, interface: Interface, slot_of: dict[Port, int], driven: dict[Port, tuple[int, Affine]]
+) -> Node:
     name = component.name
     inputs = interface.named("input").values()
     return Node(
         component,
         interface,
-        inputs=tuple(Wire(v, driven[Port(name, v.name)]) for v in inputs if Port(name, v.name) in driven),
+        inputs=tuple(Wire(v, *driven[Port(name, v.name)]) for v in inputs if Port(name, v.name) in driven),
         outputs=tuple(Wire(v, slot_of[Port(name, v.name)]) for v in interface.outputs().values()),
         settings=tuple(_settings(component, interface)),
     )
@@ -106,8 +114,8 @@ def _node(component: Component, interface: Interface, slot_of: dict[Port, int], 
 
 def _settings(component: Component, interface: Interface) -> Iterator[Setting]:
     for name, parameter in component.parameters.items():
-        variable = interface.variables[name]
-        yield Setting(variable, coerce(parameter.value, variable.type))
+        if name in interface.variables:
+            yield Setting(interface.variables[name], final(parameter, interface.variables[name], interface))
 
 
 def problems(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
@@ -117,6 +125,7 @@ def problems(system: System, interfaces: Mapping[str, Interface]) -> Iterator[st
     for connection in system.connections:
         yield from _connection_problems(connection, interfaces)
     yield from _double_drive(system.connections)
+    yield from _declared_problems(system, interfaces)
     if system.strict:
         yield from _open_inputs(system, interfaces)
     for component in system.components:
@@ -136,6 +145,7 @@ def _connection_problems(connection: Connection, interfaces: Mapping[str, Interf
     yield from (problem for problem in (source_problem, target_problem) if problem)
     if source and target:
         yield from _mismatch(connection, source, target)
+        yield from _unit_problem(connection, interfaces)
 
 
 def _end(port: Port, causality: str, interfaces: Mapping[str, Interface]) -> tuple[Variable | None, str | None]:
@@ -152,15 +162,50 @@ def _end(port: Port, causality: str, interfaces: Mapping[str, Interface]) -> tup
 
 
 def _mismatch(connection: Connection, source: Variable, target: Variable) -> Iterator[str]:
-    if not units_agree(source.unit, target.unit):
-        yield f"{connection.target}: wants unit {target.unit}, {connection.source} has {source.unit}"
     if source.type != target.type or source.type == "String":
         yield f"{connection.target}: is {target.type}, cannot be driven by {connection.source}, a {source.type}"
 
 
+def _unit_problem(connection: Connection, interfaces: Mapping[str, Interface]) -> Iterator[str]:
+    try:
+        change = way(connection, interfaces)
+    except ValueError as error:
+        ends = [interfaces[port.component].variables[port.variable] for port in connection[:2]]
+        yield f"{connection.target}: wants unit {ends[1].unit}, {connection.source} has {ends[0].unit} ({error})"
+        return
+    kind = interfaces[connection.target.component].variables[connection.target.variable].type
+    if change != IDENTITY and kind != "Real":
+        yield f"{connection.target}: is {kind}, only a Real signal can be transformed"
+
+
+def unequal_units(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
+    """Connections that need a conversion, which no other tool would do."""
+    for connection in system.connections:
+        ends = [interfaces[port.component].variables.get(port.variable) for port in connection[:2]]
+        if ends[0] and ends[1] and not units_agree(ends[0].unit, ends[1].unit):
+            yield f"{connection.target}: wants unit {ends[1].unit}, {connection.source} has {ends[0].unit}"
+
+
+def _declared_problems(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
+    """Connectors that claim another unit than the FMU has."""
+    for port, claimed in system.declared.items():
+        interface = interfaces.get(port.component)
+        variable = None if interface is None else interface.variables.get(port.variable)
+        if interface and variable and not _same(claimed, interface.unit(variable)):
+            yield f"{port}: its connector says {claimed.name}, but the unit of the FMU is {variable.unit}"
+
+
+def _same(a: Unit, b: Unit | None) -> bool:
+    """Whether two units mean the same, under whatever names."""
+    try:
+        return compose(a, (), b) == IDENTITY
+    except ValueError:
+        return False
+
+
 def _double_drive(connections: Sequence[Connection]) -> Iterator[str]:
     sources: dict[Port, list[str]] = {}
-    for source, target in connections:
+    for source, target, _ in connections:
         sources.setdefault(target, []).append(str(source))
     for target, drivers in sources.items():
         if len(drivers) > 1:
@@ -177,7 +222,9 @@ def _open_inputs(system: System, interfaces: Mapping[str, Interface]) -> Iterato
 
 def _parameter_problems(component: Component, interface: Interface) -> Iterator[str]:
     for name, parameter in component.parameters.items():
-        if problem := _parameter_problem(name, parameter, interface):
+        if name not in interface.variables and parameter.optional:
+            _log.warning("%s.%s: %s does not have it, ignored", component.name, name, interface.path.name)
+        elif problem := _parameter_problem(name, parameter, interface):
             yield f"{component.name}.{name}: {problem}"
 
 
@@ -187,12 +234,11 @@ def _parameter_problem(name: str, parameter: Parameter, interface: Interface) ->
         return f"there is no such parameter{did_you_mean(name, interface.settable())}"
     if not variable.settable:
         return f"its causality is {variable.causality}, it cannot be set"
-    if not units_agree(parameter.unit, variable.unit):
-        return f"is given in {parameter.unit}, but its unit is {variable.unit}"
     if parameter.value != parameter.value:
         return "must not be NaN"
     try:
-        coerce(parameter.value, variable.type)
+        final(parameter, variable, interface)
     except ValueError as error:
-        return str(error)
+        other = parameter.unit is not None and not units_agree(parameter.unit, variable.unit)
+        return f"is given in {parameter.unit}, but its unit is {variable.unit} ({error})" if other else str(error)
     return None

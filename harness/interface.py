@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,9 @@ from typing import Any
 from fmpy import platform, platform_tuple, read_model_description, sharedLibraryExtension
 from fmpy.model_description import ValidationError
 
-from harness.errors import FmuError
+from harness.archive import has_doctype, read_entry
+from harness.errors import ArchiveError, FmuError
+from harness.units import Unit
 
 FmpyObject = Any
 """Something of FMPy's model description, which is not typed."""
@@ -23,7 +25,10 @@ BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad", "factor", "offset")
 
 @dataclass(frozen=True)
 class Variable:
-    """One scalar variable; unit: None if undeclared; settable: may be given a value before initialization."""
+    """One scalar variable; unit: None if undeclared; settable: may be given a value before initialization.
+
+    items: values by name of an enumeration; type_name: name of its type.
+    """
 
     name: str
     reference: int
@@ -32,6 +37,8 @@ class Variable:
     unit: str | None
     description: str
     settable: bool
+    items: Mapping[str, int] = field(default_factory=dict)
+    type_name: str = ""
 
 
 @dataclass(frozen=True)
@@ -46,6 +53,10 @@ class Interface:
     def named(self, causality: str) -> dict[str, Variable]:
         """Variables of one causality (input, output, parameter, ...)."""
         return {name: v for name, v in self.variables.items() if v.causality == causality}
+
+    def unit(self, variable: Variable) -> Unit | None:
+        """Unit of a variable with its meaning, if declared; None if there is no unit."""
+        return None if variable.unit is None else Unit(variable.unit, self.units.get(variable.unit))
 
     def outputs(self) -> dict[str, Variable]:
         """Outputs that a connection can carry: all but strings."""
@@ -75,13 +86,19 @@ def _read(path: Path, _modified: int, _size: int) -> Interface:
 
 
 def _description(path: Path) -> FmpyObject:
-    """FMPy's reading of modelDescription.xml, every failure as an FmuError."""
+    """FMPy's reading of modelDescription.xml, every failure as an FmuError; entities are refused before it reads."""
     try:
+        if has_doctype(read_entry(path, "modelDescription.xml")):
+            raise FmuError(f"{path.name}: modelDescription.xml has a document type declaration, which is not allowed")
         return read_model_description(str(path), validate=True)
     except ValidationError as error:
         raise FmuError("\n".join(f"{path.name}: {problem}" for problem in error.problems)) from error
-    except zipfile.BadZipFile as error:
-        raise FmuError(f"{path.name}: damaged or not a zip archive ({error})") from error
+    except ArchiveError as error:
+        cause = error.__cause__
+        reason = f"damaged or not a zip archive ({cause})" if cause else str(error).removeprefix(f"{path}: ")
+        raise FmuError(f"{path.name}: {reason}") from error
+    except FmuError:
+        raise
     except Exception as error:  # FMPy raises bare Exceptions, lxml and zlib their own
         raise FmuError(f"{path.name}: cannot be read ({' '.join(str(error).split())})") from error
 
@@ -89,7 +106,10 @@ def _description(path: Path) -> FmpyObject:
 def _variable(v: FmpyObject) -> Variable:
     unit = v.unit if v.unit is not None or v.declaredType is None else v.declaredType.unit
     settable = v.start is not None and v.variability != "constant"
-    return Variable(v.name, v.valueReference, v.type, v.causality, unit, v.description or "", settable)
+    items = v.declaredType.items if v.type == "Enumeration" and v.declaredType is not None else ()
+    values = {item.name: int(item.value) for item in items}
+    name = "" if v.declaredType is None else v.declaredType.name
+    return Variable(v.name, v.valueReference, v.type, v.causality, unit, v.description or "", settable, values, name)
 
 
 def _base_unit(base: FmpyObject) -> dict[str, float]:
@@ -109,5 +129,5 @@ def has_binary(interface: Interface) -> bool:
 
 
 def units_agree(a: str | None, b: str | None) -> bool:
-    """Units are equal, or one end declares none; nothing is ever converted."""
+    """Units are equal, or one end declares none; systems of the project want that, files of other tools need not."""
     return a is None or b is None or a == b

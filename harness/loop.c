@@ -16,8 +16,8 @@
 #define EXPORT
 #endif
 
-enum { SET_REAL, SET_INTEGER, STEP, GET_REAL, GET_INTEGER }; /* integers carry fmi2Boolean as well */
-enum { NOT_FINITE = -1 };                                    /* beside fmi2Status: an output is infinite or NaN */
+enum { SET_REAL, SET_INTEGER, STEP, GET_REAL, GET_INTEGER, SET_AFFINE }; /* integers carry fmi2Boolean as well */
+enum { NOT_FINITE = -1 }; /* beside fmi2Status: an output is infinite or NaN */
 
 typedef struct {
     int kind;
@@ -27,8 +27,9 @@ typedef struct {
     fmi2Component component;
     size_t count; /* of values in a SET or GET */
     const fmi2ValueReference *reference;
-    const size_t *slot; /* place of each value on the bus */
-    void *value;        /* buffer of fmi2Real or fmi2Integer */
+    const size_t *slot;            /* place of each value on the bus */
+    void *value;                   /* buffer of fmi2Real or fmi2Integer */
+    const double *factor, *offset; /* of SET_AFFINE: input = factor * bus + offset */
 } Call;
 
 typedef struct {
@@ -49,6 +50,13 @@ static int set_real(const Call *c, const double *bus)
 {
     fmi2Real *value = c->value;
     for (size_t i = 0; i < c->count; i++) value[i] = bus[c->slot[i]];
+    return (int)((fmi2SetRealTYPE *)c->function)(c->component, c->reference, c->count, value);
+}
+
+static int set_affine(const Call *c, const double *bus)
+{
+    fmi2Real *value = c->value;
+    for (size_t i = 0; i < c->count; i++) value[i] = c->factor[i] * bus[c->slot[i]] + c->offset[i];
     return (int)((fmi2SetRealTYPE *)c->function)(c->component, c->reference, c->count, value);
 }
 
@@ -83,6 +91,7 @@ static int perform(const Call *c, const Run *run, long k)
 {
     switch (c->kind) {
     case SET_REAL: return set_real(c, run->bus);
+    case SET_AFFINE: return set_affine(c, run->bus);
     case SET_INTEGER: return set_integer(c, run->bus);
     case GET_REAL: return get_real(c, run->bus);
     case GET_INTEGER: return get_integer(c, run->bus);

@@ -5,8 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from time import perf_counter
 from typing import Any, Self
 
@@ -20,6 +18,7 @@ from harness.graph import Graph, build_graph
 from harness.recorder import Recorder
 from harness.results import Result
 from harness.schedule import macro_steps, schedule
+from harness.scratch import PrivateFolder
 from harness.system import System
 
 MAX_ROUNDS = 200
@@ -58,6 +57,7 @@ class Simulation:
         self.steps = macro_steps(system.experiment, [c.every for c in system.components])
         self.clock = Clock(system.experiment.start, system.experiment.step or 0.0)
         self.bus: NDArray[np.float64] = np.zeros(len(self.graph.slots))
+        self.settled: NDArray[np.intp] = np.zeros(len(self.graph.slots), dtype=np.intp)
         self.recorder = Recorder(self.steps, len(self.graph.slots), every)
         self.units: list[Unit] = []
         self._executor_name = executor
@@ -67,10 +67,10 @@ class Simulation:
 
     def __enter__(self) -> Self:
         """Load and instantiate all FMUs; FmuError or ArchiveError if one cannot be."""
-        self._folder = TemporaryDirectory(prefix="harness-")
+        self._folder = PrivateFolder()
         try:
             for node in self.graph.nodes:
-                self.units.append(Unit(node, Path(self._folder.name)))
+                self.units.append(Unit(node, self._folder.path))
             plan = schedule(self.system.experiment.algorithm, self.units)
             self._executor = EXECUTORS[self._executor_name](plan, self.bus, self.recorder, self.clock)
         except BaseException:
@@ -85,7 +85,7 @@ class Simulation:
         """Terminate and free all FMUs and remove what was unpacked."""
         while self.units:
             self.units.pop().close()
-        self._folder.cleanup()
+        self._folder.close()
 
     # ---- initialization
 
@@ -111,10 +111,11 @@ class Simulation:
         """Rounds of GET and SET until nothing changes; a chain of n units needs n + 1.
 
         Where flight software reads back its own command there is a loop. If it does not settle, its last values are
-        taken.
+        taken. `settled` keeps for every slot the round in which it changed last.
         """
-        for _ in range(MAX_ROUNDS):
+        for count in range(1, MAX_ROUNDS + 1):
             changed = self._round(start)
+            self.settled[changed] = count
             if not changed.any():
                 return
         names = [slot.name for slot, moves in zip(self.graph.slots, changed, strict=True) if moves]

@@ -41,8 +41,16 @@ double *variable(const ModelInterface *model, void *memory, unsigned reference)
 
 void initialize_model(const ModelInterface *model, void *memory, double t) { model->initialize(memory, t); }
 
-typedef struct { const double *from; double *to; } Copy;
-typedef struct { const ModelInterface *model; void *memory; const Copy *copies; size_t copy_count; } Part;
+typedef struct {
+    const double *from;
+    double *to;
+} Copy;
+typedef struct {
+    const ModelInterface *model;
+    void *memory;
+    const Copy *copies;
+    size_t copy_count;
+} Part;
 
 void run_monolith(const Part *parts, size_t count, double start, double h, long steps)
 {

@@ -14,7 +14,7 @@ from harness.build_ssp import read_toml
 from harness.errors import StructureError, UsageError, did_you_mean
 from harness.graph import read_interfaces
 from harness.parameters import Assignments
-from harness.ssp import read_ssv
+from harness.ssp_parameters import read_ssv
 from harness.swap import exchange
 from harness.system import System
 from harness.values import parse
@@ -42,22 +42,23 @@ def apply(  # noqa: PLR0913 - every one is an option of the command line
     """
     if params is not None and (chosen := str(params)) in set_names(system):
         system, params = choose_set(system, chosen), None
-    for component, fmu in _pairs("--swap", swap):
+    for component, fmu in pairs("--swap", swap):
         system = exchange(system, component, fmu)
     if params is not None:
         system = _parameter_file(system, Path(params))
     if set:
-        system = _single_values(system, _pairs("--set", set))
+        system = _single_values(system, pairs("--set", set))
     given = {"step": step, "stop": stop, "algorithm": algorithm}
     changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     return replace(system, experiment=replace(system.experiment, **changes))
 
 
-def _pairs(option: str, pairs: Pairs) -> Iterator[tuple[str, Any]]:
-    if isinstance(pairs, Mapping):
-        yield from pairs.items()
+def pairs(option: str, given: Pairs) -> Iterator[tuple[str, Any]]:
+    """Names and values of assignments; UsageError if a text is none."""
+    if isinstance(given, Mapping):
+        yield from given.items()
         return
-    for text in pairs:
+    for text in given:
         name, equals, value = text.partition("=")
         if not equals:
             raise UsageError(f"{option} {text}: wants name=value")

@@ -115,6 +115,8 @@ def macro_steps(experiment: Experiment, periods: Sequence[int] = (1,)) -> int:
     multiple.
     """
     start, stop, step = experiment.start, experiment.stop, experiment.step
+    if step is None and stop is None:
+        raise StructureError(["the system says neither macro step nor stop time: give them with --step and --stop"])
     if step is None or not (step > 0 and math.isfinite(step)):
         raise StructureError([f"the macro step must be a positive number of seconds, not {step}: give one with --step"])
     if stop is None or not (stop > start and math.isfinite(stop)):

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
+from harness.units import Hop, Unit
 from harness.values import Scalar
 
 
@@ -24,18 +25,26 @@ class Port(NamedTuple):
 
 
 class Connection(NamedTuple):
-    """The output `source` drives the input `target`."""
+    """The output `source` drives the input `target`; hops: what happens on the way (none: units are converted)."""
 
     source: Port
     target: Port
+    hops: tuple[Hop, ...] = ()
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """Value of a parameter, or start value of an input that nobody drives; `unit` as written in the file."""
+    """Value of a parameter, or start value of an input that nobody drives; `unit` as written in the file.
+
+    meaning: what that unit is, if the file defines it; hops: what happens to the value before it is set;
+    optional: of a file of another tool, where SSP wants it ignored if its component has no such variable.
+    """
 
     value: Scalar
     unit: str | None = None
+    meaning: Unit | None = field(default=None, compare=False)
+    hops: tuple[Hop, ...] = ()
+    optional: bool = False
 
 
 Parameters = Mapping[str, Parameter]
@@ -81,7 +90,8 @@ class ParameterSet:
 class System:
     """Components in execution order, who drives whom, and how to run it.
 
-    strict: an input that is neither driven nor given a value is an error (systems of other tools rely on start values).
+    strict: an input that is neither driven nor given a value is an error (systems of other tools rely on start values);
+    declared: units that the file claims for variables of components, to be compared with what the FMUs say.
     """
 
     name: str
@@ -91,6 +101,7 @@ class System:
     description: str = ""
     sets: tuple[ParameterSet, ...] = ()
     strict: bool = False
+    declared: Mapping[Port, Unit] = field(default_factory=dict, compare=False)
 
     def component(self, name: str) -> Component:
         """The component of that name; KeyError if there is none."""

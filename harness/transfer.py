@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Iterator, Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.graph import Wire
+from harness.units import IDENTITY
 
 CValue = ctypes.c_double | ctypes.c_int
 CFunction = Any
@@ -37,10 +39,14 @@ class Transfer:
         self.slots: NDArray[np.uintp] = np.array([wire.slot for wire in wires], dtype=np.uintp)
         self.view = np.ctypeslib.as_array(self.values)
         self.names = [wire.variable.name for wire in wires]
+        self.factors: NDArray[np.float64] = np.array([wire.change.factor for wire in wires])
+        self.offsets: NDArray[np.float64] = np.array([wire.change.offset for wire in wires])
+        self.plain = all(wire.change == IDENTITY for wire in wires)
 
     def write(self, bus: NDArray[np.float64]) -> int:
         """From the bus into the inputs of the FMU; returns the FMI status."""
-        self.view[:] = bus[self.slots]
+        values = bus[self.slots]
+        self.view[:] = values if self.plain else self.factors * values + self.offsets
         return int(self.function(self.component, self.references, len(self.values), self.values))
 
     def read(self, bus: NDArray[np.float64]) -> int:
@@ -55,7 +61,7 @@ class Transfer:
 
 
 def transfers(verb: str, library: ctypes.CDLL, component: ctypes.c_void_p, wires: Sequence[Wire]) -> Iterator[Transfer]:
-    """One transfer per FMI type that occurs among the wires; verb: Set or Get."""
-    for suffix, (types, ctype) in ACCESS.items():
-        if chosen := [wire for wire in wires if wire.variable.type in types]:
+    """One transfer per FMI type that occurs among the wires, and one for what is changed on the way; verb: Set, Get."""
+    for (suffix, (types, ctype)), plain in product(ACCESS.items(), (True, False)):
+        if chosen := [w for w in wires if w.variable.type in types and (w.change == IDENTITY) == plain]:
             yield Transfer(getattr(library, f"fmi2{verb}{suffix}"), component, chosen, ctype)

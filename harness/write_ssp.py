@@ -6,27 +6,35 @@ name of the set everywhere, nothing nested. The same system always gives the sam
 
 from __future__ import annotations
 
-import math
-import zipfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from urllib.parse import quote
 
 from lxml import etree
 
-from harness.errors import ResultsError, StructureError
+from harness.archive import pack
+from harness.arrival import way
+from harness.errors import StructureError
 from harness.graph import read_interfaces
 from harness.interface import Interface, Variable
-from harness.ssp_xml import FMU_TYPE, NS, OSP_ANNOTATION, RUN_ANNOTATION, SSD_FILE, Element, tag
-from harness.system import Component, Parameters, System
-from harness.values import Scalar
-
-Units = Mapping[str, Mapping[str, float]]
-"""Base units (exponents, factor, offset) by name."""
+from harness.ssp_xml import (
+    FMU_TYPE,
+    NS,
+    OSP_ANNOTATION,
+    RUN_ANNOTATION,
+    SSD_FILE,
+    TOOL,
+    Element,
+    attributes,
+    child,
+    tag,
+    text,
+)
+from harness.system import Component, System
+from harness.units import IDENTITY, Affine
+from harness.write_ssv import Units, ssv, unit_table
 
 DEFAULT_SET = "default"
-TOOL = "servicing-fmus"
-DATE = (1980, 1, 1, 0, 0, 0)
 
 WIDTH, GAP, PITCH = 80, 60, 5
 """Block diagram: width of a component, distance between components, distance between connectors."""
@@ -34,20 +42,7 @@ WIDTH, GAP, PITCH = 80, 60, 5
 
 def write_ssp(system: System, path: Path) -> None:
     """Write a system with its FMUs. Raises FmuError, StructureError, or ResultsError if the file cannot be written."""
-    content = ssp_content(system)
-    try:
-        with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
-            for name, data in sorted(content.items()):
-                archive.writestr(_entry(name), data)
-    except OSError as error:
-        raise ResultsError(f"{path}: cannot be written ({error.strerror})") from error
-
-
-def _entry(name: str) -> zipfile.ZipInfo:
-    entry = zipfile.ZipInfo(name, DATE)
-    entry.create_system = 3  # Unix, so that the bytes do not depend on the platform
-    entry.external_attr = 0o100644 << 16
-    return entry
+    pack(path, ssp_content(system))
 
 
 def ssp_content(system: System) -> dict[str, bytes]:
@@ -59,11 +54,12 @@ def ssp_content(system: System) -> dict[str, bytes]:
     content[SSD_FILE] = _Description(system, interfaces, sources, units).text()
     for component in system.components:
         if component.parameters:
-            content[_ssv_name(component)] = _ssv(DEFAULT_SET, component.parameters, interfaces[component.name], units)
+            content[_ssv_name(component)] = ssv(DEFAULT_SET, component.parameters, interfaces[component.name], units)
     for each in system.sets:
+        told = {c.name for c in system.components if c.parameters or each.parameters.get(c.name)} or each.parameters
         for name, parameters in each.parameters.items():
-            if parameters:
-                content[f"resources/sets/{each.name}/{name}.ssv"] = _ssv(each.name, parameters, interfaces[name], units)
+            if name in told:
+                content[f"resources/sets/{each.name}/{name}.ssv"] = ssv(each.name, parameters, interfaces[name], units)
     return content
 
 
@@ -104,55 +100,65 @@ class _Description:
 
     def _connected(self, component: str) -> list[Variable]:
         """Variables of a component at either end of a connection, in the order of its model description."""
-        names = {port.variable for ends in self.system.connections for port in ends if port.component == component}
+        names = {port.variable for c in self.system.connections for port in c[:2] if port.component == component}
         return [v for name, v in self.interfaces[component].variables.items() if name in names]
 
     def text(self) -> bytes:
         namespaces = {prefix: NS[prefix] for prefix in ("ssd", "ssc", "ssv", "osp")}
         root = etree.Element(tag("ssd:SystemStructureDescription"), nsmap=namespaces)
-        _attributes(
-            root, version="1.0", name=self.system.name, description=self.system.description, generationTool=TOOL
-        )
-        top = _child(root, "ssd:System", name=self.system.name)
-        elements = _child(top, "ssd:Elements")
+        attributes(root, version="1.0", name=self.system.name, description=self.system.description, generationTool=TOOL)
+        top = child(root, "ssd:System", name=self.system.name)
+        elements = child(top, "ssd:Elements")
         for column, component in enumerate(self.system.components):
             self._component(elements, component, column)
         self._connections(top)
         self._canvas(top)
-        _unit_table(root, "ssd:Units", self.units, (v.unit for each in self.connected.values() for v in each))
+        self._enumerations(root)
+        unit_table(root, "ssd:Units", self.units, (v.unit for each in self.connected.values() for v in each))
         self._experiment(root)
-        self._run(_child(root, "ssd:Annotations"))
-        return _text(root)
+        self._run(child(root, "ssd:Annotations"))
+        return text(root)
 
     def _component(self, elements: Element, component: Component, column: int) -> None:
-        element = _child(
+        element = child(
             elements, "ssd:Component", name=component.name, type=FMU_TYPE, source=quote(self.sources[component.name])
         )
-        _attributes(
+        attributes(
             element, implementation="CoSimulation", description=self.interfaces[component.name].model.description
         )
         self._connectors(element, component)
-        _child(element, "ssd:ElementGeometry", **self._block(component, column))
+        child(element, "ssd:ElementGeometry", **self._block(component, column))
         if component.parameters:
-            bindings = _child(element, "ssd:ParameterBindings")
-            _child(bindings, "ssd:ParameterBinding", source=_ssv_name(component))
+            bindings = child(element, "ssd:ParameterBindings")
+            child(bindings, "ssd:ParameterBinding", source=_ssv_name(component))
         if component.every > 1 and self.system.experiment.step:
-            hint = _child(_child(element, "ssd:Annotations"), "ssc:Annotation", type=OSP_ANNOTATION)
-            _child(hint, "osp:StepSizeHint", value=component.every * self.system.experiment.step)
+            hint = child(child(element, "ssd:Annotations"), "ssc:Annotation", type=OSP_ANNOTATION)
+            child(hint, "osp:StepSizeHint", value=component.every * self.system.experiment.step)
 
     def _connectors(self, element: Element, component: Component) -> None:
         """Inputs down the left edge, outputs down the right one; (0, 0) is the lower left corner."""
         connected = self.connected[component.name]
-        connectors = _child(element, "ssd:Connectors") if connected else None
+        connectors = child(element, "ssd:Connectors") if connected else None
         for x, kind in ((0, "input"), (1, "output")):
             side = [v for v in connected if v.causality == kind]
             for i, variable in enumerate(side):
-                connector = _child(
+                connector = child(
                     connectors, "ssd:Connector", name=variable.name, kind=kind, description=variable.description
                 )
                 unit = variable.unit if variable.unit in self.units else None
-                _child(connector, f"ssc:{variable.type}", **({"unit": unit} if variable.type == "Real" else {}))
-                _child(connector, "ssd:ConnectorGeometry", x=x, y=round(1 - (i + 0.5) / len(side), 6))
+                type_ = child(connector, f"ssc:{variable.type}")
+                attributes(type_, unit=unit if variable.type == "Real" else None)
+                attributes(type_, name=variable.type_name if variable.type == "Enumeration" else None)
+                child(connector, "ssd:ConnectorGeometry", x=x, y=round(1 - (i + 0.5) / len(side), 6))
+
+    def _enumerations(self, root: Element) -> None:
+        """Types of the connected enumerations; the first component that has a type of that name defines it."""
+        types = {v.type_name: v.items for each in self.connected.values() for v in each if v.type == "Enumeration"}
+        table = child(root, "ssd:Enumerations") if types else None
+        for name, items in sorted(types.items()):
+            enumeration = child(table, "ssc:Enumeration", name=name)
+            for item, value in items.items():
+                child(enumeration, "ssc:Item", name=item, value=value)
 
     def _height(self, component: Component) -> int:
         sides = [v.causality for v in self.connected[component.name]]
@@ -166,83 +172,38 @@ class _Description:
     def _canvas(self, top: Element) -> None:
         right = len(self.system.components) * (WIDTH + GAP)
         bottom = -max(self._height(c) for c in self.system.components) - GAP
-        _child(top, "ssd:SystemGeometry", x1=-GAP, y1=bottom, x2=right, y2=GAP)
+        child(top, "ssd:SystemGeometry", x1=-GAP, y1=bottom, x2=right, y2=GAP)
 
     def _connections(self, top: Element) -> None:
-        connections = _child(top, "ssd:Connections") if self.system.connections else None
-        for source, target in self.system.connections:
-            connection = _child(connections, "ssd:Connection")
-            _attributes(connection, startElement=source.component, startConnector=source.variable)
-            _attributes(connection, endElement=target.component, endConnector=target.variable)
+        connections = child(top, "ssd:Connections") if self.system.connections else None
+        for each in self.system.connections:
+            source, target, hops = each
+            connection = child(connections, "ssd:Connection")
+            attributes(connection, startElement=source.component, startConnector=source.variable)
+            attributes(connection, endElement=target.component, endConnector=target.variable)
+            if hops:
+                self._transformation(connection, way(each, self.interfaces))
+
+    def _transformation(self, connection: Element, change: Affine) -> None:
+        """Everything that happens on the way as one step, the conversion of units included."""
+        attributes(connection, suppressUnitConversion=True)
+        if change != IDENTITY:
+            child(connection, "ssc:LinearTransformation", factor=change.factor, offset=change.offset)
 
     def _experiment(self, root: Element) -> None:
         experiment = self.system.experiment
-        default = _child(root, "ssd:DefaultExperiment", startTime=experiment.start, stopTime=experiment.stop)
+        default = child(root, "ssd:DefaultExperiment", startTime=experiment.start, stopTime=experiment.stop)
         if experiment.step:
-            annotation = _child(_child(default, "ssd:Annotations"), "ssc:Annotation", type=OSP_ANNOTATION)
-            algorithm = _child(annotation, "osp:Algorithm")
-            _child(algorithm, "osp:FixedStepAlgorithm", baseStepSize=experiment.step, numWorkerThreads=0)
+            annotation = child(child(default, "ssd:Annotations"), "ssc:Annotation", type=OSP_ANNOTATION)
+            algorithm = child(annotation, "osp:Algorithm")
+            child(algorithm, "osp:FixedStepAlgorithm", baseStepSize=experiment.step, numWorkerThreads=0)
 
     def _run(self, annotations: Element) -> None:
         """Our annotation: what a run needs and SSP has no place for."""
-        annotation = _child(annotations, "ssc:Annotation", type=RUN_ANNOTATION)
+        annotation = child(annotations, "ssc:Annotation", type=RUN_ANNOTATION)
         run = etree.SubElement(annotation, tag("run:Run"), nsmap={"run": NS["run"]})
-        _attributes(run, algorithm=self.system.experiment.algorithm, strict="true" if self.system.strict else "false")
+        attributes(run, algorithm=self.system.experiment.algorithm, strict="true" if self.system.strict else "false")
         for c in self.system.components:
-            _child(run, "run:Component", name=c.name, every=c.every, latency=c.latency)
+            child(run, "run:Component", name=c.name, every=c.every, latency=c.latency)
         for s in self.system.sets:
-            _child(run, "run:ParameterSet", name=s.name, description=s.description, stop=s.stop, step=s.step)
-
-
-# ---- .ssv
-
-
-def _ssv(name: str, parameters: Parameters, interface: Interface, units: Units) -> bytes:
-    """A parameter set of one component; names are relative to the component."""
-    root = etree.Element(tag("ssv:ParameterSet"), nsmap={"ssv": NS["ssv"], "ssc": NS["ssc"]})
-    _attributes(root, version="1.0", name=name, generationTool=TOOL)
-    table = _child(root, "ssv:Parameters")
-    for parameter, given in parameters.items():
-        kind = interface.variables[parameter].type
-        value = _child(_child(table, "ssv:Parameter", name=parameter), f"ssv:{kind}", value=given.value)
-        if kind == "Real" and given.unit in units:
-            _attributes(value, unit=given.unit)
-    _unit_table(root, "ssv:Units", units, (p.unit for p in parameters.values()))
-    return _text(root)
-
-
-# ---- XML
-
-
-def _unit_table(root: Element, name: str, units: Units, used: Iterable[str | None]) -> None:
-    names = sorted({unit for unit in used if unit in units and unit is not None})
-    table = _child(root, name) if names else None
-    for unit in names:
-        parts = {part: value for part, value in units[unit].items() if value != (1 if part == "factor" else 0)}
-        _child(_child(table, "ssc:Unit", name=unit), "ssc:BaseUnit", **parts)
-
-
-def _child(parent: Element, kind: str, /, **attributes: Scalar | None) -> Element:
-    element = etree.SubElement(parent, tag(kind))
-    _attributes(element, **attributes)
-    return element
-
-
-def _attributes(element: Element, /, **attributes: Scalar | None) -> None:
-    """Set attributes in the given order; None and "" are left out."""
-    for name, value in attributes.items():
-        if value is not None and value != "":
-            element.set(name, _literal(value))
-
-
-def _literal(value: Scalar) -> str:
-    """A value as XML schema writes it."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, float) and not math.isfinite(value):
-        return "NaN" if math.isnan(value) else "INF" if value > 0 else "-INF"
-    return repr(value) if isinstance(value, float) else str(value)
-
-
-def _text(root: Element) -> bytes:
-    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
+            child(run, "run:ParameterSet", name=s.name, description=s.description, stop=s.stop, step=s.step)

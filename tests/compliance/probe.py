@@ -19,6 +19,9 @@ from tests.compliance.api import Status
 
 PLATFORMS = {"linux": ("linux64", ".so"), "darwin": ("darwin64", ".dylib"), "win32": ("win64", ".dll")}
 FOLDER, ENDING = PLATFORMS[sys.platform]
+GRIDS = ("max_step", "sample_period", "T0")
+"""Names of the parameters that are the internal step of a plant, the period of software, the call period of thrusters."""
+
 LIBC = ctypes.CDLL(None)
 LIBC.calloc.restype, LIBC.calloc.argtypes = c_void_p, (c_size_t, c_size_t)
 LIBC.free.restype, LIBC.free.argtypes = None, (c_void_p,)
@@ -82,6 +85,7 @@ class Fmu:
         with zipfile.ZipFile(archive) as files:
             files.extractall(folder)
         self.folder = folder
+        self.resources = (folder / "resources").as_uri().encode()
         self.name = archive.stem
         self.about = description.read(archive)
         self.library = api.load(folder / "binaries" / FOLDER / (self.name + ENDING))
@@ -106,7 +110,7 @@ class Fmu:
 
     def sampled_every(self, period: float) -> dict[str, float]:
         """Parameters that make plants integrate and software sample on the grid k * period, whatever the master does."""
-        return self.settings(max_step=period, sample_period=period)
+        return self.settings(**dict.fromkeys(GRIDS, period))
 
 
 def excitation(variables, k: int) -> dict[str, float]:
@@ -126,8 +130,7 @@ class Instance:
     def __init__(self, fmu: Fmu, name="probe", *, host=None, logging=True, guid=None, kind=api.CO_SIMULATION):
         self.fmu, self.library, self.host = fmu, fmu.library, host or Host()
         guid = fmu.about.guid if guid is None else guid
-        location = (fmu.folder / "resources").as_uri().encode()
-        arguments = (name.encode(), kind, guid.encode(), location, byref(self.host.callbacks), 0, int(logging))
+        arguments = (name.encode(), kind, guid.encode(), fmu.resources, byref(self.host.callbacks), 0, int(logging))
         self.handle = self.library.fmi2Instantiate(*arguments)
 
     def __enter__(self):

@@ -1,13 +1,19 @@
 """The result of a flight does not depend on how the master cuts it into communication steps.
 
-Plants integrate and software samples on a grid of their own (max_step, sample_period), set to 0.1 s here.
+Plants integrate and software samples on a grid of their own (max_step, sample_period, T0), set to 0.1 s here.
 """
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
+from tests.compliance.api import Status
+from tests.compliance.fmus import ROOT
 from tests.compliance.probe import Instance, excitation
 
 GRID = 0.1
@@ -78,7 +84,7 @@ def test_communication_points_off_the_grid_change_no_more_than_the_error_of_the_
     count = round(21 / h)
     points = [*multiples(h, count - 1), 21.0]
     on, off, fine = fly(fmu, [0.0, 21.0])[0], fly(fmu, points)[0], fly(fmu, [0.0, 21.0], grid=GRID / 2)[0]
-    if "sample_period" in fmu.about.by_name:
+    if "max_step" not in fmu.about.by_name:
         assert np.array_equal(on, off), "software samples at the same instants, whoever steps it"
     else:
         assert np.all(np.abs(off - on) <= 2 * np.abs(on - fine) + 1e-12 * row_scale(fmu, on))
@@ -111,3 +117,19 @@ def test_the_hint_about_rollback_changes_nothing(fmu, prior):
             instance.ok("fmi2DoStep", k * 0.1, 0.1, prior)
             other.step(k * 0.1, 0.1)
         assert instance.outputs() == other.outputs()
+
+
+def test_a_step_of_too_many_internal_steps_is_refused_and_not_begun(fmu, archive):
+    """Asked in a process of its own, since it would never come back."""
+    grid = [v.reference for v in fmu.parameters if v.name in fmu.sampled_every(1.0)]
+    if not grid:
+        pytest.skip(f"{fmu.name} has neither internal steps nor samples of its own")
+    outputs, inputs = [fmu.outputs[0].reference], [v.reference for v in fmu.inputs[:1]]
+    begin = [[0, "new"], *([0, "set", [reference], 1e-12] for reference in grid)]
+    begin += [[0, "call", "fmi2EnterInitializationMode"], [0, "call", "fmi2ExitInitializationMode"]]
+    ask = [[0, "step", 0.0, 0.1], [0, "derivative", outputs, inputs, 1.0], [0, "step", 0.0, 1e-9]]
+    command = [sys.executable, "-m", "tests.compliance.worker", archive]
+    done = subprocess.run(
+        command, input=json.dumps(begin + ask), capture_output=True, text=True, cwd=ROOT, timeout=60, check=True
+    )
+    assert [status for status, _ in json.loads(done.stdout)[-3:]] == [Status.ERROR, Status.ERROR, Status.OK]

@@ -118,11 +118,16 @@ MIXED = Model(
     step="z += 1;",
 )
 SLOW = Model("slow", [y("n"), x("z")], "n = z;", 'if (!z) fclose(fopen("stepping", "w")); z += 1; usleep(2000);')
+KILOMETRES = Model("kilometres", [u("u", "km"), y("y", "km"), p("k", 1.0, "km")], "y = u + k;", units=("1", "km"))
+CELSIUS = Model("celsius", [u("u", "degC"), y("y", "degC")], "y = u;", units=("degC",))
+KELVIN = Model("kelvin", [u("u", "K"), y("y", "K")], "y = u;", units=("K",))
+MODED = Model("moded", [y("y"), p("mode", 1, None, "Enumeration")], "y = 10 * mode;")
+CRASHING = Model("crashing", [y("y"), x("z")], "y = z;", "z += 1; if (z > 2) *(volatile int *)0 = 1;")
 WARNING = Model("warning", [y("y")], step='say(c, 1, "getting warm"); return fmi2Warning;')
 
 MODELS = (
     GAIN, INTEGRATOR, COUNTER, VECTOR, SOURCE, FAILING, SILENT, LADDER, NOT_A_NUMBER, PLUS_ONE, PICKY, NO_STATE, MIXED,
-    SLOW, WARNING,
+    SLOW, WARNING, KILOMETRES, CELSIUS, KELVIN, MODED, CRASHING,
 )  # fmt: skip
 
 SOURCE_TEXT = r"""
@@ -172,7 +177,13 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerant, fmi2Real t
 fmi2Status fmi2EnterInitializationMode(fmi2Component c) NOTHING
 fmi2Status fmi2ExitInitializationMode(fmi2Component c) { return check(c); }
 fmi2Status fmi2Terminate(fmi2Component c) NOTHING
-fmi2Status fmi2Reset(fmi2Component c) ERROR
+fmi2Status fmi2Reset(fmi2Component m)
+{
+    Instance *c = m;
+    c->latched = 0;
+    @START@
+    return fmi2OK;
+}
 fmi2Status fmi2GetReal(fmi2Component m, const fmi2ValueReference vr[], size_t n, fmi2Real value[])
 {
     Instance *c = m;
@@ -271,7 +282,7 @@ def source_text(model: Model) -> str:
     names = {
         re.sub(r"\W+", "_", v.name).strip("_") + "_" * v.name.endswith("_"): i for i, v in enumerate(model.variables)
     }
-    array = ["integer" if v.type in ("Integer", "Boolean") else "real" for v in model.variables]
+    array = ["integer" if v.type in ("Integer", "Boolean", "Enumeration") else "real" for v in model.variables]
     parts = {
         "COUNT": str(len(model.variables) + 1),
         "NAMES": "\n".join(f"#define {name} c->{array[i]}[{i}]" for name, i in names.items()),
@@ -299,20 +310,29 @@ def description(model: Model) -> str:
   <CoSimulation modelIdentifier="{model.name}" canHandleVariableCommunicationStepSize="true"
                 canGetAndSetFMUstate="{str(model.can_save).lower()}"/>
   <UnitDefinitions>{units}</UnitDefinitions>
+  {TYPE_DEFINITIONS}
   <ModelVariables>{variables}</ModelVariables>
   <ModelStructure><Outputs>{unknowns}</Outputs><InitialUnknowns>{unknowns}</InitialUnknowns></ModelStructure>
 </fmiModelDescription>
 """
 
 
-BASE = {"1": "", "m": 'm="1"', "s": 's="1"', "km": 'm="1" factor="1000"'}
+BASE = {
+    "1": "", "m": 'm="1"', "s": 's="1"', "km": 'm="1" factor="1000"', "K": 'K="1"', "degC": 'K="1" offset="273.15"'
+}  # fmt: skip
+TYPE_DEFINITIONS = """<TypeDefinitions><SimpleType name="Mode"><Enumeration>
+    <Item name="off" value="1"/><Item name="hold" value="4"/><Item name="go" value="7"/>
+  </Enumeration></SimpleType></TypeDefinitions>"""
 VARIABILITY = {"parameter": "fixed", "local": "continuous"}
 
 
 def _variable(i: int, v: Var) -> str:
     variability = VARIABILITY.get(v.causality, "continuous" if v.type == "Real" else "discrete")
-    start = {"Boolean": str(bool(v.start)).lower(), "Integer": int(v.start), "String": ""}.get(v.type, v.start)
+    number = int(v.start)
+    texts = {"Boolean": str(bool(v.start)).lower(), "Integer": number, "Enumeration": number, "String": ""}
+    start = texts.get(v.type, v.start)
     starts = f' start="{start}"' if v.causality in ("input", "parameter") else ""
+    kind = ' declaredType="Mode"' if v.type == "Enumeration" else ""
     unit = f" unit={quoteattr(v.unit)}" if v.unit and v.type == "Real" else ""
     head = f'name={quoteattr(v.name)} valueReference="{i}" causality="{v.causality}" variability="{variability}"'
-    return f"<ScalarVariable {head}><{v.type}{unit}{starts}/></ScalarVariable>"
+    return f"<ScalarVariable {head}><{v.type}{kind}{unit}{starts}/></ScalarVariable>"

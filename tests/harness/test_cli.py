@@ -11,6 +11,7 @@ import time
 import tomllib
 import zipfile
 
+import numpy as np
 import pytest
 
 from harness import result_files
@@ -108,7 +109,7 @@ def test_help_names_every_command(command):
     for arguments in ((), ("--help",)):
         status, out, _ = command(*arguments)
         assert status == 0
-        for name in ("run", "list", "check", "plot", "report", "bench"):
+        for name in ("run", "list", "check", "export", "draw", "linearize", "plot", "report", "bench"):
             assert any(line.strip().startswith(name) for line in out)
 
 
@@ -264,7 +265,7 @@ def test_plot_and_report_of_a_file_that_is_no_result_are_one_line(command, folde
 
 
 def test_a_mistake_of_ours_is_one_line_unless_a_traceback_is_wanted(command, monkeypatch):
-    monkeypatch.setattr("harness.catalogue.text", lambda: 1 / 0)
+    monkeypatch.setattr("harness.catalogue.text", lambda _: 1 / 0)
     status, _, err = command("list")
     assert status == 1
     assert err == ["harness: internal error, HARNESS_TRACEBACK=1 shows where: ZeroDivisionError: division by zero"]
@@ -320,3 +321,28 @@ def test_a_reader_that_goes_away_is_no_error_message(folder):
     assert "Traceback" not in running.stderr.read()
     running.stderr.close()
     running.wait(timeout=20)
+
+
+# ---- linearize
+
+
+def test_linearize_writes_matrices_with_names(command, folder):
+    status, out, err = command("linearize", "integrator", "--step", "0.5", "--set", "u=2", "-o", "new/model.npz")
+    assert (status, err) == (0, [])
+    assert out == ["new/model.npz: 1 states, 1 inputs, 1 outputs"]
+    with np.load(folder / "new" / "model.npz") as model:
+        assert model["x_names"].tolist() == ["y"]
+        assert model["A"].tolist() == [[pytest.approx(1.0)]]
+        assert model["B"].tolist() == [[pytest.approx(0.5)]]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "line"),
+    [
+        (["integratr", "-o", "x.npz"], 2, "integratr: there is no such FMU (close: integrator)"),
+        (["integrator", "-o", "x.npz", "--set", "v=1"], 2, "v: there is no such variable"),
+        (["integrator", "-o", "demo.ssp/x.npz"], 1, "demo.ssp/x.npz: cannot be written (File exists)"),
+    ],
+)
+def test_a_linear_model_that_cannot_be_is_one_line(command, arguments, status, line):
+    assert command("linearize", *arguments) == (status, [], [f"harness: {line}"])

@@ -32,7 +32,7 @@ def test_slots_are_contiguous_per_component_and_inputs_point_at_their_sources(ma
         ("c.t_lst > gain.u", "c.t_lst: there is no such output (close: t_last, h_last)"),
         ("gain.u > gain.u", "gain.u: is connected as output, but its causality is input"),
         ("c.n > gain.k", "gain.k: is connected as input, but its causality is parameter"),
-        ("c.t_last > gain.u", "gain.u: wants unit 1, c.t_last has s"),
+        ("c.t_last > gain.u", "gain.u: wants unit 1, c.t_last has s (s [s] cannot be converted to 1 [1])"),
         ("c.n > m.i", "m.i: is Integer, cannot be driven by c.n, a Real"),
     ],
 )
@@ -73,7 +73,9 @@ def test_a_parameter_that_cannot_be_set_is_refused(make, name, value, problem):
 def test_a_parameter_in_another_unit_is_refused(make):
     system = make({"bad": "failing"})
     changed = replace(system.components[0], parameters={"t_fail": Parameter(1.0, "m")})
-    assert problems(replace(system, components=(changed,))) == ("bad.t_fail: is given in m, but its unit is s",)
+    assert problems(replace(system, components=(changed,))) == (
+        "bad.t_fail: is given in m, but its unit is s (m cannot be converted to s: m is not defined by a BaseUnit)",
+    )
 
 
 def test_all_problems_come_at_once(make):

@@ -12,6 +12,7 @@ import pytest
 from harness import run, ssp
 from harness.archive import unpack
 from harness.errors import ArchiveError, StructureError
+from harness.ssp_parameters import read_ssv
 
 SSD = """<?xml version="1.0" encoding="UTF-8"?>
 <d:SystemStructureDescription version="1.0" name="foreign"
@@ -90,18 +91,16 @@ def test_a_file_of_another_tool_runs_whatever_its_prefixes(write):
 @pytest.mark.parametrize(
     ("old", "new", "problem"),
     [
-        ("<d:Elements>", '<d:Elements><d:System name="inner"/>', "nested systems are not supported"),
         (
-            '<d:System name="top">',
-            '<d:System name="top"><d:Connectors><d:Connector name="u" kind="input"/></d:Connectors>',
-            "connectors of the system itself are not supported",
+            "<d:Elements>",
+            '<d:Elements><d:SignalDictionaryReference name="bus" dictionary="signals"/>',
+            "component bus: signal dictionaries are not supported",
         ),
         (
-            'endConnector="u"/>',
-            'endConnector="u"><c:LinearTransformation factor="2"/></d:Connection>',
-            "transformations of signals are not supported",
+            "</d:ParameterValues>",
+            "</d:ParameterValues><d:ParameterMapping/>",
+            "component twice: a ParameterMapping is empty and names no file",
         ),
-        ("</d:ParameterValues>", "</d:ParameterValues><d:ParameterMapping/>", "parameter mappings are not supported"),
         (
             'name="twice"',
             'name="twice" type="application/x-ssp-package"',
@@ -255,7 +254,7 @@ def test_parameters_of_all_types_are_read(tmp_path):
         '<s:Parameter name="b"><s:Boolean value="true"/></s:Parameter>'
         '<s:Parameter name="t"><s:String value="word"/></s:Parameter></s:Parameters></s:ParameterSet>'
     )
-    read = ssp.read_ssv(path)
+    read = read_ssv(path)
     assert {name: parameter.value for name, parameter in read.items()} == {
         "r": -float("inf"),
         "i": 7,

@@ -1,0 +1,50 @@
+"""The run at hand as one file for others: an .ssp with everything inside, or one FMU that contains the whole system."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from harness.container import write_container
+from harness.errors import ResultsError
+from harness.graph import build_graph
+from harness.overrides import Pairs, apply
+from harness.run import loaded
+from harness.schedule import macro_steps
+from harness.system import System
+from harness.write_ssp import write_ssp
+
+
+def export(  # noqa: PLR0913 - every one is an option of the command line
+    system: str | Path | System,
+    target: Path,
+    *,
+    params: str | Path | None = None,
+    set: Pairs = (),
+    swap: Pairs = (),
+    step: float | None = None,
+    stop: float | None = None,
+    algorithm: str | None = None,
+) -> Path:
+    """Write a system with all changes to an .ssp or .fmu file, or as .ssp into a folder; returns the file.
+
+    The other arguments are those of run(). Flying the .ssp gives the bits of flying the system with the same options;
+    the same options give the same bytes. Raises what run() raises before its first step, or ResultsError.
+    """
+    with loaded(system) as found:
+        changed = apply(found, params=params, set=set, swap=swap, step=step, stop=stop, algorithm=algorithm)
+        build_graph(changed)
+        macro_steps(changed.experiment, [c.every for c in changed.components])
+        file = _file(target, changed.name)
+        (write_container if file.suffix == ".fmu" else write_ssp)(changed, file)
+    return file
+
+
+def _file(target: Path, name: str) -> Path:
+    """The file itself, or NAME.ssp in a folder that is made if needed."""
+    is_file = target.suffix in (".ssp", ".fmu") and not target.is_dir()
+    folder = target.parent if is_file else target
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ResultsError(f"{folder}: cannot be made a folder ({error.strerror})") from error
+    return target if is_file else folder / f"{name}.ssp"

@@ -1,0 +1,111 @@
+"""Units by their meaning, and what happens to a number on its way from one variable to another.
+
+    SI value = factor * value + offset                  of a BaseUnit with given exponents of the SI units
+    on a hop: first convert units, then value = factor * value + offset                          (SSP 1.0, 5.3.5)
+
+All hops of a way are composed in rational arithmetic to one Affine and rounded once at the end.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from typing import NamedTuple
+
+Base = Mapping[str, float]
+"""A BaseUnit: exponents of kg m s A K mol cd rad, then factor and offset."""
+
+
+class Unit(NamedTuple):
+    """Name of a unit and its meaning, if that is declared."""
+
+    name: str
+    base: Base | None = None
+
+
+class Affine(NamedTuple):
+    """value -> factor * value + offset."""
+
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def __call__(self, value: float) -> float:
+        """The value after the change."""
+        return self.factor * value + self.offset
+
+
+IDENTITY = Affine()
+
+
+class Hop(NamedTuple):
+    """One connection or mapping: convert to `unit` (None: that of the variable at the end of the way), then transform.
+
+    convert: False where the file suppresses the conversion of units.
+    """
+
+    change: Affine = IDENTITY
+    convert: bool = True
+    unit: Unit | None = None
+
+
+PLAIN = Hop()
+
+_Exact = tuple[Fraction, Fraction]
+
+
+def compose(start: Unit | None, hops: Sequence[Hop], end: Unit | None) -> Affine:
+    """All hops from a variable in unit `start` to one in unit `end` as one step; ValueError if units do not fit.
+
+    The last hop ends at the variable itself; no hops at all stand for a plain connection, which converts units.
+    """
+    factor, offset = Fraction(1), Fraction(0)
+    unit = start
+    for hop in hops or (PLAIN,):
+        here = hop.unit or end
+        for f, o in ((_conversion(unit, here) if hop.convert else (Fraction(1), Fraction(0))), _exact(hop.change)):
+            factor, offset = f * factor, f * offset + o
+        unit = here or unit
+    return Affine(float(factor), float(offset))
+
+
+def _exact(change: Affine) -> _Exact:
+    return _fraction(change.factor), _fraction(change.offset)
+
+
+def _fraction(number: float) -> Fraction:
+    """A number as it was written: 0.001 is a thousandth."""
+    return Fraction(repr(float(number)))
+
+
+def _conversion(a: Unit | None, b: Unit | None) -> _Exact:
+    """Exact conversion of numbers in unit a to numbers in unit b; none where one is unknown or both have one name."""
+    if a is None or b is None or a.name == b.name:
+        return Fraction(1), Fraction(0)
+    for unit in (a, b):
+        if unit.base is None:
+            raise ValueError(f"{a.name} cannot be converted to {b.name}: {unit.name} is not defined by a BaseUnit")
+    assert a.base is not None
+    assert b.base is not None
+    if _dimension(a.base) != _dimension(b.base):
+        raise ValueError(f"{a.name} [{_text(a.base)}] cannot be converted to {b.name} [{_text(b.base)}]")
+    (fa, oa), (fb, ob) = _scale(a), _scale(b)
+    return fa / fb, (oa - ob) / fb
+
+
+def _scale(unit: Unit) -> _Exact:
+    assert unit.base is not None
+    factor, offset = unit.base.get("factor", 1.0), unit.base.get("offset", 0.0)
+    if not (math.isfinite(factor) and math.isfinite(offset) and factor != 0):
+        raise ValueError(f"{unit.name} has the factor {factor:g} and the offset {offset:g}, nothing can be converted")
+    return _fraction(factor), _fraction(offset)
+
+
+def _dimension(base: Base) -> dict[str, int]:
+    """Exponents that are not zero."""
+    return {name: int(n) for name, n in base.items() if name not in ("factor", "offset") and n}
+
+
+def _text(base: Base) -> str:
+    """Dimension in words: kg.m.s-2."""
+    return ".".join(f"{name}{n if n != 1 else ''}" for name, n in _dimension(base).items()) or "1"

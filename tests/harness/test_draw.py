@@ -1,0 +1,63 @@
+"""The block diagram of a system: every signal once, nothing outside the picture, nothing across a block."""
+
+from __future__ import annotations
+
+import pytest
+from lxml import etree
+
+from harness.cli import main
+from harness.diagram import CHARACTER, Net, lay_out, nets
+from harness.draw import draw, svg
+
+LOOP = (
+    {"a": "ladder", "b": "ladder", "c": "ladder"},
+    [f"a.w[{i}] > b.v[{i}]" for i in (1, 2, 3)] + [f"b.w[{i}] > c.v[{i}]" for i in (1, 2)]
+    + ["b.w[3] > a.v[1]", "c.w[1] > a.v[2]", "c.w[2] > b.v[2]", "a.w[1] > c.v[3]"],
+)  # fmt: skip
+
+
+def test_vectors_are_one_signal_and_go_together_with_all_of_the_same_way(make):
+    assert nets(make(*LOOP)) == [
+        Net(0, (1, 2), ("w > v",)),
+        Net(1, (2,), ("w > v",)),
+        Net(1, (0,), ("w > v",)),
+        Net(2, (0, 1), ("w > v",)),
+    ]
+
+
+def test_everything_is_inside_the_picture_and_no_line_crosses_a_block(make):
+    drawing = lay_out(make(*LOOP))
+    for points in drawing.arrows + drawing.lines:
+        for (x1, y1), (x2, y2) in zip(points, points[1:], strict=False):
+            assert x1 == x2 or y1 == y2
+            assert 0 <= min(x1, x2) <= max(x1, x2) <= drawing.width
+            assert 0 <= min(y1, y2) <= max(y1, y2) <= drawing.height
+            for left, top, width, height in drawing.blocks:
+                beside = max(x1, x2) <= left or min(x1, x2) >= left + width
+                assert beside or max(y1, y2) <= top or min(y1, y2) >= top + height
+    for label in drawing.labels:
+        length = CHARACTER * max(map(len, label.lines))
+        start = label.x if label.anchor == "start" else label.x - length
+        assert start >= 0
+        assert start + length <= drawing.width
+
+
+def test_the_picture_names_components_and_signals_and_is_always_the_same(make, tmp_path):
+    system = make({"first": "counter", "second": "gain"}, ["first.n > second.u"])
+    draw(system, tmp_path / "new" / "x.svg")
+    data = (tmp_path / "new" / "x.svg").read_bytes()
+    assert data == svg(system)
+    words = [e.text for e in etree.fromstring(data).iter("{*}text")]
+    assert words == ["test", "first", "counter", "second", "gain", "n > u"]
+
+
+@pytest.mark.parametrize("arguments", [[], ["-o", "y.svg"]])
+def test_the_command_writes_a_picture_beside(make, tmp_path, monkeypatch, capsys, arguments):
+    from harness.write_ssp import write_ssp
+
+    monkeypatch.chdir(tmp_path)
+    write_ssp(make(*LOOP), tmp_path / "loop.ssp")
+    assert main(["draw", "loop.ssp", *arguments]) == 0
+    name = arguments[-1] if arguments else "test.svg"
+    assert capsys.readouterr().out == f"{name}\n"
+    assert (tmp_path / name).read_bytes().startswith(b"<?xml")

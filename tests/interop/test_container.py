@@ -1,0 +1,116 @@
+"""A system as one FMU: other tools accept it, and FMPy and libcosim get the bits of our own run out of it."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.validation import validate_fmu
+
+from harness import paths
+from harness.errors import StructureError
+from harness.export import export
+from harness.run import fly, loaded
+
+pytestmark = [
+    pytest.mark.interop,
+    pytest.mark.skipif(
+        importlib.util.find_spec("fmu_manipulation_toolbox") is None, reason="fmu-manipulation-toolbox is not installed"
+    ),
+]
+MACRO_STEPS = 300
+
+
+@pytest.fixture(scope="module", params=sorted(paths.systems()))
+def system(request):
+    return request.param
+
+
+@pytest.fixture(scope="module", params=["jacobi", "gauss-seidel"])
+def contained(request, system, tmp_path_factory):
+    """Container of a system, its macro step, and our run with the same algorithm."""
+    with loaded(system) as found:
+        h = found.experiment.step
+        stop = found.experiment.start + MACRO_STEPS * h
+        changed = replace(found, experiment=replace(found.experiment, stop=stop, algorithm=request.param))
+        try:
+            return export(changed, tmp_path_factory.mktemp("container") / f"{system}.fmu"), h, fly(changed)
+        except StructureError as error:
+            pytest.skip(f"{system}: {error}")
+
+
+@pytest.mark.tool("fmucontainer + FMPy", "fmu-manipulation-toolbox")
+def test_fmpy_gets_our_bits_out_of_a_container(contained):
+    path, h, ours = contained
+    assert validate_fmu(str(path)) == []
+    stop = MACRO_STEPS * h
+    theirs = fmpy.simulate_fmu(str(path), stop_time=stop, step_size=h, output_interval=h)
+    assert sorted(theirs.dtype.names) == sorted(("time", *ours.columns))
+    different = [name for name in ours.columns if not np.array_equal(theirs[name], ours[name])]
+    assert different == []
+
+
+@pytest.mark.tool("fmucontainer + libcosim", "fmu-manipulation-toolbox")
+def test_libcosim_steps_a_container(contained):
+    pytest.importorskip("libcosimpy", reason="libcosimpy is not installed")
+    path, h, ours = contained
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
+    from libcosimpy.CosimObserver import CosimObserver
+    from libcosimpy.CosimSlave import CosimLocalSlave
+
+    log_output_level(CosimLogLevel.FATAL)
+    execution = CosimExecution.from_step_size(step_size=round(h * 1e9))
+    index = execution.add_local_slave(CosimLocalSlave(str(path), "whole"))
+    observer = CosimObserver.create_last_value()
+    execution.add_observer(observer=observer)
+    assert execution.step(MACRO_STEPS)
+    variables = execution.slave_variables(index)
+    values = observer.last_real_values(index, [v.reference for v in variables])
+    got = {v.name.decode(): value for v, value in zip(variables, values, strict=True)}
+    assert got == {name: ours[name][-1] for name in ours.columns}
+
+
+@pytest.mark.tool("fmutool -check", "fmu-manipulation-toolbox")
+def test_fmutool_finds_no_fault_in_a_container(contained):
+    path, _, _ = contained
+    command = [str(Path(sys.executable).with_name("fmutool")), "-input", str(path), "-check"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+    assert "No semantic error" in done.stdout + done.stderr
+
+
+def test_the_same_system_gives_the_same_container(system, tmp_path):
+    try:
+        first = export(system, tmp_path / "a.fmu", stop=10.0 * 60).read_bytes()
+    except StructureError as error:
+        pytest.skip(f"{system}: {error}")
+    (tmp_path / "again").mkdir()
+    assert export(system, tmp_path / "again" / "a.fmu", stop=10.0 * 60).read_bytes() == first
+
+
+@pytest.mark.tool("fmucontainer on the .ssp itself", "fmu-manipulation-toolbox")
+def test_fmucontainer_by_itself_drops_the_values_of_an_ssp(tmp_path):
+    """Why the harness writes containers: fmucontainer takes no .ssv and initialises a loop from zeros."""
+    name = "sync_approach"
+    (tmp_path / f"{name}.ssp").write_bytes(paths.systems()[name].read_bytes())
+    command = [
+        str(Path(sys.executable).with_name("fmucontainer")),
+        "-container",
+        f"{name}.ssp:0.1",
+        "-fmu-directory",
+        ".",
+    ]
+    subprocess.run(command, capture_output=True, check=True, cwd=tmp_path, timeout=60)
+    with zipfile.ZipFile(tmp_path / f"{name}.fmu") as archive:
+        runtime = archive.read("resources/container.txt").decode().splitlines()
+    head = next(i for i, line in enumerate(runtime) if line.startswith("# Start values of target.fmu - real64"))
+    assert runtime[head + 1] == "0 0"
+    with pytest.raises(fmpy.fmi1.FMICallException, match="fmi2ExitInitializationMode"):
+        fmpy.simulate_fmu(str(tmp_path / f"{name}.fmu"), stop_time=1.0, output_interval=0.1)
