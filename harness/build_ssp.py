@@ -10,16 +10,15 @@ from __future__ import annotations
 
 import argparse
 import sys
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from harness import graph
-from harness.errors import HarnessError, StructureError, UsageError, did_you_mean
+from harness.errors import HarnessError, StructureError, did_you_mean
 from harness.interface import Interface
-from harness.parameters import Assignments
+from harness.parameters import Assignments, read_toml
 from harness.schedule import macro_steps
 from harness.system import Component, Experiment, ParameterSet, Port, System
 from harness.wiring import Wiring, split, wire
@@ -33,16 +32,6 @@ KEYS = {
     "set experiment": ("stop", "step"),
 }
 """Keys that the tables of a system may have."""
-
-
-def read_toml(path: Path) -> dict[str, Any]:
-    """Content of a TOML file; StructureError if it is not one, UsageError if it is not there."""
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be read ({error.strerror})") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise StructureError([f"{path}: not a readable TOML file ({error})"]) from error
 
 
 def compose(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> System:

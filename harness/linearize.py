@@ -157,7 +157,6 @@ class _Bench:
         declared = next(v.start for v in self.interface.model.modelVariables if v.name == name)
         return self.settings.get(name, float(declared))
 
-
     def lowest(self, name: str) -> float:
         """Declared lower bound of a variable."""
         declared = next(v.min for v in self.interface.model.modelVariables if v.name == name)

@@ -10,10 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from harness.build_ssp import read_toml
 from harness.errors import StructureError, UsageError, did_you_mean
 from harness.graph import read_interfaces
-from harness.parameters import Assignments
+from harness.parameters import Assignments, read_toml
 from harness.ssp_parameters import read_ssv
 from harness.swap import exchange
 from harness.system import System

@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Collection, Mapping
+from pathlib import Path
 from typing import Any
 
-from harness.errors import did_you_mean
+from harness.errors import StructureError, UsageError, did_you_mean
 from harness.interface import Interface
 from harness.system import Parameter, Parameters
 from harness.values import Value, assign, base, coerce, elements_of, leaves
 
 SHARED = "shared"
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Content of a TOML file; StructureError if it is not one, UsageError if it is not there."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read ({error.strerror})") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise StructureError([f"{path}: not a readable TOML file ({error})"]) from error
 
 
 class Assignments:

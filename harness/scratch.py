@@ -1,7 +1,8 @@
 """Private temporary folders that do not outlive the process, whatever ends it.
 
 Python removes a folder after an error or Ctrl-C. After a crash in an FMU's code or a kill nothing of Python runs any
-more; then a guard removes it: a shell that waits at a pipe which closes with the process. (Windows has no such guard.)
+more; then a guard removes it: a shell that waits at a pipe which closes with the process. (Windows and machines
+without a shell have no such guard.)
 """
 
 from __future__ import annotations
@@ -45,4 +46,9 @@ def _guard(folder: Path) -> subprocess.Popen[bytes] | None:
         return None
     command = ["/bin/sh", "-c", _GUARD, "harness-guard", str(folder)]
     quiet = subprocess.DEVNULL
-    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet, start_new_session=True, cwd="/")
+    try:
+        return subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet, start_new_session=True, cwd="/"
+        )
+    except OSError:  # a machine without a shell
+        return None

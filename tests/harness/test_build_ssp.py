@@ -278,9 +278,7 @@ def test_the_build_command_writes_the_file(fmu_folder, tmp_path, capsys):
         (TOML.replace("k = 4", "kk = 4"), 1, r"demo\.toml: \[parameters\] shared\.kk: .*"),
     ],
 )
-def test_the_build_command_says_in_one_line_what_is_wrong(
-    fmu_folder, tmp_path, capsys, text, status, line
-):
+def test_the_build_command_says_in_one_line_what_is_wrong(fmu_folder, tmp_path, capsys, text, status, line):
     source = tmp_path / "demo.toml"
     if text is not None:
         source.write_text(text)

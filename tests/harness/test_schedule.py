@@ -105,9 +105,7 @@ def test_order_decides_whether_a_gain_sees_the_new_count(make, algorithm, compon
     ],
 )
 @pytest.mark.parametrize("executor", ["c", "python"])
-def test_period_and_latency_are_exact(
-    make, executor, algorithm, every, latency, count, twice
-):
+def test_period_and_latency_are_exact(make, executor, algorithm, every, latency, count, twice):
     system = make(CHAIN, WIRE, timing={"counter": (every, latency)}, algorithm=algorithm)
     result = run(system, executor=executor)
     assert result["counter.n"].tolist() == count
