@@ -12,11 +12,12 @@ const char *fmi2GetVersion(void) { return fmi2Version; }
 /* ---- life cycle ---- */
 static bool can_instantiate(const Instance *caller, fmi2Type type, fmi2String guid)
 {
-    char expected[GUID_SIZE], text[200];
+    char buffer[GUID_SIZE], text[200];
+    const char *expected = guid_of(&fmu_model, buffer);
     if (!caller->name || !*caller->name) return failure(caller, "fmi2Instantiate", "the instance name is empty"), false;
     if (type != fmi2CoSimulation)
         return failure(caller, "fmi2Instantiate", "this FMU is for co-simulation only"), false;
-    if (guid && strcmp(guid, guid_of(&fmu_model, expected)) == 0) return true;
+    if (guid && strcmp(guid, expected) == 0) return true;
     snprintf(text, sizeof text, "wrong guid '%.60s', expected '%s'", guid ? guid : "", expected);
     return failure(caller, "fmi2Instantiate", text), false;
 }
@@ -121,11 +122,25 @@ static bool refresh(Instance *instance, const char *function)
     return true;
 }
 
+/* the shortest internal step or sample period; the parameters have the same names in all models; 0: there is none */
+static double finest_grid(const void *model)
+{
+    double finest = INFINITY;
+    for (size_t i = 0; i < fmu_model.variable_count; i++) {
+        const Variable *v = &fmu_model.variables[i];
+        double value = *place_const(model, (Scalar){v, 0});
+        if (strcmp(v->name, "max_step") && strcmp(v->name, "sample_period") && strcmp(v->name, "T0")) continue;
+        if (value > 0) finest = fmin(finest, value);
+    }
+    return isfinite(finest) ? finest : 0;
+}
+
 fmi2Status fmi2ExitInitializationMode(fmi2Component c)
 {
     Instance *instance = c;
     if (!allowed(instance, "fmi2ExitInitializationMode", INITIALIZING)) return fmi2Error;
     if (!refresh(instance, "fmi2ExitInitializationMode")) return fmi2Error;
+    instance->now.grid = finest_grid(instance->model);
     instance->now.phase = STEPPING;
     log_message(instance, fmi2OK, LOG_EVENTS, "initialized");
     return fmi2OK;
@@ -219,6 +234,7 @@ static const char *why_no_step(const Progress *now, double t, double h)
     if (!isfinite(t) || !isfinite(h)) return "time and step size must be finite";
     if (h <= 0) return "the step size must be > 0";
     if (h > LONGEST_STEP) return "the step size must be <= 100000 s";
+    if (takes_ages(now, h)) return "the step would take more than 1e7 internal steps (max_step, sample_period, T0)";
     if (fabs(t - now->time) > 1e-9 * fmax(1, fabs(now->time)))
         return "the communication point is not the end of the last step";
     if (t + h > now->stop + 1e-9 * fmax(1, fabs(now->stop))) return "the step goes beyond the stop time";

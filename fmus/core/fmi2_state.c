@@ -171,6 +171,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
     const Direction d = {unknown, known, unknowns, knowns, seed};
     if (!allowed(instance, function, INITIALIZING | STEPPING | TERMINATED | FAILED)) return fmi2Error;
     const char *rule = why_no_derivative(instance, &d);
+    if (takes_ages(&instance->now, next_step(instance))) rule = "the next step would take more than 1e7 internal steps";
     if (rule || (unknowns && !sensitivity)) return failure(instance, function, rule ? rule : "missing array");
 
     double distance = difference_distance(instance, &d);

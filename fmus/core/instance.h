@@ -25,6 +25,7 @@ typedef struct {
     Phase phase;
     fmi2Boolean stale;              /* outputs not yet evaluated for the values set in initialization mode */
     double start, time, stop, step; /* s; stop: infinite if undefined; step: the last one, 0 before the first */
+    double grid;                    /* s; internal steps and samples are no closer than this, 0 if there are none */
 } Progress;
 
 typedef struct {
@@ -49,6 +50,9 @@ bool step_into(const Instance *instance, const char *function, const void *from,
 
 /* warn of every alarm that has risen from `before` to `after` */
 void report_alarms(const Instance *instance, const void *before, const void *after, double t);
+
+/* a step of so many internal ones is taken for a mistake in a parameter, not for patience */
+static inline bool takes_ages(const Progress *now, double h) { return now->grid > 0 && h / now->grid > 1e7; }
 
 static inline void swap_models(Instance *instance)
 {
