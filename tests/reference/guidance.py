@@ -74,7 +74,9 @@ def facing_frame(grasp_N: Jet, C_HN: Jet, held_H: Array | None, p: Parameters) -
     return jet.rows(x, jet.cross(z, x), z), size
 
 
-def sample(t: float, T: Body, S: Body, p: Parameters, held_H: Array | None = None) -> tuple[dict[str, Any], Array | None]:
+def sample(
+    t: float, T: Body, S: Body, p: Parameters, held_H: Array | None = None
+) -> tuple[dict[str, Any], Array | None]:
     """All outputs at t, and the z axis of D in H components that the guard of a later sample may hold."""
     C_HN = hill_frame(T.r, T.v, p.mu)
     grasp_N = target_frame(t, T, p) @ jet.constant(np.array(p.p_T, dtype=float))
