@@ -6,11 +6,11 @@
 from __future__ import annotations
 
 import ctypes
+import math
 import sys
 import zipfile
 from ctypes import byref, c_size_t, c_void_p
 from functools import cached_property
-from math import sin
 from pathlib import Path
 from typing import NamedTuple
 
@@ -115,7 +115,7 @@ class Fmu:
 
 def excitation(variables, k: int) -> dict[str, float]:
     """Values of inputs at step k: near the start values, different for every variable and step, within the bounds."""
-    return {v.name: _wave(v, sin(0.7 * k + 1.3 * i + 0.1)) for i, v in enumerate(variables)}
+    return {v.name: _wave(v, math.sin(0.7 * k + 1.3 * i + 0.1)) for i, v in enumerate(variables)}
 
 
 def _wave(v: description.Variable, wave: float) -> float:
@@ -171,6 +171,14 @@ class Instance:
     def outputs(self) -> bytes:
         """The bits of all outputs."""
         return bytes(self.values(self.fmu.outputs))
+
+    def derivative(self, known, seed, unknown=None) -> tuple[Status, list[float]]:
+        """Of the unknown outputs (default: all) along the seed; values that were not written are NaN."""
+        unknown = self.fmu.outputs if unknown is None else unknown
+        result = api.reals([math.nan] * len(unknown))
+        rows, columns = (api.references([v.reference for v in variables]) for variables in (unknown, known))
+        arguments = (rows, len(unknown), columns, len(known), api.reals(seed), result)
+        return self.call("fmi2GetDirectionalDerivative", *arguments), list(result)
 
     # ---- life
 

@@ -106,13 +106,6 @@ STATE_CALLS = {
 }
 
 
-def _derivative(instance: Instance) -> Status:
-    outputs = api.references([v.reference for v in instance.fmu.outputs])
-    inputs = api.references([v.reference for v in instance.fmu.inputs])
-    seed, result = api.reals([0.0] * len(inputs)), api.reals([0.0] * len(outputs))
-    return instance.call("fmi2GetDirectionalDerivative", outputs, len(outputs), inputs, len(inputs), seed, result)
-
-
 def _read(instance: Instance) -> Status:
     outputs = api.references([v.reference for v in instance.fmu.outputs])
     return instance.call("fmi2GetReal", outputs, len(outputs), api.reals([0.0] * len(outputs)))
@@ -145,9 +138,10 @@ def attempt(instance: Instance, function: str) -> Status:
         return status
     if function == "fmi2SetReal":
         return instance.try_set({v.name: v.start for v in instance.fmu.inputs})
-    special = {"fmi2GetReal": _read, "fmi2GetDirectionalDerivative": _derivative}
-    if function in special:
-        return special[function](instance)
+    if function == "fmi2GetReal":
+        return _read(instance)
+    if function == "fmi2GetDirectionalDerivative":
+        return instance.derivative(instance.fmu.inputs, [0.0] * len(instance.fmu.inputs))[0]
     return instance.call(function, *ARGUMENTS.get(function, ()))
 
 

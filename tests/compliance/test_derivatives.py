@@ -12,7 +12,6 @@ from math import inf, nan
 import numpy as np
 import pytest
 
-from tests.compliance import api
 from tests.compliance.api import Status
 from tests.compliance.probe import Instance, excitation
 from tests.compliance.test_refusals import refused
@@ -21,19 +20,10 @@ H = 0.1
 EPSILON = np.finfo(float).eps
 
 
-def derivative(instance, known, seed, unknown=None):
-    """Status and sensitivities of the outputs."""
-    unknown = unknown or instance.fmu.outputs
-    result = api.reals([nan] * len(unknown))
-    rows, columns = (api.references([v.reference for v in vs]) for vs in (unknown, known))
-    arguments = (rows, len(unknown), columns, len(known), api.reals(seed), result)
-    return instance.call("fmi2GetDirectionalDerivative", *arguments), np.array(result)
-
-
 def right(instance, known, seed):
-    status, result = derivative(instance, known, seed)
+    status, result = instance.derivative(known, seed)
     assert status is Status.OK, instance.host.errors[-1]
-    return result
+    return np.array(result)
 
 
 def outputs_after_step(instance, state, t, values):
@@ -120,7 +110,7 @@ def test_in_initialization_mode_there_are_derivatives_for_parameters(fmu):
         movable = []
         for v in inner(fmu.parameters):
             instance.host.messages.clear()
-            if derivative(instance, [v], [1.0])[0] is Status.OK:
+            if instance.derivative([v], [1.0])[0] is Status.OK:
                 movable.append(v)
             else:
                 assert instance.host.errors[0].startswith("fmi2GetDirectionalDerivative: ")
@@ -161,7 +151,7 @@ def test_every_output_can_be_asked_for_alone(flying):
     known = inner(flying.fmu.inputs)[:1]
     together = right(flying, known, [1.0] * len(known))
     for v, expected in zip(flying.fmu.outputs, together, strict=True):
-        assert derivative(flying, known, [1.0] * len(known), [v])[1] == expected
+        assert flying.derivative(known, [1.0] * len(known), [v])[1] == expected
 
 
 def test_directions_that_make_no_sense_are_refused(flying):
@@ -171,10 +161,10 @@ def test_directions_that_make_no_sense_are_refused(flying):
     for unknown, known in wrong:
         if unknown and known:
             with refused(flying, "fmi2GetDirectionalDerivative") as answer:
-                answer.append(derivative(flying, known, [1.0], unknown)[0])
+                answer.append(flying.derivative(known, [1.0], unknown)[0])
     for bad in (nan, inf) if inputs else ():
         with refused(flying, "fmi2GetDirectionalDerivative", "finite") as answer:
-            answer.append(derivative(flying, inputs, [bad])[0])
+            answer.append(flying.derivative(inputs, [bad])[0])
 
 
 def test_derivatives_after_a_failed_step_are_those_of_the_last_good_state(flying):
@@ -185,7 +175,7 @@ def test_derivatives_after_a_failed_step_are_those_of_the_last_good_state(flying
     flying.set({v.name: min(v.high, 1.7e308) for v in flying.fmu.inputs})
     if flying.call("fmi2DoStep", 0.5, 10.0, 0) is Status.OK:
         pytest.skip(f"no input makes a step of {flying.fmu.name} fail")
-    assert derivative(flying, known, [1.0] * len(known))[0] in (Status.OK, Status.ERROR)
+    assert flying.derivative(known, [1.0] * len(known))[0] in (Status.OK, Status.ERROR)
     flying.restore(good)
     assert np.array_equal(right(flying, known, [1.0] * len(known)), before)
     flying.drop(good)

@@ -144,10 +144,11 @@ def test_equal_states_have_equal_bytes_and_different_ones_do_not(fmu):
 
 
 def assert_refused(instance, data):
-    state = c_void_p()
+    state, blocks = c_void_p(), len(instance.host.live)
     instance.host.messages.clear()
     assert instance.try_deserialize(data, state) is Status.ERROR
     assert state.value is None
+    assert len(instance.host.live) == blocks
     (message,) = instance.host.errors
     assert message.startswith("fmi2DeSerializeFMUstate: ")
 

@@ -77,9 +77,9 @@ def test_the_last_experiment_set_up_counts(fmu):
 # ---- outputs in initialization mode
 
 
-def first_outputs(fmu, values):
+def first_outputs(fmu, values, start=0.0):
     with Instance(fmu) as instance:
-        return instance.start(values).outputs()
+        return instance.start(values, start).outputs()
 
 
 def test_outputs_in_initialization_mode_follow_the_inputs(fmu):
@@ -105,10 +105,11 @@ def test_outputs_in_initialization_mode_follow_every_parameter(fmu, moves):
             assert instance.outputs() == first_outputs(fmu, so_far), name
 
 
-def test_first_outputs_of_some_fmu_depend_on_its_inputs(tmp_path):
-    """Else the test above would compare constants."""
+def test_first_outputs_of_some_fmu_depend_on_inputs_and_start_time(tmp_path):
+    """Else the tests of initialization would compare constants."""
     fmus = [Fmu(path, tmp_path / path.stem) for path in ARCHIVES]
     assert any(first_outputs(fmu, excitation(fmu.inputs, 1)) != first_outputs(fmu, {}) for fmu in fmus)
+    assert any(first_outputs(fmu, {}, start=50.0) != first_outputs(fmu, {}) for fmu in fmus)
 
 
 def test_reading_outputs_early_does_not_change_the_flight(fmu):

@@ -162,7 +162,14 @@ def test_values_that_are_no_numbers_are_refused(fmu, phase, value):
 def unknown_references(fmu):
     """Next to the known ones, between rows, and far away."""
     known = {v.reference for v in fmu.about.variables}
-    near = {r + 1 for r in known} | {max(known) + 1000, 999, 2**31 - 1, 2**31, 2**32 - 1}
+    near = {r + 1 for r in known} | {
+        max(known) + 1000,
+        1000 * (max(known) // 1000 + 1),
+        999,
+        2**31 - 1,
+        2**31,
+        2**32 - 1,
+    }
     return sorted(near - known)
 
 
