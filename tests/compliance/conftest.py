@@ -31,3 +31,12 @@ def instance(fmu):
     """A fresh instance."""
     with Instance(fmu) as one:
         yield one
+
+
+@pytest.fixture
+def flying(fmu):
+    """An instance after five steps, at t = 0.5 s of an experiment that ends at 100 s."""
+    with Instance(fmu) as one:
+        one.start(stop=100.0)
+        one.fly(5)
+        yield one

@@ -16,17 +16,20 @@ CATEGORIES = ("logStatusError", "logStatusWarning", "logEvents")
 
 def flight(fmu, host):
     """A life with saving, restoring and refused calls in it; the bits of its outputs."""
+    kept = []
     with Instance(fmu, host=host) as instance:
-        state = instance.start().save()
-        instance.fly(3)
-        copy = instance.deserialize(instance.serialize(state))
-        instance.restore(copy)
-        assert instance.call("fmi2DoStep", 17.0, 0.1, 0) is Status.ERROR
-        assert instance.call("fmi2GetStatus", 0, byref(api.c_int())) is Status.DISCARD
-        assert instance.call("fmi2GetReal", api.references([10**6]), 1, api.reals([0.0])) is Status.ERROR
-        instance.drop(state)
-        instance.drop(copy)
-        return instance.fly(10)
+        try:
+            kept.append(instance.start().save())
+            instance.fly(3)
+            kept.append(instance.deserialize(instance.serialize(kept[0])))
+            instance.restore(kept[1])
+            assert instance.call("fmi2DoStep", 17.0, 0.1, 0) is Status.ERROR
+            assert instance.call("fmi2GetStatus", 0, byref(api.c_int())) is Status.DISCARD
+            assert instance.call("fmi2GetReal", api.references([10**6]), 1, api.reals([0.0])) is Status.ERROR
+            return instance.fly(10)
+        finally:
+            for state in kept:
+                instance.drop(state)
 
 
 @pytest.mark.parametrize(
@@ -78,6 +81,7 @@ def test_every_request_for_memory_may_fail(fmu):
         with pytest.raises(AssertionError, match="out of memory"):
             flight(fmu, host)
         assert host.requests >= n
+        assert host.live == set()
 
 
 def test_a_failed_instantiation_gives_all_memory_back(fmu):

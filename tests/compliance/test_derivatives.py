@@ -14,7 +14,7 @@ import pytest
 
 from tests.compliance.api import Status
 from tests.compliance.probe import Instance, excitation
-from tests.compliance.test_refusals import refused
+from tests.compliance.refusals import refused
 
 H = 0.1
 EPSILON = np.finfo(float).eps
@@ -77,14 +77,6 @@ def compare(instance, variables, evaluator, t):
             wrong[v.name] = (error.max(), tolerance)
     instance.drop(state)
     return wrong
-
-
-@pytest.fixture
-def flying(fmu):
-    with Instance(fmu) as instance:
-        instance.start()
-        instance.fly(5, h=H)
-        yield instance
 
 
 def test_derivatives_are_the_differences_of_the_next_step(flying):

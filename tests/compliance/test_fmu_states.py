@@ -13,14 +13,6 @@ from tests.compliance.probe import Fmu, Instance, excitation
 from tests.compliance.states import STATES, bring
 
 
-@pytest.fixture
-def flying(fmu):
-    with Instance(fmu) as instance:
-        instance.start()
-        instance.fly(5)
-        yield instance
-
-
 def time_of(instance):
     last = c_double()
     instance.ok("fmi2GetRealStatus", api.LAST_SUCCESSFUL_TIME, byref(last))

@@ -29,17 +29,11 @@ needs_cmake = pytest.mark.skipif(COMPILER is None or CMAKE is None, reason="ther
 needs_cpp = pytest.mark.skipif(shutil.which("c++") is None, reason="there is no C++ compiler, which FMPy asks for")
 
 
-@pytest.fixture(scope="module", autouse=True)
-def surroundings_of_compilers():
-    """cmake may live beside Python; a sanitizer that is preloaded into these tests does not concern compilers."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("LD_PRELOAD", raising=False)
-        patch.setenv("PATH", PATH)
-        yield
-
-
-def run(*command, **options):
-    done = subprocess.run(command, capture_output=True, text=True, check=False, **options)
+def run(*command):
+    """With the tools beside Python, without a sanitizer that is preloaded into these tests, in another time zone."""
+    surroundings = {name: value for name, value in os.environ.items() if name != "LD_PRELOAD"}
+    surroundings |= {"PATH": PATH, "TZ": "Pacific/Auckland"}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=surroundings)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -98,12 +92,12 @@ def compile_all(build, folder):
         return {fmu.name: fmu for fmu in pool.map(lambda path: compiled_with(build, path, folder), ARCHIVES)}
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def compiled_by_fmpy(tmp_path_factory):
     return compile_all(by_fmpy, tmp_path_factory.mktemp("fmpy"))
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def compiled_alone(tmp_path_factory):
     return compile_all(by_compiler, tmp_path_factory.mktemp("alone"))
 
@@ -144,9 +138,7 @@ def build_all(folder):
     same = [f"-D{name}={setting(name)}" for name in ("CMAKE_BUILD_TYPE", "CMAKE_C_COMPILER", "Python_EXECUTABLE")]
     run("cmake", "-S", setting("CMAKE_HOME_DIRECTORY"), "-B", folder, *filter(lambda text: text[-1] != "=", same))
     targets = [f"package_{path.stem}" for path in ARCHIVES]
-    run(
-        "cmake", "--build", folder, "--parallel", "2", "--target", *targets, env=os.environ | {"TZ": "Pacific/Auckland"}
-    )
+    run("cmake", "--build", folder, "--parallel", "2", "--target", *targets)
     return {path.name: path.read_bytes() for path in (folder / "fmus").glob("*.fmu")}
 
 

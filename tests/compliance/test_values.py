@@ -16,14 +16,6 @@ def rng(request):
     return random.Random(request.param)
 
 
-@pytest.fixture
-def flying(fmu):
-    with Instance(fmu) as instance:
-        instance.start()
-        instance.fly(3)
-        yield instance
-
-
 def selection(rng, variables):
     """Pieces of the list, some backwards, with gaps and repetitions, across the borders of vectors."""
     pieces = []

@@ -1,0 +1,91 @@
+"""Null pointers where the standard wants an array or a place for a result, and questions that have no answer."""
+
+from __future__ import annotations
+
+from ctypes import byref, c_char, c_double, c_int, c_size_t, c_void_p
+
+import pytest
+
+from tests.compliance import api
+from tests.compliance.api import Status
+from tests.compliance.refusals import assert_usable, refused
+
+ONE = api.references([0])
+MISSING_POINTERS = [
+    ("fmi2SetReal", (None, 1, api.reals([1.0]))),
+    ("fmi2SetReal", (ONE, 1, None)),
+    ("fmi2GetReal", (None, 1, api.reals([1.0]))),
+    ("fmi2GetReal", (ONE, 1, None)),
+    ("fmi2SetDebugLogging", (1, 1, None)),
+    ("fmi2SetDebugLogging", (1, 1, (api.c_char_p * 1)(None))),
+    ("fmi2GetFMUstate", (None,)),
+    ("fmi2SetFMUstate", (None,)),
+    ("fmi2SerializedFMUstateSize", (None, byref(c_size_t()))),
+    ("fmi2SerializeFMUstate", (None, (c_char * 9)(), 9)),
+    ("fmi2DeSerializeFMUstate", (None, 9, byref(c_void_p()))),
+    ("fmi2DeSerializeFMUstate", ((c_char * 9)(), 9, None)),
+    ("fmi2GetDirectionalDerivative", (None, 1, None, 0, None, api.reals([0.0]))),
+    ("fmi2GetDirectionalDerivative", (None, 0, None, 1, api.reals([0.0]), None)),
+    ("fmi2GetDirectionalDerivative", (None, 0, ONE, 1, None, None)),
+    ("fmi2GetRealStatus", (api.LAST_SUCCESSFUL_TIME, None)),
+    ("fmi2GetBooleanStatus", (api.TERMINATED, None)),
+]
+
+
+@pytest.mark.parametrize(("function", "arguments"), MISSING_POINTERS, ids=lambda x: x if isinstance(x, str) else "")
+def test_missing_arrays_and_pointers_are_refused(flying, function, arguments):
+    with refused(flying, function) as answer:
+        answer.append(flying.call(function, *arguments))
+    assert_usable(flying)
+
+
+def test_missing_places_of_states_and_derivatives_are_refused(flying):
+    state = flying.save()
+    output = api.references([flying.fmu.outputs[0].reference])
+    size = len(flying.serialize(state))
+    for function, arguments in (
+        ("fmi2SerializedFMUstateSize", (state, None)),
+        ("fmi2SerializeFMUstate", (state, None, size)),
+        ("fmi2SerializeFMUstate", (state, (c_char * size)(), size - 1)),
+        ("fmi2GetDirectionalDerivative", (output, 1, None, 0, None, None)),
+    ):
+        with refused(flying, function) as answer:
+            answer.append(flying.call(function, *arguments))
+    flying.drop(state)
+
+
+def test_nothing_at_all_may_be_read_set_and_freed(flying):
+    for function in ("fmi2SetReal", "fmi2GetReal"):
+        flying.ok(function, None, 0, None)
+    flying.ok("fmi2GetDirectionalDerivative", None, 0, None, 0, None, None)
+    flying.ok("fmi2FreeFMUstate", None)
+    flying.ok("fmi2FreeFMUstate", byref(c_void_p()))
+    assert_usable(flying)
+
+
+# ---- status questions
+
+
+@pytest.mark.parametrize(
+    ("function", "kind", "place"),
+    [
+        ("fmi2GetStatus", api.DO_STEP_STATUS, c_int()),
+        ("fmi2GetIntegerStatus", api.DO_STEP_STATUS, c_int()),
+        ("fmi2GetStringStatus", api.PENDING_STATUS, api.c_char_p()),
+        ("fmi2GetRealStatus", api.PENDING_STATUS, c_double()),
+        ("fmi2GetBooleanStatus", api.DO_STEP_STATUS, c_int()),
+        ("fmi2GetStatus", 99, c_int()),
+    ],
+)
+def test_a_status_that_does_not_exist_is_discarded_with_a_word_about_it(flying, function, kind, place):
+    flying.host.messages.clear()
+    assert flying.call(function, kind, byref(place)) is Status.DISCARD
+    (message,) = flying.host.messages
+    assert message.text.startswith(f"{function}: ")
+
+
+def test_the_time_of_the_last_success_and_no_termination_are_reported(flying):
+    time, terminated = c_double(), c_int(7)
+    flying.ok("fmi2GetRealStatus", api.LAST_SUCCESSFUL_TIME, byref(time))
+    flying.ok("fmi2GetBooleanStatus", api.TERMINATED, byref(terminated))
+    assert (time.value, terminated.value) == (0.5, 0)
