@@ -10,22 +10,34 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from harness import graph
-from harness.errors import HarnessError, StructureError, did_you_mean
+from harness.errors import HarnessError, StructureError, UsageError, did_you_mean
 from harness.interface import Interface
 from harness.parameters import Assignments, read_toml
 from harness.schedule import macro_steps
-from harness.system import Component, Experiment, ParameterSet, Port, System
+from harness.swap import exchange
+from harness.system import Alternative, Component, Experiment, ParameterSet, Port, System
 from harness.wiring import Wiring, split, wire
 from harness.write_ssp import write_ssp
 
 KEYS = {
-    "": ("name", "description", "experiment", "components", "schedule", "connections", "open", "parameters", "sets"),
+    "": (
+        "name",
+        "description",
+        "experiment",
+        "components",
+        "schedule",
+        "connections",
+        "open",
+        "parameters",
+        "sets",
+        "alternatives",
+    ),
     "experiment": ("start", "stop", "step", "algorithm"),
     "schedule": ("every", "latency"),
     "set": ("description", "experiment"),
@@ -65,6 +77,7 @@ class _Composer:
 
     def __init__(self, source: Mapping[str, Any], fmus: Mapping[str, Path]) -> None:
         self.source = source
+        self.fmus = fmus
         self.problems: list[str] = []
         self.bare = tuple(self._component(name, fmus[fmu]) for name, fmu in source["components"].items())
         self.interfaces: Mapping[str, Interface] = graph.read_interfaces(
@@ -88,7 +101,7 @@ class _Composer:
             strict=True,
         )
         self._finish(system, wiring)
-        return system
+        return replace(system, alternatives=tuple(self._alternatives(system)))
 
     def _finish(self, system: System, wiring: Wiring) -> None:
         """Raise everything that was found; open inputs that the wiring has already spoken of are not repeated."""
@@ -150,6 +163,33 @@ class _Composer:
         stop, step = (self._number(f"sets.{name}.experiment", experiment, key) for key in ("stop", "step"))
         parameters = {c.name: given for c in components if (given := overrides.over(c.name, c.parameters))}
         return ParameterSet(name, table.get("description", ""), parameters, stop, step)
+
+    def _alternatives(self, system: System) -> Iterator[Alternative]:
+        """Parameters for other FMUs, each tried in its place; StructureError with what does not fit."""
+        problems = []
+        for fmu, table in self.source.get("alternatives", {}).items():
+            try:
+                yield alternative(system, fmu, table, self.fmus)
+            except (StructureError, UsageError) as error:
+                problems += [f"[alternatives.{fmu}] {line}" for line in str(error).splitlines()]
+        if problems:
+            raise StructureError(problems)
+
+
+def alternative(system: System, fmu: str, table: Mapping[str, Any], fmus: Mapping[str, Path]) -> Alternative:
+    """Parameters for another FMU in the place of the component that the table `replaces`, tried there."""
+    if fmu not in fmus:
+        raise StructureError([f"there is no such FMU{did_you_mean(fmu, fmus)}"])
+    if not (place := table.get("replaces")):
+        raise StructureError(["replaces: it does not say which component"])
+    changed = exchange(replace(system, alternatives=(Alternative(place, fmu),)), place, fmus[fmu])
+    values = Assignments(graph.read_interfaces(changed))
+    values.tables({key: value for key, value in table.items() if key != "replaces"})
+    if values.problems:
+        raise StructureError(values.problems)
+    found = Alternative(place, fmu, {name: given for name, given in values.parameters.items() if given})
+    graph.build_graph(exchange(replace(system, alternatives=(found,)), place, fmus[fmu]))
+    return found
 
 
 def build(source: Path, fmus: Path, output: Path) -> None:

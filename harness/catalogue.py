@@ -43,6 +43,7 @@ def _system_lines(path: Path) -> list[str]:
             f"  components  {', '.join(f'{c.name} ({c.fmu.stem})' for c in system.components)}",
             f"  sets        {', '.join(set_names(system))}",
             *(f"    {s.name}: {s.description}" for s in system.sets if s.description),
+            *(f"  for --swap  {a.component}={a.fmu}" for a in system.alternatives),
         ]
 
 

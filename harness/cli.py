@@ -1,4 +1,4 @@
-"""The command line: `harness run | list | check | export | draw | linearize | plot | report | bench`.
+"""The command line: `harness run | compare | list | check | export | draw | linearize | plot | report | bench`.
 
 Exit status 0: fine, 1: the run or check failed, 2: wrong use. Errors are one line each on stderr. What a command
 needs is imported when it runs, so that the command line itself starts at once.
@@ -16,17 +16,22 @@ from typing import Annotated
 
 import typer
 
-from harness.errors import HarnessError, ResultsError, RunError
+from harness.errors import ComparisonError, HarnessError, ResultsError, RunError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+INTERRUPTED = 130
+"""What newer versions of typer return after Ctrl-C."""
 
 SystemArgument = Annotated[str, typer.Argument(metavar="SYSTEM", help="name of a system, or path of an .ssp")]
 ParamsOption = Annotated[str | None, typer.Option(metavar="SET_OR_FILE", help="parameter set, .toml or .ssv")]
 SetOption = Annotated[list[str] | None, typer.Option("--set", metavar="C.NAME=VALUE", help="one parameter")]
 SwapOption = Annotated[list[str] | None, typer.Option(metavar="C=FMU", help="another FMU (name or path)")]
+LatencyOption = Annotated[list[str] | None, typer.Option(metavar="C=N", help="publish N macro steps later")]
 StepOption = Annotated[float | None, typer.Option(help="macro step [s]")]
 StopOption = Annotated[float | None, typer.Option(help="stop time [s]")]
 AlgorithmOption = Annotated[str | None, typer.Option(help="gauss-seidel or jacobi")]
+EveryOption = Annotated[int, typer.Option(help="record every N-th macro step")]
 FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="results of `harness run`, .csv or .nc")]
 
 
@@ -37,11 +42,12 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     params: ParamsOption = None,
     set_: SetOption = None,
     swap: SwapOption = None,
+    latency: LatencyOption = None,
     step: StepOption = None,
     stop: StopOption = None,
     algorithm: AlgorithmOption = None,
     executor: Annotated[str, typer.Option(help="c or python (the same bits, for debugging)")] = "c",
-    every: Annotated[int, typer.Option(help="record every N-th macro step")] = 1,
+    every: EveryOption = 1,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress bar, no summary")] = False,
 ) -> None:
     """Fly a system and write what comes out (default: results/SYSTEM.nc)."""
@@ -56,6 +62,7 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
             params=params,
             set=set_ or (),
             swap=swap or (),
+            latency=latency or (),
             step=step,
             stop=stop,
             algorithm=algorithm,
@@ -72,6 +79,37 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     file.write(result)
     if not quiet:
         typer.echo(f"{result.system}: {result.time[-1]:g} s in {seconds:.2f} s, {len(result.time)} rows in {file.path}")
+
+
+@app.command("compare")
+def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
+    system: SystemArgument,
+    params: Annotated[str | None, typer.Option(metavar="A,B,..", help="parameter sets")] = None,
+    swap: Annotated[list[str] | None, typer.Option(metavar="C=A,B,..", help="FMUs in the place of C")] = None,
+    latency: Annotated[list[str] | None, typer.Option(metavar="C=N,M,..", help="macro steps that C is late")] = None,
+    algorithm: Annotated[str | None, typer.Option(metavar="A,B", help="gauss-seidel,jacobi")] = None,
+    set_: SetOption = None,
+    step: StepOption = None,
+    stop: StopOption = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="folder (default: results/SYSTEM)")] = None,
+    every: EveryOption = 1,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress bar")] = False,
+) -> None:
+    """Fly every combination of the values given, in parallel; print one table, keep it with overlaid figures."""
+    from harness.cases import cases
+    from harness.compare import compare, text
+    from harness.run import progress_bar
+
+    varied = [("params", params), ("algorithm", algorithm)]
+    varied += [("swap", each) for each in swap or ()] + [("latency", each) for each in latency or ()]
+    flights = cases({"set": set_ or (), "step": step, "stop": stop}, [(o, text) for o, text in varied if text])
+    folder = output or Path("results") / Path(system).stem
+    with progress_bar(f"{len(flights)} flights", len(flights), not quiet and sys.stderr.isatty()) as show:
+        found = compare(system, flights, folder, every=every, progress=show)
+    typer.echo(text(found))
+    typer.echo(f"\nresults and comparison.csv in {folder}")
+    if found.failures:
+        raise ComparisonError("\n".join(found.failures))
 
 
 @app.command("list")
@@ -103,6 +141,7 @@ def export_command(  # noqa: PLR0913, PLR0917 - one argument per option
     params: ParamsOption = None,
     set_: SetOption = None,
     swap: SwapOption = None,
+    latency: LatencyOption = None,
     step: StepOption = None,
     stop: StopOption = None,
     algorithm: AlgorithmOption = None,
@@ -117,6 +156,7 @@ def export_command(  # noqa: PLR0913, PLR0917 - one argument per option
             params=params,
             set=set_ or (),
             swap=swap or (),
+            latency=latency or (),
             step=step,
             stop=stop,
             algorithm=algorithm,
@@ -217,6 +257,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     except Exception as error:
         return _unexpected(error)
+    if status == INTERRUPTED:
+        return _complain("interrupted", 1)
     return status if isinstance(status, int) else 0
 
 

@@ -7,6 +7,7 @@
     ├── FmuError                 an FMU cannot be read, loaded or instantiated
     ├── RunError                 an FMU failed in initialization or in a step; carries what was recorded
     │   └── InterruptionError    the user stopped the run
+    ├── ComparisonError          flights of a comparison ended early, one line each; the others are complete
     └── ResultsError             a results file cannot be written or read
 
 Several problems are several lines of one text.
@@ -76,6 +77,10 @@ class InterruptionError(RunError):
 
     def __init__(self, system: str, time: float) -> None:
         super().__init__(system, time, "interrupted")
+
+
+class ComparisonError(HarnessError):
+    """Some flights of a comparison ended early; one line each."""
 
 
 class ResultsError(HarnessError):

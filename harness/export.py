@@ -3,35 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Unpack
 
 from harness.container import write_container
 from harness.errors import ResultsError
 from harness.graph import build_graph
-from harness.overrides import Pairs, apply
+from harness.overrides import Changes, apply
 from harness.run import loaded
 from harness.schedule import macro_steps
 from harness.system import System
 from harness.write_ssp import write_ssp
 
 
-def export(  # noqa: PLR0913 - every one is an option of the command line
-    system: str | Path | System,
-    target: Path,
-    *,
-    params: str | Path | None = None,
-    set: Pairs = (),
-    swap: Pairs = (),
-    step: float | None = None,
-    stop: float | None = None,
-    algorithm: str | None = None,
-) -> Path:
+def export(system: str | Path | System, target: Path, **changes: Unpack[Changes]) -> Path:
     """Write a system with all changes to an .ssp or .fmu file, or as .ssp into a folder; returns the file.
 
-    The other arguments are those of run(). Flying the .ssp gives the bits of flying the system with the same options;
-    the same options give the same bytes. Raises what run() raises before its first step, or ResultsError.
+    changes: as for run(). Flying the .ssp gives the bits of flying the system with the same options; the same options
+    give the same bytes. Raises what run() raises before its first step, or ResultsError.
     """
     with loaded(system) as found:
-        changed = apply(found, params=params, set=set, swap=swap, step=step, stop=stop, algorithm=algorithm)
+        changed = apply(found, **changes)
         build_graph(changed)
         macro_steps(changed.experiment, [c.every for c in changed.components])
         file = _file(target, changed.name)

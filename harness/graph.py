@@ -118,6 +118,16 @@ def _settings(component: Component, interface: Interface) -> Iterator[Setting]:
             yield Setting(interface.variables[name], final(parameter, interface.variables[name], interface))
 
 
+def constants(graph: Graph) -> Iterator[tuple[Slot, float]]:
+    """Every parameter of every component with the value it is flown with; strings are left out."""
+    for node in graph.nodes:
+        given = {setting.variable.name: setting.value for setting in node.settings}
+        for variable in node.interface.named("parameter").values():
+            value = given.get(variable.name, variable.start)
+            if variable.type != "String" and value is not None:
+                yield _slot(Port(node.component.name, variable.name), variable), float(value)
+
+
 def problems(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
     """Everything that is wrong with a system, one line each."""
     yield from _component_problems(system.components)

@@ -27,7 +27,7 @@ BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad", "factor", "offset")
 class Variable:
     """One scalar variable; unit: None if undeclared; settable: may be given a value before initialization.
 
-    items: values by name of an enumeration; type_name: name of its type.
+    items: values by name of an enumeration; type_name: name of its type; start: None if it has none or is a String.
     """
 
     name: str
@@ -39,6 +39,7 @@ class Variable:
     settable: bool
     items: Mapping[str, int] = field(default_factory=dict)
     type_name: str = ""
+    start: float | None = None
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,15 @@ def _variable(v: FmpyObject) -> Variable:
     items = v.declaredType.items if v.type == "Enumeration" and v.declaredType is not None else ()
     values = {item.name: int(item.value) for item in items}
     name = "" if v.declaredType is None else v.declaredType.name
-    return Variable(v.name, v.valueReference, v.type, v.causality, unit, v.description or "", settable, values, name)
+    text = v.description or ""
+    return Variable(v.name, v.valueReference, v.type, v.causality, unit, text, settable, values, name, _start(v))
+
+
+def _start(v: FmpyObject) -> float | None:
+    """Start value as the bus would carry it."""
+    if v.start is None or v.type == "String":
+        return None
+    return {"true": 1.0, "false": 0.0}[v.start] if v.start in ("true", "false") else float(v.start)
 
 
 def _base_unit(base: FmpyObject) -> dict[str, float]:

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Self
 
 import numpy as np
@@ -22,6 +21,7 @@ from harness import messages
 from harness.archive import unpack
 from harness.errors import FmuError, RunError, UsageError
 from harness.interface import Interface, read_interface
+from harness.scratch import PrivateFolder
 from harness.values import assign, base, index
 
 Array = NDArray[np.float64]
@@ -106,12 +106,12 @@ class _Bench:
         self.outputs = list(interface.outputs())
 
     def __enter__(self) -> Self:
-        self._folder = TemporaryDirectory(prefix="harness-")
+        self._folder = PrivateFolder()
         try:
-            unpack(self.interface.path, Path(self._folder.name))
+            unpack(self.interface.path, self._folder.path)
             self._slave = self._load()
         except BaseException:
-            self._folder.cleanup()
+            self._folder.close()
             raise
         return self
 
@@ -121,7 +121,7 @@ class _Bench:
             slave = FMU2Slave(
                 guid=model.guid,
                 modelIdentifier=model.coSimulation.modelIdentifier,
-                unzipDirectory=self._folder.name,
+                unzipDirectory=str(self._folder.path),
                 instanceName=model.modelName,
             )
             slave.instantiate(callbacks=messages.callbacks(), loggingOn=False)
@@ -131,7 +131,7 @@ class _Bench:
 
     def __exit__(self, *_: object) -> None:
         self._slave.freeInstance()
-        self._folder.cleanup()
+        self._folder.close()
 
     def run(self, values: Mapping[str, float], start: float, steps: int, h: float) -> Array:
         """Outputs after `steps` steps of h from `start` with these values beside the settings."""

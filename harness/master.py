@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any, Self
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from harness.errors import InterruptionError, RunError, UsageError
 from harness.executors import EXECUTORS, Clock
 from harness.fmu import Unit
-from harness.graph import Graph, build_graph
+from harness.graph import Graph, Slot, build_graph, constants
 from harness.recorder import Recorder
 from harness.results import Result
 from harness.schedule import macro_steps, schedule
@@ -200,7 +200,19 @@ class Simulation:
 
         The table is not copied: stepping on after restore() overwrites its later rows.
         """
-        names, units, descriptions = zip(*self.graph.slots, strict=True) if self.graph.slots else ((), (), ())
+        names, units, descriptions = _columns(self.graph.slots)
         time = np.asarray(self.clock.start + self.recorder.macro_steps * self.clock.step, dtype=np.float64)
         complete = self.step == self.steps
-        return Result(self.system.name, time, names, units, self.recorder.rows, descriptions, complete, message)
+        rows = self.recorder.rows
+        return Result(self.system.name, time, names, units, rows, descriptions, complete, message, self._parameters())
+
+    def _parameters(self) -> Result:
+        """All parameters as a table of one row."""
+        slots, values = zip(*constants(self.graph), strict=True) if any(constants(self.graph)) else ((), ())
+        names, units, descriptions = _columns(slots)
+        return Result(self.system.name, np.array([self.clock.start]), names, units, np.array([values]), descriptions)
+
+
+def _columns(slots: Sequence[Slot]) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+    """Names, units and descriptions."""
+    return tuple(s.name for s in slots), tuple(s.unit for s in slots), tuple(s.description for s in slots)

@@ -1,4 +1,4 @@
-"""Changes to a system before it flies: parameter sets and files, single values, other FMUs, step, stop, algorithm.
+"""Changes to a system before it flies: parameter sets and files, single values, other FMUs, latencies, step, stop.
 
 A change is a replacement of frozen data, so the changed system can be exported exactly as it was flown.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from harness.errors import StructureError, UsageError, did_you_mean
 from harness.graph import read_interfaces
@@ -24,12 +24,25 @@ Pairs = Sequence[str] | Mapping[str, Any]
 """Assignments, as texts `name=value` or as a mapping."""
 
 
+class Changes(TypedDict, total=False):
+    """What a user may want otherwise: the arguments of apply() by name."""
+
+    params: str | Path | None
+    set: Pairs
+    swap: Pairs
+    latency: Pairs
+    step: float | None
+    stop: float | None
+    algorithm: str | None
+
+
 def apply(  # noqa: PLR0913 - every one is an option of the command line
     system: System,
     *,
     params: str | Path | None = None,
     set: Pairs = (),
     swap: Pairs = (),
+    latency: Pairs = (),
     step: float | None = None,
     stop: float | None = None,
     algorithm: str | None = None,
@@ -47,6 +60,8 @@ def apply(  # noqa: PLR0913 - every one is an option of the command line
         system = _parameter_file(system, Path(params))
     if set:
         system = _single_values(system, pairs("--set", set))
+    for component, steps in pairs("--latency", latency):
+        system = _delayed(system, component, steps)
     given = {"step": step, "stop": stop, "algorithm": algorithm}
     changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     return replace(system, experiment=replace(system.experiment, **changes))
@@ -123,6 +138,19 @@ def _single_values(system: System, pairs: Iterator[tuple[str, Any]]) -> System:
     if values.problems:
         raise UsageError("\n".join(f"--set {problem}" for problem in values.problems))
     return _with(system, values)
+
+
+def _delayed(system: System, name: str, steps: Any) -> System:
+    """A component publishes so many macro steps later; how many are possible the schedule knows."""
+    known = [c.name for c in system.components]
+    if name not in known:
+        raise UsageError(f"--latency {name}: {system.name} has no such component{did_you_mean(name, known)}")
+    try:
+        count = int(steps)
+    except ValueError as error:
+        raise UsageError(f"--latency {name}: wants a number of macro steps, not {steps}") from error
+    components = tuple(replace(c, latency=count) if c.name == name else c for c in system.components)
+    return replace(system, components=components)
 
 
 def _with(system: System, values: Assignments) -> System:

@@ -1,5 +1,7 @@
 """Results files: .csv (flat columns), .nc (netCDF4: vectors, units, long names) and .mat (one struct per component).
 
+.nc and .mat keep the parameters of the run too: as variables without time, and in the struct `parameters`.
+
 A run that ended early leaves a file all the same: .nc and .mat say `complete = 0`, a .csv ends with a line
 `# incomplete: reason`.
 """
@@ -9,7 +11,8 @@ from __future__ import annotations
 import csv
 import os
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -131,23 +134,25 @@ def _last_line(file: TextIO) -> str:
 def _write_nc(result: Result, path: Path) -> None:
     import xarray
 
-    variables = {
-        name: (dimensions, data, attributes) for name, dimensions, data, attributes in _netcdf_variables(result)
-    }
+    histories = {name: (("time", *axes), data, about) for name, axes, data, about in _variables(result)}
+    fixed = {name: (axes, data[0], about) for name, axes, data, about in _variables(result.parameters)}
+    variables = fixed | histories
     attributes = {"system": result.system, "complete": int(result.complete), "message": result.message}
     time = ("time", result.time, {"units": "s", "long_name": "time"})
     data = xarray.Dataset(variables, coords={"time": time}, attrs=attributes)
     data.to_netcdf(path, engine="netcdf4", encoding={name: {"_FillValue": None} for name in data.variables})
 
 
-def _netcdf_variables(result: Result) -> Iterator[tuple[str, tuple[str, ...], NDArray[np.float64], dict[str, str]]]:
-    """Vectors as (time, axis), matrices as (time, row, column), the rest as (time,)."""
+def _variables(result: Result | None) -> Iterator[tuple[str, tuple[str, ...], NDArray[np.float64], dict[str, str]]]:
+    """Vectors with an axis, matrices with row and column, the rest as they are: name, axes, (rows, ...), attributes."""
+    if result is None:
+        return
     whole = {column for columns in result.vectors.values() for column in columns.flat}
     single = [name for i, name in enumerate(result.columns) if i not in whole]
     for name in (*result.vectors, *single):
         values = result[name]
         attributes = {"units": result.unit(name), "long_name": result.description(name)}
-        yield name, ("time", *_dimensions(values.shape[1:])), values, attributes
+        yield name, _dimensions(values.shape[1:]), values, attributes
 
 
 def _dimensions(shape: tuple[int, ...]) -> tuple[str, ...]:
@@ -160,25 +165,29 @@ def _read_nc(path: Path) -> Result:
     import xarray
 
     with xarray.open_dataset(path, engine="netcdf4", decode_cf=False) as data:
-        columns, blocks, units, descriptions = [], [], [], []
-        for name, variable in data.data_vars.items():
-            values = variable.to_numpy()
-            names = _element_names(str(name), values.shape[1:])
-            columns += names
-            blocks.append(values.reshape(len(values), -1))
-            units += [variable.attrs.get("units", "")] * len(names)
-            descriptions += [variable.attrs.get("long_name", "")] * len(names)
+        variables = {str(name): variable for name, variable in data.data_vars.items()}
+        time = data["time"].to_numpy()
         about = data.attrs
-        return Result(
-            system=about.get("system", path.stem),
-            time=data["time"].to_numpy(),
-            columns=tuple(columns),
-            units=tuple(units),
-            values=np.hstack(blocks),
-            descriptions=tuple(descriptions),
-            complete=bool(about.get("complete", 1)),
-            message=about.get("message", ""),
-        )
+        system = about.get("system", path.stem)
+        histories = {name: (v.to_numpy(), v.attrs) for name, v in variables.items() if "time" in v.dims}
+        fixed = {name: (v.to_numpy()[None], v.attrs) for name, v in variables.items() if "time" not in v.dims}
+    parameters = _table(system, time[:1], fixed) if fixed else None
+    complete, message = bool(about.get("complete", 1)), about.get("message", "")
+    return replace(_table(system, time, histories), complete=complete, message=message, parameters=parameters)
+
+
+def _table(
+    system: str, time: NDArray[np.float64], variables: Mapping[str, tuple[NDArray[np.float64], Mapping[str, str]]]
+) -> Result:
+    """Variables with their attributes as flat columns."""
+    columns, blocks, units, descriptions = [], [np.empty((len(time), 0))], [], []
+    for name, (values, about) in variables.items():
+        names = _element_names(name, values.shape[1:])
+        columns += names
+        blocks.append(values.reshape(len(values), -1))
+        units += [about.get("units", "")] * len(names)
+        descriptions += [about.get("long_name", "")] * len(names)
+    return Result(system, time, tuple(columns), tuple(units), np.hstack(blocks), tuple(descriptions))
 
 
 def _element_names(name: str, shape: tuple[int, ...]) -> list[str]:
@@ -193,13 +202,22 @@ def _write_mat(result: Result, path: Path) -> None:
 
     content: dict[str, Any] = {"time": result.time, "system": result.system, "complete": float(result.complete)}
     units: dict[str, Any] = {}
-    for name, _, values, attributes in _netcdf_variables(result):
-        component, _, variable = name.partition(".")
-        component = _legal(component, ("time", "system", "complete", "units"))
-        variable = _legal(variable, content.setdefault(component, {}))
+    fixed: dict[str, Any] = {}
+    for name, _, values, attributes in _variables(result):
+        component, variable = _place(content, name)
         content[component][variable] = values
         units.setdefault(component, {})[variable] = attributes["units"]
-    scipy.io.savemat(path, content | {"units": units}, long_field_names=True, oned_as="column")
+    for name, _, values, _ in _variables(result.parameters):
+        component, variable = _place(fixed, name)
+        fixed[component][variable] = values[0]
+    scipy.io.savemat(path, content | {"units": units, "parameters": fixed}, long_field_names=True, oned_as="column")
+
+
+def _place(content: dict[str, Any], name: str) -> tuple[str, str]:
+    """Struct of the component and field of the variable, in names that MATLAB accepts."""
+    component, _, variable = name.partition(".")
+    component = _legal(component, ("time", "system", "complete", "units", "parameters"))
+    return component, _legal(variable, content.setdefault(component, {}))
 
 
 def _legal(name: str, taken: Collection[str]) -> str:

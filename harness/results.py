@@ -18,7 +18,8 @@ class Result:
     """What a run has left behind.
 
     time: (rows,) [s]; columns: `component.variable[i]`; units, descriptions: per column ("" if unknown);
-    values: (rows, columns); complete: False if the run ended early, then `message` says why.
+    values: (rows, columns); complete: False if the run ended early, then `message` says why; parameters: all parameters
+    of all components as they were flown, a table of one row (None if unknown: a .csv does not keep them).
     """
 
     system: str
@@ -29,6 +30,13 @@ class Result:
     descriptions: tuple[str, ...] = ()
     complete: bool = True
     message: str = ""
+    parameters: Result | None = None
+
+    def parameter(self, name: str) -> NDArray[np.float64]:
+        """Value of a parameter: (), (n,) for a vector, (m, n) for a matrix; KeyError with close matches."""
+        if self.parameters is None:
+            raise KeyError(f"{name}: the result does not hold the parameters of the run")
+        return np.asarray(self.parameters[name][0])
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         """History of a variable: (rows,) for a scalar or an element, (rows, n) for a vector, (rows, m, n) for a matrix.

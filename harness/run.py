@@ -21,6 +21,7 @@ def run(  # noqa: PLR0913 - every one is an option of the command line
     params: str | Path | None = None,
     set: Pairs = (),
     swap: Pairs = (),
+    latency: Pairs = (),
     step: float | None = None,
     stop: float | None = None,
     algorithm: str | None = None,
@@ -32,14 +33,17 @@ def run(  # noqa: PLR0913 - every one is an option of the command line
 
     system: name of a system of the project, path of an .ssp, or a System;
     params: name of one of its parameter sets, or a .toml or .ssv file; set: `component.parameter=value` (numbers,
-    lists, lists of lists), as texts or a mapping; swap: `component=fmu` (name or path), likewise; step: macro step
-    [s]; stop: stop time [s], a multiple of it; algorithm: gauss-seidel or jacobi; executor: c or python (same bits);
-    every: record every N-th macro step; progress: show a bar on stderr.
+    lists, lists of lists), as texts or a mapping; swap: `component=fmu` (name or path), likewise; latency:
+    `component=N`, its outputs come N macro steps later; step: macro step [s]; stop: stop time [s], a multiple of it;
+    algorithm: gauss-seidel or jacobi; executor: c or python (same bits); every: record every N-th macro step;
+    progress: show a bar on stderr.
 
     Raises UsageError, ArchiveError, StructureError, FmuError, or RunError, whose `partial` is what was recorded so far.
     """
     with loaded(system) as found:
-        changed = apply(found, params=params, set=set, swap=swap, step=step, stop=stop, algorithm=algorithm)
+        changed = apply(
+            found, params=params, set=set, swap=swap, latency=latency, step=step, stop=stop, algorithm=algorithm
+        )
         return fly(changed, executor=executor, every=every, progress=progress)
 
 

@@ -19,7 +19,7 @@ from harness.scratch import PrivateFolder
 from harness.ssp_elements import Elements
 from harness.ssp_parameters import read_ssv
 from harness.ssp_tree import Leaf
-from harness.system import Component, Experiment, Parameters, ParameterSet, System
+from harness.system import Alternative, Component, Experiment, Parameters, ParameterSet, System
 
 _log = logging.getLogger("harness")
 
@@ -73,6 +73,7 @@ class _Reader:
             connections=flat.connections,
             experiment=experiment,
             sets=tuple(self._set(e, components) for e in self._own("run:ParameterSet")),
+            alternatives=tuple(self._alternative(e, components) for e in self._own("run:Alternative")),
             strict=self.run is not None and self.run.get("strict") == "true",
             declared=flat.declared(),
         )
@@ -108,12 +109,20 @@ class _Reader:
     def _set(self, element: xml.Element, components: tuple[Component, ...]) -> ParameterSet:
         """A set that our annotation lists but nothing binds: one .ssv per component that has parameters."""
         name = element.get("name", "")
-        files = {c.name: self.folder / f"resources/sets/{name}/{c.name}.ssv" for c in components}
-        parameters = {c: self._values(path) for c, path in files.items() if self._inside(path)}
+        parameters = self._files(f"resources/sets/{name}", components)
         if not parameters:
             self.problems.append(f"parameter set {name}: is listed, but none of its files is in the archive")
         stop, step = self._number(element, "stop"), self._number(element, "step")
         return ParameterSet(name, element.get("description", ""), parameters, stop, step)
+
+    def _alternative(self, element: xml.Element, components: tuple[Component, ...]) -> Alternative:
+        fmu = element.get("fmu", "")
+        return Alternative(element.get("component", ""), fmu, self._files(f"resources/alternatives/{fmu}", components))
+
+    def _files(self, place: str, components: tuple[Component, ...]) -> dict[str, Parameters]:
+        """Parameters by component from the .ssv files of a folder of the archive."""
+        files = {c.name: self.folder / place / f"{c.name}.ssv" for c in components}
+        return {c: self._values(path) for c, path in files.items() if self._inside(path)}
 
     def _values(self, path: Path) -> Parameters:
         try:

@@ -11,9 +11,12 @@ from harness import paths
 from harness.errors import StructureError, UsageError, did_you_mean
 from harness.graph import read_interfaces
 from harness.interface import Interface, read_interface, units_agree
-from harness.system import Connection, Parameters, ParameterSet, Port, System
+from harness.system import Component, Connection, Parameters, ParameterSet, Port, System
 from harness.values import base
 from harness.wiring import drivers
+
+SHOWN = 5
+"""Dropped parameters that a warning names."""
 
 _log = logging.getLogger("harness")
 
@@ -32,8 +35,10 @@ def exchange(system: System, name: str, fmu: str | Path) -> System:
     """Return the system with another FMU as component `name`.
 
     Its outputs must include all that others read, with equal units. Its inputs take over the wiring of the same names,
-    further ones are wired to the one output of their name. Parameters that it does not have are dropped, with a warning
-    in the log. Raises UsageError (unknown component or FMU), FmuError, or StructureError with all that is missing.
+    further ones are wired to the one output of their name. It keeps the parameters that it shares with its predecessor,
+    and over them come those that the system has for an FMU of its model name; for an FMU unknown to the system the
+    parameters that are dropped are named in a warning. Raises UsageError (unknown component or FMU), FmuError, or
+    StructureError with all that is missing.
     """
     known = [c.name for c in system.components]
     if name not in known:
@@ -44,8 +49,15 @@ def exchange(system: System, name: str, fmu: str | Path) -> System:
     problems += _missing_outputs(system, name, interfaces)
     if problems:
         raise StructureError(f"--swap {name}={path.name}: {problem}" for problem in problems)
+    model = interfaces[name].model.modelName
+    prepared = [a for a in system.alternatives if a.component == name and a.fmu == model]
+    if not prepared:
+        _warn_of_dropped(system.component(name), path, interfaces[name])
     changed = _with_fmu(system, name, path, interfaces[name])
-    return replace(changed, connections=tuple(connections))
+    for alternative in prepared:
+        changed = _with_parameters(changed, alternative.parameters)
+    rest = tuple(a for a in system.alternatives if a.component != name)
+    return replace(changed, connections=tuple(connections), alternatives=rest)
 
 
 def _missing_outputs(system: System, name: str, interfaces: Mapping[str, Interface]) -> Iterator[str]:
@@ -89,15 +101,33 @@ def _undriven(port: Port, sources: Sequence[Port]) -> str:
     )
 
 
+def _warn_of_dropped(old: Component, path: Path, interface: Interface) -> None:
+    known = interface.settable()
+    dropped = list(dict.fromkeys(base(p).partition(".")[0] for p in old.parameters if p not in known))
+    if dropped:
+        more = f" and {len(dropped) - SHOWN} more" if len(dropped) > SHOWN else ""
+        names = ", ".join(dropped[:SHOWN]) + more
+        _log.warning("%s: %s does not have these parameters of %s: %s", old.name, path.name, old.fmu.stem, names)
+
+
 def _with_fmu(system: System, name: str, path: Path, interface: Interface) -> System:
     """Put in the new FMU and drop the parameters it does not have, from the named sets too."""
     old = system.component(name)
     known = interface.settable()
-    if dropped := list(dict.fromkeys(base(p) for p in old.parameters if p not in known)):
-        _log.warning("%s: %s does not have these parameters, dropped: %s", name, path.name, ", ".join(dropped))
     new = replace(old, fmu=path, parameters=_kept(old.parameters, known))
     components = tuple(new if c.name == name else c for c in system.components)
     return replace(system, components=components, sets=tuple(_without(s, name, known) for s in system.sets))
+
+
+def _with_parameters(system: System, parameters: Mapping[str, Parameters]) -> System:
+    """Put parameters over those of the components and of the named sets."""
+
+    def over(name: str, given: Parameters) -> Parameters:
+        return {**given, **parameters.get(name, {})}
+
+    components = tuple(replace(c, parameters=over(c.name, c.parameters)) for c in system.components)
+    sets = tuple(replace(s, parameters={n: over(n, p) for n, p in s.parameters.items()}) for s in system.sets)
+    return replace(system, components=components, sets=sets)
 
 
 def _without(each: ParameterSet, name: str, known: Mapping[str, object]) -> ParameterSet:

@@ -87,6 +87,15 @@ class ParameterSet:
 
 
 @dataclass(frozen=True)
+class Alternative:
+    """Parameters, by component, that come into force when the FMU named `fmu` takes the place of a component."""
+
+    component: str
+    fmu: str
+    parameters: Mapping[str, Parameters] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class System:
     """Components in execution order, who drives whom, and how to run it.
 
@@ -100,6 +109,7 @@ class System:
     experiment: Experiment
     description: str = ""
     sets: tuple[ParameterSet, ...] = ()
+    alternatives: tuple[Alternative, ...] = ()
     strict: bool = False
     declared: Mapping[Port, Unit] = field(default_factory=dict, compare=False)
 

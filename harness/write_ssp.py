@@ -32,7 +32,7 @@ from harness.ssp_xml import (
 )
 from harness.system import Component, System
 from harness.units import IDENTITY, Affine
-from harness.write_ssv import Units, ssv, unit_table
+from harness.write_ssv import Units, bare_ssv, ssv, unit_table
 
 DEFAULT_SET = "default"
 
@@ -60,6 +60,9 @@ def ssp_content(system: System) -> dict[str, bytes]:
         for name, parameters in each.parameters.items():
             if name in told:
                 content[f"resources/sets/{each.name}/{name}.ssv"] = ssv(each.name, parameters, interfaces[name], units)
+    for alternative in system.alternatives:
+        for name, parameters in alternative.parameters.items():
+            content[f"resources/alternatives/{alternative.fmu}/{name}.ssv"] = bare_ssv(alternative.fmu, parameters)
     return content
 
 
@@ -207,3 +210,5 @@ class _Description:
             child(run, "run:Component", name=c.name, every=c.every, latency=c.latency)
         for s in self.system.sets:
             child(run, "run:ParameterSet", name=s.name, description=s.description, stop=s.stop, step=s.step)
+        for a in self.system.alternatives:
+            child(run, "run:Alternative", component=a.component, fmu=a.fmu)

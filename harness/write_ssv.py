@@ -28,6 +28,17 @@ def ssv(set_name: str, parameters: Parameters, interface: Interface, units: Unit
     return text(root)
 
 
+def bare_ssv(set_name: str, parameters: Parameters) -> bytes:
+    """Parameters for an FMU that is not in the archive: numbers in the units of its own variables."""
+    root = etree.Element(tag("ssv:ParameterSet"), nsmap={"ssv": NS["ssv"], "ssc": NS["ssc"]})
+    attributes(root, version="1.0", name=set_name, generationTool=TOOL)
+    table = child(root, "ssv:Parameters")
+    for name, given in parameters.items():
+        kind = "String" if isinstance(given.value, str) else "Real"
+        child(child(table, "ssv:Parameter", name=name), f"ssv:{kind}", value=given.value)
+    return text(root)
+
+
 def _parameter(table: Element, interface: Interface, variable: Variable, given: Parameter) -> None:
     """One parameter as it reaches the FMU: in its unit, an enumeration by the name of the item."""
     number = final(given, variable, interface)

@@ -11,7 +11,9 @@ from harness import run
 from harness.build_ssp import compose
 from harness.errors import StructureError, UsageError
 from harness.overrides import apply
+from harness.run import loaded
 from harness.system import Parameter
+from harness.write_ssp import write_ssp
 from tests.harness.foreign_fmu import Model, build, p, u, y
 
 TOML = """
@@ -143,23 +145,56 @@ def test_an_unknown_set_or_file_is_wrong_use(system):
         apply(system, params="gone.toml")
 
 
+# ---- latency
+
+
+def test_a_latency_delays_what_a_component_publishes(make):
+    system = make({"count": "counter", "twice": "gain"}, ["count.n > twice.u"], stop=4.0)
+    assert run(system)["twice.y"].tolist() == [0, 2, 4, 6, 8]
+    assert run(system, latency=["count=1"])["twice.y"].tolist() == [0, 0, 2, 4, 6]
+    assert run(system, latency={"count": 1})["twice.y"].tolist() == [0, 0, 2, 4, 6]
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "problem"),
+    [
+        ("secnd=1", UsageError, r"--latency secnd: demo has no such component \(close: second\)"),
+        ("second=soon", UsageError, "--latency second: wants a number of macro steps, not soon"),
+        ("second=-1", StructureError, r"second: latency must lie in 0\.\.1 macro steps"),
+        ("second=2", StructureError, r"second: latency must lie in 0\.\.1 macro steps"),
+    ],
+)
+def test_a_mistaken_latency_is_refused(system, text, error, problem):
+    with pytest.raises(error, match=problem):
+        run(system, latency=[text])
+
+
 # ---- another FMU
+
+
+OTHER = Model(
+    "other",
+    [
+        *(u(f"v[{i}]", "m") for i in (1, 2, 3)),
+        u("y"),
+        *(y(f"w[{i}]", "m") for i in (1, 2, 3)),
+        p("M.bias", 1.0),
+        p("new"),
+    ],
+    "w_1 = v_1 + y; w_2 = v_2; w_3 = new;",
+)
 
 
 @pytest.fixture
 def other(tmp_path):
     """Stand-in for `vector`: the same output from other inputs."""
-    inputs = [*(u(f"v[{i}]", "m") for i in (1, 2, 3)), u("y")]
-    outputs = [y(f"w[{i}]", "m") for i in (1, 2, 3)]
-    parameters = [p("M.bias", 1.0), p("new")]
-    law = "w_1 = v_1 + y; w_2 = v_2; w_3 = new;"
-    return build(Model("other", [*inputs, *outputs, *parameters], law), tmp_path)
+    return build(OTHER, tmp_path)
 
 
 def test_a_swapped_fmu_takes_over_the_wiring_and_finds_further_inputs_by_name(system, other, caplog):
     result = run(system, swap=[f"second={other}"], set=["second.new=42"])
     assert result["second.w"][-1].tolist() == [4 + 2, 40, 42]  # v[1] of `first` + y of `third`, v[2], new
-    assert caplog.messages == ["second: other.fmu does not have these parameters, dropped: J"]
+    assert caplog.messages == ["second: other.fmu does not have these parameters of vector: J"]
 
 
 def test_dropped_parameters_leave_the_named_sets_too(system, other):
@@ -193,6 +228,79 @@ def test_an_ambiguous_input_of_a_swapped_fmu_names_the_candidates(make, tmp_path
     reader = build(Model("reader", [u("y"), y("n")]), tmp_path)
     with pytest.raises(StructureError, match="its input y is ambiguous: a and b have that output"):
         apply(system, swap=[f"c={reader}"])
+
+
+ALTERNATIVE = """
+[alternatives.other]
+replaces = "second"
+[alternatives.other.second]
+new = 42
+[alternatives.other.third]
+k = 5
+"""
+
+
+@pytest.fixture
+def prepared(fmus, other):
+    """The system knows with which parameters `other` flies."""
+    return compose(tomllib.loads(TOML + ALTERNATIVE), fmus | {"other": other})
+
+
+def test_an_fmu_that_the_system_knows_flies_with_the_parameters_meant_for_it(prepared, other, caplog):
+    changed = apply(prepared, swap={"second": other})
+    assert (value(changed, "second.new"), value(changed, "third.k")) == (42, 5)
+    assert run(changed)["second.w"][-1].tolist() == [4 + 5, 40, 42]
+    assert caplog.messages == []
+    assert value(prepared, "third.k") == 2
+
+
+def test_parameters_for_an_alternative_come_over_those_of_a_named_set_and_single_values_over_them(prepared, other):
+    assert value(apply(prepared, params="tripled", swap={"second": other}), "third.k") == 5
+    assert apply(prepared, swap={"second": other}).sets[0].parameters["third"]["k"].value == 5
+    assert value(apply(prepared, swap={"second": other}, set=["third.k=7"]), "third.k") == 7
+
+
+def test_an_fmu_of_another_name_gets_nothing(prepared, other, tmp_path, caplog):
+    stranger = build(Model("stranger", OTHER.variables, OTHER.outputs), tmp_path)
+    changed = apply(prepared, swap={"second": stranger})
+    assert value(changed, "third.k") == 2
+    assert "new" not in changed.component("second").parameters
+    assert len(caplog.messages) == 1
+
+
+def test_alternatives_survive_in_the_ssp(prepared, other, tmp_path):
+    write_ssp(prepared, tmp_path / "demo.ssp")
+    with loaded(tmp_path / "demo.ssp") as back:
+        assert [(a.component, a.fmu) for a in back.alternatives] == [("second", "other")]
+        assert value(apply(back, swap={"second": other}), "third.k") == 5
+
+
+def test_an_exchanged_component_has_no_alternatives_any_more(prepared, other):
+    assert apply(prepared, swap={"second": other}).alternatives == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ('[alternatives.othr]\nreplaces = "second"', r"\[alternatives\.othr\] there is no such FMU \(close: other\)"),
+        ('[alternatives.other]\nreplaces = "secnd"', r"--swap secnd: demo has no such component \(close: second\)"),
+        ("[alternatives.other]\n", r"\[alternatives\.other\] replaces: it does not say which component"),
+        ('[alternatives.gain]\nreplaces = "first"', r"gain\.fmu: it has no output v, which second\.v needs"),
+        (ALTERNATIVE + "z = 1", r"\[alternatives\.other\] third\.z: there is no such variable"),
+        ('[alternatives.other]\nreplaces = "second"\nnew = 3', r"new: parameters stand in a table per component"),
+    ],
+)
+def test_a_mistaken_alternative_is_refused_when_the_system_is_built(fmus, other, text, problem):
+    with pytest.raises(StructureError, match=problem):
+        compose(tomllib.loads(TOML + text), fmus | {"other": other})
+
+
+def test_a_warning_of_dropped_parameters_stays_short(make, fmus, caplog):
+    system = make({"a": "vector"}, parameters={f"a.J[{i},{j}]": 1.0 for i in (1, 2) for j in (1, 2)} | {"a.M.bias": 1})
+    parameters = {f"p{i}": Parameter(1.0) for i in range(9)}
+    system = replace(system, components=(replace(system.components[0], parameters=parameters),))
+    apply(system, swap={"a": fmus["gain"]})
+    assert caplog.messages == ["a: gain.fmu does not have these parameters of vector: p0, p1, p2, p3, p4 and 4 more"]
 
 
 @pytest.mark.parametrize(

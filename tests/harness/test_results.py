@@ -29,6 +29,14 @@ def result():
     return Result("demo", time, NAMES, UNITS, values, tuple(f"meaning of {name}" for name in NAMES))
 
 
+@pytest.fixture
+def flown(result):
+    """With parameters: a scalar, a vector and a matrix."""
+    names = ("a.k", "a.p[1]", "a.p[2]", "b.M.A[1,1]", "b.M.A[1,2]")
+    table = Result("demo", np.zeros(1), names, ("1", "m", "m", "kg", "kg"), np.array([[0.1, 1, 2, 3, 4]]), names)
+    return replace(result, parameters=table)
+
+
 def written(result, path):
     ResultFile(path).write(result)
     return path
@@ -57,7 +65,41 @@ def test_an_unknown_name_offers_close_ones(result):
         result["a.R"]
 
 
+def test_parameters_have_their_shapes(flown):
+    assert flown.parameter("a.k").shape == ()
+    assert flown.parameter("a.p").tolist() == [1, 2]
+    assert flown.parameter("b.M.A").tolist() == [[3, 4]]
+    with pytest.raises(KeyError, match=r"a\.P \(close: a\.p"):
+        flown.parameter("a.P")
+
+
+def test_parameters_that_were_not_kept_are_missed_by_name(result):
+    with pytest.raises(KeyError, match=r"a\.k: the result does not hold the parameters of the run"):
+        result.parameter("a.k")
+
+
 # ---- files
+
+
+def test_netcdf_keeps_the_parameters_as_variables_without_time(flown, tmp_path):
+    path = written(flown, tmp_path / "demo.nc")
+    with xarray.open_dataset(path) as data:
+        assert (data["a.k"].dims, data["a.p"].shape, data["b.M.A"].shape) == ((), (2,), (1, 2))
+        assert data["a.p"].attrs == {"units": "m", "long_name": "a.p[1]"}
+    back = read(path)
+    assert set(back.columns) == set(flown.columns)
+    for name in ("a.k", "a.p", "b.M.A"):
+        assert back.parameter(name).tolist() == flown.parameter(name).tolist()
+    assert back.parameters.unit("b.M.A") == "kg"
+
+
+def test_csv_does_not_keep_the_parameters(flown, tmp_path):
+    assert read(written(flown, tmp_path / "demo.csv")).parameters is None
+
+
+def test_mat_keeps_the_parameters_in_a_struct_of_their_own(flown, tmp_path):
+    content = scipy.io.loadmat(written(flown, tmp_path / "demo.mat"), simplify_cells=True)["parameters"]
+    assert (content["a"]["k"], content["a"]["p"].tolist(), content["b"]["M_A"].tolist()) == (0.1, [1, 2], [3, 4])
 
 
 def test_csv_is_lossless_to_the_bit(result, tmp_path):

@@ -1,0 +1,60 @@
+"""What a comparison flies."""
+
+from __future__ import annotations
+
+import pytest
+
+from harness.cases import cases
+from harness.errors import UsageError
+
+SWAP = ("swap", "controller=a,b")
+
+
+def labels(*varied):
+    return [case.label for case in cases({}, varied)]
+
+
+def test_every_combination_is_flown_the_last_option_changing_fastest():
+    assert labels(("params", "calm, windy"), SWAP) == ["calm, a", "calm, b", "windy, a", "windy, b"]
+
+
+def test_only_what_differs_is_in_the_label():
+    assert labels(("params", "calm"), SWAP, ("algorithm", "jacobi")) == ["a", "b"]
+
+
+def test_paths_are_labelled_by_their_stems_unless_these_are_equal():
+    assert labels(("swap", "controller=x/mine.fmu,other")) == ["mine", "other"]
+    assert labels(("swap", "controller=x/mine.fmu,y/mine.fmu")) == ["x/mine.fmu", "y/mine.fmu"]
+
+
+def test_changes_are_those_of_a_run():
+    last = cases(
+        {"set": ["a.b=1"], "stop": 3.0}, [("params", "calm"), SWAP, ("swap", "plant=p"), ("latency", "plant=0,1")]
+    )[-1]
+    assert last.label == "b, plant 1 late"
+    assert last.changes == {
+        "set": ["a.b=1"],
+        "stop": 3.0,
+        "params": "calm",
+        "swap": {"controller": "b", "plant": "p"},
+        "latency": {"plant": "1"},
+    }
+
+
+def test_labels_are_file_names():
+    assert cases({}, [("swap", "c=x/m e.fmu,y/m e.fmu")])[0].file == "x_m_e.fmu"
+
+
+@pytest.mark.parametrize(
+    ("varied", "problem"),
+    [
+        ([], "there is nothing to compare: give several values"),
+        ([("params", "calm"), ("swap", "controller=a")], "there is nothing to compare"),
+        ([("swap", "a,b")], "--swap a,b: wants name=value"),
+        ([("params", "calm,")], "--params calm,: a value is missing"),
+        ([("swap", "c=a,b,a")], "--swap c=a,b,a: a stands there twice"),
+    ],
+)
+def test_a_mistaken_comparison_is_wrong_use(varied, problem):
+    with pytest.raises(UsageError, match=problem):
+        cases({}, varied)

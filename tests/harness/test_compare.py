@@ -1,0 +1,165 @@
+"""harness compare: flights in parallel, one table, and flights that fail."""
+
+from __future__ import annotations
+
+import csv
+import os
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+
+import pytest
+
+from harness import run
+from harness.build_ssp import compose
+from harness.cases import cases
+from harness.cli import main
+from harness.compare import compare, text
+from harness.errors import StructureError, UsageError
+from harness.result_files import read
+from harness.write_ssp import write_ssp
+from tests.harness.foreign_fmu import Model, build, p, u, y
+
+TOML = """
+name = "demo"
+[experiment]
+stop = 6.0
+step = 1.0
+[components]
+count = "counter"
+twice = "gain"
+bad = "failing"
+[connections]
+"twice.u" = "count.n"
+[parameters.bad]
+t_fail = 100.0
+[sets.hot]
+description = "fails at 3 s"
+[sets.hot.bad]
+t_fail = 3.0
+"""
+
+
+@pytest.fixture
+def system(fmus, tmp_path):
+    write_ssp(compose(tomllib.loads(TOML), fmus), tmp_path / "demo.ssp")
+    return tmp_path / "demo.ssp"
+
+
+@pytest.fixture
+def crashing(tmp_path):
+    """Stand-in for `gain` that ends the whole process in its first step."""
+    model = Model("crashing", [u("u"), y("y"), p("k")], "y = u;", "abort();")
+    return build(model, tmp_path)
+
+
+def flown(system, tmp_path, *varied, **changes):
+    return compare(system, cases(changes, varied), tmp_path / "out")
+
+
+def test_every_flight_gives_the_bits_of_a_run_of_its_own(system, fmus, tmp_path):
+    plus_one = fmus["plus_one"]
+    found = flown(system, tmp_path, ("swap", f"twice={fmus['gain']},{plus_one}"), stop=4.0)
+    assert found.failures == []
+    alone = run(system, swap={"twice": plus_one}, stop=4.0)
+    assert found.results["plus_one"].values.tobytes() == alone.values.tobytes()
+    assert found.results["gain"]["twice.y"].tolist() == [0, 2, 4, 6, 8]
+    assert read(tmp_path / "out" / "plus_one.nc")["twice.y"].tolist() == [1, 2, 3, 4, 5]
+
+
+def test_the_table_has_one_line_per_flight_and_is_kept_with_all_digits(system, tmp_path):
+    found = flown(system, tmp_path, ("algorithm", "jacobi,gauss-seidel"))
+    lines = text(found).splitlines()
+    assert [line.split()[0] for line in lines[-2:]] == ["jacobi", "gauss-seidel"]
+    with (tmp_path / "out" / "comparison.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["flight"] for row in rows] == ["jacobi", "gauss-seidel"]
+    assert all(float(row["macro step [us]"]) > 0 for row in rows)
+    assert {row["range error [m]"] for row in rows} == {""}
+
+
+def test_progress_counts_the_flights(system, tmp_path):
+    seen = []
+    compare(system, cases({}, [("algorithm", "jacobi,gauss-seidel")]), tmp_path / "out", progress=seen.append)
+    assert seen == [1, 2]
+
+
+def test_a_flight_that_fails_ends_early_and_the_others_go_on(system, tmp_path):
+    found = flown(system, tmp_path, ("params", "default,hot"))
+    assert found.failures == ["hot: bad: step failed: burnt through after too much heat (at t = 3 s)"]
+    assert found.results["default"].complete
+    assert not found.results["hot"].complete
+    assert found.results["hot"].time[-1] == 3.0
+    assert text(found).splitlines()[-1].split() == ["hot", "-"]
+
+
+def test_a_crash_inside_an_fmu_takes_no_other_flight_with_it(system, fmus, crashing, tmp_path):
+    found = flown(system, tmp_path, ("swap", f"twice={crashing},{fmus['gain']}"))
+    assert found.failures == ["crashing: its process was ended from outside, or by a crash inside an FMU"]
+    assert list(found.results) == ["gain"]
+    assert found.results["gain"].complete
+
+
+@pytest.mark.parametrize(
+    ("varied", "error", "problem"),
+    [
+        (("params", "hot,cold"), UsageError, "--params cold: demo has no such set"),
+        (("swap", "twice=gone,gain"), UsageError, "gone: there is no such FMU"),
+        (("latency", "twice=0,7"), StructureError, "twice: latency must lie in"),
+    ],
+)
+def test_what_is_wrong_with_a_flight_is_found_before_any_takes_off(system, tmp_path, varied, error, problem):
+    with pytest.raises(error, match=problem):
+        flown(system, tmp_path, varied)
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_is_wrong_with_the_parameters_of_every_flight_is_found_too(system, tmp_path):
+    with pytest.raises(UsageError, match=r"--set twice\.q: there is no such variable"):
+        flown(system, tmp_path, ("algorithm", "jacobi,gauss-seidel"), set=["twice.q=1"])
+
+
+# ---- the command
+
+
+def test_the_command_prints_the_table_and_fails_with_one_line_per_failed_flight(system, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["compare", str(system), "--params", "default,hot", "--stop", "5"]) == 1
+    out, err = capsys.readouterr()
+    assert out.splitlines()[-1] == "results and comparison.csv in results/demo"
+    assert err == "harness: hot: bad: step failed: burnt through after too much heat (at t = 3 s)\n"
+    assert sorted(path.name for path in (tmp_path / "results" / "demo").iterdir()) == [
+        "comparison.csv",
+        "default.nc",
+        "hot.nc",
+    ]
+
+
+@pytest.mark.parametrize("arguments", [["compare"], ["compare", "demo.ssp"], ["compare", "demo.ssp", "--swap", "x"]])
+def test_wrong_use_of_the_command_is_status_2_and_one_line(system, tmp_path, capsys, monkeypatch, arguments):
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_ctrl_c_ends_all_flights_with_one_line(fmus, tmp_path):
+    toml = 'name = "long"\n[experiment]\nstop = 1e6\nstep = 1.0\n[components]\na = "slow"\n'
+    write_ssp(compose(tomllib.loads(toml), fmus), tmp_path / "long.ssp")
+    command = [sys.executable, "-m", "harness", "compare", "long.ssp", "--algorithm", "jacobi,gauss-seidel"]
+    process = subprocess.Popen(
+        command,
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
+    )
+    until = time.monotonic() + 60
+    while not (tmp_path / "stepping").exists() and time.monotonic() < until:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    assert process.communicate(timeout=60) == ("", "harness: interrupted\n")
+    assert process.returncode == 1

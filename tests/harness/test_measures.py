@@ -1,0 +1,160 @@
+"""Figures of a run against values known in closed form."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from harness.figures.derived import attitude_error, position_error, range_, range_error, rotation_angle
+from harness.measures import MEASURES, settling_time, steady_error
+from harness.results import Result
+
+MEASURE = {measure.name: measure for measure in MEASURES}
+TIME = np.linspace(0.0, 100.0, 1001)
+
+
+def table(time, **variables):
+    """A result of vectors; `servicer__r_SN_N` stands for servicer.r_SN_N."""
+    names, columns = [], []
+    for name, values in variables.items():
+        block = np.atleast_2d(np.asarray(values, dtype=float).T)
+        names += (
+            [f"{name.replace('__', '.')}[{i}]" for i in range(1, len(block) + 1)]
+            if len(block) > 1
+            else [name.replace("__", ".")]
+        )
+        columns += list(block)
+    return Result("test", np.asarray(time), tuple(names), ("",) * len(names), np.stack(columns, axis=1))
+
+
+def parameters(**values):
+    names, row = [], []
+    for name, value in values.items():
+        for index, number in np.ndenumerate(np.asarray(value, dtype=float)):
+            suffix = f"[{','.join(str(i + 1) for i in index)}]" if index else ""
+            names.append(name.replace("__", ".") + suffix)
+            row.append(number)
+    return Result("test", np.zeros(1), tuple(names), ("",) * len(names), np.array([row]))
+
+
+def decaying():
+    """The reference moves at 0.5 m/s along x and stands in the next row; 3 m off along y at first, decaying in 10 s."""
+    error = 3 * np.exp(-TIME / 10)
+    actual = np.stack([10 + 0.5 * TIME, error, 0 * TIME], axis=1)
+    reference = np.stack([10 + 0.5 * TIME, 0 * TIME, 0 * TIME], axis=1)
+    published = np.concatenate((reference[:1], reference[:-1]))
+    return table(
+        TIME, servicer__r_SN_N=actual + 7e6, target__r_TN_N=0 * actual + 7e6, guidance__rho_ref_N=published
+    ), error
+
+
+# ---- errors
+
+
+def test_the_reference_of_a_state_stands_in_the_next_row():
+    result, error = decaying()
+    assert position_error(result)[:-1] == pytest.approx(error[:-1], abs=1e-8)
+    assert position_error(result)[-1] == position_error(result)[-2]
+
+
+def test_with_rows_further_apart_than_samples_the_reference_of_the_same_row_is_taken():
+    result, error = decaying()
+    seldom = replace(result, time=result.time[::10], values=result.values[::10])
+    moved = np.hypot(error[::10], 0.5 * 0.1)
+    moved[0] = error[0]
+    assert position_error(seldom) == pytest.approx(moved, abs=1e-8)
+
+
+def test_range_error_is_the_difference_of_two_distances():
+    result, error = decaying()
+    reference = 10 + 0.5 * TIME
+    assert range_error(result)[:-1] == pytest.approx((np.hypot(reference, error) - reference)[:-1], abs=1e-8)
+    assert range_(result) == pytest.approx(np.hypot(reference, error), abs=1e-8)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 0.3, 3.0, np.pi])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_rotation_angle_is_exact_for_small_and_large_angles_and_either_sign(angle, sign):
+    axis = np.array([1, 2, -2]) / 3
+    a = np.array([[0.5, -0.5, 0.5, 0.5]])
+    s, v = np.cos(angle / 2), np.sin(angle / 2) * axis
+    b = np.concatenate(([a[0, 0] * s - a[0, 1:] @ v], a[0, 0] * v + s * a[0, 1:] + np.cross(a[0, 1:], v)))[None]
+    assert rotation_angle(a, sign * b)[0] == pytest.approx(angle, rel=1e-6, abs=1e-15)
+
+
+def test_attitude_error_uses_the_next_row_too():
+    turn = 0.01 * TIME
+    actual = np.stack([np.cos(turn / 2), np.sin(turn / 2), 0 * turn, 0 * turn], axis=1)
+    published = np.concatenate((actual[:1], actual[:-1]))
+    assert attitude_error(table(TIME, servicer__q_SN=actual, guidance__q_DN=published)) == pytest.approx(0, abs=1e-12)
+
+
+# ---- settling and steady errors
+
+
+def test_an_exponential_settles_after_the_logarithm_of_fifty_time_constants():
+    assert settling_time(TIME, 3 * np.exp(-TIME / 10)) == pytest.approx(10 * np.log(50), abs=0.1)
+
+
+def test_what_swings_back_has_not_settled_before():
+    error = np.where((TIME > 60) & (TIME < 61), 0.1, np.exp(-TIME))
+    assert settling_time(TIME, error) == pytest.approx(61.0, abs=0.11)
+
+
+def test_what_ends_outside_the_band_never_settles():
+    assert np.isnan(settling_time(TIME, 1 + TIME))
+
+
+def test_an_error_that_is_zero_settles_at_once():
+    assert settling_time(TIME, 0 * TIME) == 0
+
+
+def test_the_steady_error_is_the_largest_of_the_last_fifth():
+    assert steady_error(TIME, np.abs(TIME - 90)) == pytest.approx(10)
+    assert steady_error(TIME, np.where(TIME < 79.9, 5.0, 0.1)) == pytest.approx(0.1)
+
+
+def test_settling_and_steady_errors_of_a_result():
+    result, _ = decaying()
+    assert MEASURE["position settles"](result) == pytest.approx(10 * np.log(50), abs=0.1)
+    assert MEASURE["position error"](result) == pytest.approx(3 * np.exp(-8), rel=1e-3)
+    assert MEASURE["least range"](result) == pytest.approx(np.hypot(10 + 0.5 * TIME, 3 * np.exp(-TIME / 10)).min())
+
+
+def test_the_attitude_counts_from_the_beginning_of_its_control():
+    angle = np.where(TIME < 40, 2.0, np.exp(-(TIME - 40) / 5))
+    q = np.stack([np.cos(angle / 2), np.sin(angle / 2), 0 * angle, 0 * angle], axis=1)
+    still = table(TIME, servicer__q_SN=q, guidance__q_DN=np.tile([1.0, 0, 0, 0], (len(TIME), 1)))
+    late = replace(still, parameters=parameters(servicer__t_att=40.0))
+    assert MEASURE["attitude settles"](late) == pytest.approx(5 * np.log(50), abs=0.2)
+    assert MEASURE["attitude error"](late) == pytest.approx(np.degrees(np.exp(-48 / 5)), rel=0.05)
+    never = replace(still, parameters=parameters(servicer__t_att=200.0))
+    assert np.isnan(MEASURE["attitude settles"](never))
+
+
+# ---- cost
+
+
+def test_delta_v_divides_the_impulse_of_all_axes_by_the_mass_of_the_moment():
+    impulse = np.outer(TIME, [1.0, 2.0, 3.0])
+    result = table(TIME, propulsion__impulse=impulse, servicer__mass=200 - TIME)
+    assert MEASURE["delta-v"](result) == pytest.approx(6 * np.log(2), rel=1e-3)
+
+
+def test_torque_impulse_adds_thrusters_and_wheels():
+    M = np.tile([0.1, -0.2, 0.0], (len(TIME), 1))
+    speed = np.stack([np.sin(TIME), 0 * TIME, 0 * TIME], axis=1)
+    result = replace(
+        table(TIME, propulsion__M_S=M, servicer__wheel_speed=speed),
+        parameters=parameters(servicer__A_w=np.diag([2.0, 1, 1])),
+    )
+    turns = np.abs(np.diff(np.sin(TIME))).sum()
+    assert MEASURE["torque impulse"](result) == pytest.approx(0.3 * 100 + 2 * turns, rel=1e-9)
+
+
+def test_what_a_result_does_not_hold_has_no_figure():
+    result, _ = decaying()
+    values = {name: measure(result) for name, measure in MEASURE.items()}
+    assert np.isnan([values[name] for name in ("delta-v", "torque impulse", "attitude error")]).all()
