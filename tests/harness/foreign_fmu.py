@@ -318,7 +318,9 @@ def description(model: Model) -> str:
 
 
 BASE = {
-    "1": "", "m": 'm="1"', "s": 's="1"', "km": 'm="1" factor="1000"', "K": 'K="1"', "degC": 'K="1" offset="273.15"'
+    "1": "", "m": 'm="1"', "s": 's="1"', "km": 'm="1" factor="1000"', "K": 'K="1"', "degC": 'K="1" offset="273.15"',
+    "m/s": 'm="1" s="-1"', "rad/s2": 'rad="1" s="-2"', "N": 'kg="1" m="1" s="-2"', "N.m": 'kg="1" m="2" s="-2"',
+    "N/m": 'kg="1" s="-2"', "N.s/m": 'kg="1" s="-1"',
 }  # fmt: skip
 TYPE_DEFINITIONS = """<TypeDefinitions><SimpleType name="Mode"><Enumeration>
     <Item name="off" value="1"/><Item name="hold" value="4"/><Item name="go" value="7"/>

@@ -154,56 +154,6 @@ def test_software_periods_between_10_and_100_ms_fly_alike(controller):
     assert far < 2.0
 
 
-# ---- exchange ----
-
-X_UP = {"controller.up_axis": 1}
-SYNC = {
-    "pid_controller": X_UP | {"controller.wheel_scale": 12},
-    "theta_d_controller": X_UP | {"controller.J_hat": np.diag((200, 250, 150)).tolist()},
-    "ppc_controller": X_UP
-    | {"controller.wheel_scale": 12, "controller.range.alpha_0": 20}
-    | {f"controller.{c}.k": 50 for c in ("elevation", "azimuth")}
-    | {"controller.attitude.k": 1000, "controller.attitude.lambda": 4}
-    | {"controller.attitude.alpha_inf": 0.02, "controller.attitude.beta": 0.05},
-}
-"""Gains for 4 to 20 m at 10 Hz: lambda g k eta T < 1 asks for smaller angular gains the nearer the target."""
-
-
-def late_errors(result, seconds):
-    """Distance [m] and angle [rad] from the reference after a time; a row holds the sample before its plant states."""
-    rho = (result["servicer.r_SN_N"] - result["target.r_TN_N"])[:-1]
-    position = np.linalg.norm(rho - result["guidance.rho_ref_N"][1:], axis=1)
-    dots = np.sum(result["servicer.q_SN"][:-1] * result["guidance.q_DN"][1:], axis=1)
-    angle = 2 * np.arccos(np.clip(np.abs(dots), 0, 1))
-    late = result.time[:-1] > seconds
-    return position[late].max(), angle[late].max()
-
-
-@pytest.mark.parametrize("controller", SYNC)
-def test_each_controller_follows_the_moving_reference_of_the_synchronised_approach(controller):
-    """20 m to 4 m, attitude by wheels from 1200 s on; within 2 mm, where the adaptive controller keeps 34 mm."""
-    result = run("sync_approach", swap={"controller": controller}, set=SYNC[controller])
-    assert late_errors(result, 600)[0] < 2e-3
-    assert late_errors(result, 1500)[1] < np.radians(0.15)
-    assert result["guidance.range"].min() > 3.99
-    assert not np.any(result["controller.M_cmd_S"])
-    assert np.all(result["servicer.wheel_speed"][result.time < 1200] == 0)
-    for flag in ("controller.violation", "controller.violation_att"):
-        assert flag not in result or not np.any(result[flag])
-
-
-def test_the_adaptive_controller_flies_the_line_of_sight_approach():
-    """Its own gains for 300 m: K = 0.04 1/s2, P = 0.4 1/s, slow adaptation, estimates kept in their ranges."""
-    gains = {"K_rho": [0.04] * 3, "P_rho": [0.4] * 3, "Gamma_m": 0.1, "m_hat_0": 100, "projection": 1}
-    gains |= {"damping_in_regressor": 1, "Gamma_scale": 1e-3, "K_att": [400] * 3, "P_att": [100] * 3}
-    gains |= {"eta_hat_0": [50, 0, 0, 45, 0, 60, 1, 0, 0, 1, 0, 1]}
-    settings = {f"controller.{name}": value for name, value in gains.items()} | {"propulsion.F_max": [490] * 3}
-    result = run("ppc_tracking", swap={"controller": "adaptive_controller"}, set=settings)
-    assert settled(result, range_error(result), 5.6) < 35
-    assert after(result, 60, range_error(result)) < 0.05
-    assert late_errors(result, 60)[1] < np.radians(0.1)
-
-
 def test_reference_and_fmu_agree_on_the_default_parameters():
     """So that the closed loops compared above have the parameters of the specification, not of one another."""
     result = flight("ppc_controller")
