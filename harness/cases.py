@@ -62,8 +62,12 @@ def _choices(option: str, text: str) -> Iterator[_Choice]:
         if values.count(value) > 1:
             raise UsageError(f"--{option} {text}: {value} stands there twice")
         label = value if Counter(names)[name] > 1 else name
-        label = f"{component} {value} late" if option == "latency" else label
+        label = _delay(component, value) if option == "latency" else label
         yield _Choice(label, option, (component, value) if component else value)
+
+
+def _delay(component: str, steps: str) -> str:
+    return f"{component} {'on time' if steps == '0' else f'{steps} late'}"
 
 
 def _case(fixed: Changes, combination: Sequence[_Choice], several: Sequence[bool]) -> Case:
