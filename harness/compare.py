@@ -12,6 +12,7 @@ import math
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -129,17 +130,24 @@ def _end(jobs: Iterable[Future[str]]) -> None:
 def _isolated(system: str | Path, case: Case, file: Path, every: int) -> str:
     """Fly one case in a process of its own; returns why it ended early."""
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(1, context, initializer=_in_silence) as process:
+    with ProcessPoolExecutor(1, context, initializer=_in_the_background) as process:
         try:
             return process.submit(_fly, system, case, file, every).result()
         except BrokenProcessPool:
             return "its process was ended from outside, or by a crash inside an FMU"
 
 
-def _in_silence() -> None:
-    """Leave Ctrl-C and the warnings that _check() has already logged to the parent."""
+def _in_the_background() -> None:
+    """Leave Ctrl-C and the warnings that _check() has already logged to the parent, and end when it ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     logging.getLogger("harness").setLevel(logging.ERROR)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    if parent := multiprocessing.parent_process():
+        parent.join()
+        os._exit(1)
 
 
 def _fly(system: str | Path, case: Case, file: Path, every: int) -> str:

@@ -144,9 +144,10 @@ def test_wrong_use_of_the_command_is_status_2_and_one_line(system, tmp_path, cap
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
-@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-def test_ctrl_c_ends_all_flights_with_one_line(fmus, tmp_path):
-    toml = 'name = "long"\n[experiment]\nstop = 1e6\nstep = 1.0\n[components]\na = "slow"\n'
+@pytest.fixture
+def comparing(fmus, tmp_path):
+    """A comparison of flights that take hours, already stepping."""
+    toml = 'name = "long"\n[experiment]\nstop = 1e7\nstep = 1.0\n[components]\na = "slow"\n'
     write_ssp(compose(tomllib.loads(toml), fmus), tmp_path / "long.ssp")
     command = [sys.executable, "-m", "harness", "compare", "long.ssp", "--algorithm", "jacobi,gauss-seidel"]
     process = subprocess.Popen(
@@ -160,6 +161,20 @@ def test_ctrl_c_ends_all_flights_with_one_line(fmus, tmp_path):
     until = time.monotonic() + 60
     while not (tmp_path / "stepping").exists() and time.monotonic() < until:
         time.sleep(0.05)
-    process.send_signal(signal.SIGINT)
-    assert process.communicate(timeout=60) == ("", "harness: interrupted\n")
-    assert process.returncode == 1
+    yield process
+    process.kill()
+    process.wait()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_ctrl_c_ends_all_flights_with_one_line(comparing):
+    comparing.send_signal(signal.SIGINT)
+    assert comparing.communicate(timeout=60) == ("", "harness: interrupted\n")
+    assert comparing.returncode == 1
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_no_flight_goes_on_when_the_comparison_is_killed(comparing):
+    comparing.kill()
+    comparing.communicate(timeout=60)  # returns when nobody holds the pipes any more
+    assert comparing.returncode == -signal.SIGKILL
