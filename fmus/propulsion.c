@@ -54,8 +54,8 @@ static const Variable variables[] = {
 
     INPUT(throttle, "1", "commanded part of the nominal thrust, per thruster, clipped to 0..1"),
 
-    OUTPUT(F_S, "N", "force on the servicer, body axes"),
-    OUTPUT(M_S, "N.m", "torque on the servicer about its centre of mass, body axes"),
+    OUTPUT(F_S, "N", "force on the servicer at the last call, body axes"),
+    OUTPUT(M_S, "N.m", "torque on the servicer about its centre of mass at the last call, body axes"),
     NONNEGATIVE_OUTPUT(mdot, "kg/s", "propellant consumption"),
     NONNEGATIVE_OUTPUT(thrust, "N", "thrust, per thruster"),
     NONNEGATIVE_OUTPUT(impulse, "N.s", "impulse of all calls so far, per thruster"),

@@ -17,7 +17,7 @@
 #include "thrusters.h"
 #include "time_grid.h"
 
-enum { EXCHANGES = 100, CUTS = 20, LENGTH = 6 + THRUSTERS };
+enum { EXCHANGES = 100, CUTS = 100, LENGTH = 6 + THRUSTERS };
 #define DAMPING  1e-5 /* sqrt(eps) */
 #define IN_REACH 1e-6 /* a wrench is in reach if it is met within this part of its length */
 
@@ -236,7 +236,7 @@ static void publish_wrench(const Parameters *p, const Input *u, Output *y)
 static void plan_pulse(double demand, double period, double shortest, double *on, double *carry)
 {
     double due = demand * period + *carry;
-    *on = fmin(floor(due + 1e-9), period);
+    *on = fmin(floor(due + 1e-5), period); /* demands are met within IN_REACH */
     if (*on < shortest) *on = 0;
     *carry = fmax(0, due - *on);
 }

@@ -75,11 +75,44 @@ def test_shortest_arc_of_a_target_straight_ahead_and_straight_behind(fmu, d, L):
     assert fmu("pursuit_guidance", SHORTEST_ARC, at_range(100, d)).get("q_DS") == pytest.approx(L, abs=0)
 
 
-def test_shortest_arc_stays_a_rotation_next_to_straight_behind(fmu):
-    """Half a turn about Y; nearer than 1e-8 rad, where the cosine is -1 to the last bit, in the defined sense."""
-    for offset in (1e-3, 1e-6, 1e-9, 1e-12):
-        unit = fmu("pursuit_guidance", SHORTEST_ARC, {"r_TN_N": (-100, 0, 100 * offset)})
-        assert unit.get("q_DS") == pytest.approx([0, 0, -1 if offset > 1e-8 else 1, 0], abs=offset)
+@pytest.mark.parametrize("offset", [1e-3, 1e-6, 1e-9, 1e-12, 1e-15])
+def test_shortest_arc_next_to_straight_behind_goes_the_short_way_round(fmu, offset):
+    """The half angle to the last bit: c = sin(offset)/2, although 1 + b1 has no digits left below 1e-8."""
+    unit = fmu("pursuit_guidance", SHORTEST_ARC, {"r_TN_N": (-49, 0, 49 * offset)})
+    assert unit.get("q_DS") == pytest.approx([np.arctan(offset) / 2, 0, -1, 0], abs=2e-16 + offset**2)
+
+
+def test_a_target_straight_behind_is_turned_to_at_every_range_and_attitude(fmu, rng):
+    """Where 1 + b1 is rounding: once a target 49 m behind was taken for one ahead."""
+    for distance in range(1, 1001, 3):
+        assert fmu("pursuit_guidance", SHORTEST_ARC, at_range(distance, -X)).get("q_DS")[0] == pytest.approx(
+            0, abs=1e-15
+        )
+    for _ in range(200):
+        C_SN = random_rotation(rng)
+        state = at_range(100, -C_SN[0]) | {"q_SN": quaternion_of_dcm(C_SN)}
+        q_DN = fmu("pursuit_guidance", SHORTEST_ARC, state).get("q_DN")
+        assert dcm_of_quaternion(q_DN)[0] == pytest.approx(-C_SN[0], abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    "q_SN", [(1, 0, 0, 0), (-1, 0, 0, 0), (0, 1, 0, 0), (0, -1, 0, 0), (0, 0, 0, 1), (0, 0, 0, -1)]
+)
+@pytest.mark.parametrize("d", [(500, -100, 0), (-500, -100, 0), (-1, -5, 0), (500, 0, 0), (-500, 0, 0)])
+def test_half_a_turn_goes_the_same_way_whatever_the_sign_of_the_attitude(fmu, d, q_SN):
+    """L1 > 0, which the motion selects as soon as drz > 0; else L2 > 0, else L3 > 0."""
+    L = fmu("pursuit_guidance", TWO_TURNS, {"r_TN_N": d, "q_SN": q_SN}).get("q_DS")
+    other = fmu("pursuit_guidance", TWO_TURNS, {"r_TN_N": d, "q_SN": -np.array(q_SN)}).get("q_DS")
+    assert L.tolist() == other.tolist()
+    if L[0] == 0:
+        assert L[1:][np.flatnonzero(L[1:])[0]] > 0
+
+
+def test_half_a_turn_towards_a_target_behind_continues_the_motion(fmu):
+    unit = fmu("pursuit_guidance", TWO_TURNS, {"r_TN_N": (-500, -100, 0), "v_TN_N": V_T})
+    before = unit.get("omega_DN_D")
+    unit.step(T0, {"r_TN_N": (-500, -100, 1e-6)})
+    assert unit.get("omega_DN_D") == pytest.approx(before, abs=1e-9)
 
 
 # ---- required rate

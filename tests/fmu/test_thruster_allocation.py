@@ -111,7 +111,8 @@ def test_command_that_no_thruster_can_serve_gives_nothing(fmu):
     """The eight attitude thrusters of the paper have no pure force along Y: P1 and P3 also turn the vehicle."""
     unit = fmu("thruster_allocation", {"thrust_nominal": [0.5] * 8 + [0] * 8})
     unit.step(T0, command(np.array([0, 0.1, 0, 0, 0, 0])))
-    assert unit.get("throttle") == pytest.approx(np.zeros(N), abs=1e-6)
+    assert unit.get("throttle") == pytest.approx(np.zeros(N), abs=1e-9)
+    assert unit.get("scale") == pytest.approx(0, abs=1e-9)
     assert unit.get("infeasible") == 1
 
 
@@ -221,6 +222,16 @@ def test_pulses_stand_at_the_start_of_the_period_and_are_not_too_short(fmu, rng,
         lengths = np.sum(rows, axis=0)
         assert np.array_equal(rows, np.arange(10)[:, None] < lengths)
         assert set(lengths) <= {0, *range(max(shortest, 1), 11)}
+
+
+def test_full_thrust_fills_the_first_period(fmu):
+    """A command out of reach asks for all of a thruster but rounding; nothing is left to be given later."""
+    unit = fmu("thruster_allocation", {"pulsed": 1, "pulse_period": 1.0})
+    on = []
+    for k in range(30):
+        unit.step(T0, command(np.array([500 if k < 20 else 0, 0, 0, 0, 0, 0])))
+        on.append(unit.get("throttle")[12])
+    assert on == [1] * 20 + [0] * 10
 
 
 def test_small_demand_is_saved_up_for_a_pulse_now_and_then(fmu):
