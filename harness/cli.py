@@ -10,6 +10,7 @@ import logging
 import os
 import sys
 from collections.abc import Callable, Sequence
+from enum import Enum
 from pathlib import Path
 from time import perf_counter
 from typing import Annotated
@@ -19,6 +20,15 @@ import typer
 from harness.errors import ComparisonError, HarnessError, ResultsError, RunError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+
+class Format(Enum):
+    """Files that figures can be written to."""
+
+    PNG = "png"
+    SVG = "svg"
+    PDF = "pdf"
+
 
 INTERRUPTED = 130
 """What newer versions of typer return after Ctrl-C."""
@@ -32,6 +42,7 @@ StepOption = Annotated[float | None, typer.Option(help="macro step [s]")]
 StopOption = Annotated[float | None, typer.Option(help="stop time [s]")]
 AlgorithmOption = Annotated[str | None, typer.Option(help="gauss-seidel or jacobi")]
 EveryOption = Annotated[int, typer.Option(help="record every N-th macro step")]
+FormatOption = Annotated[Format, typer.Option("--format", help="of the figures")]
 FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="results of `harness run`, .csv or .nc")]
 
 
@@ -93,11 +104,13 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     stop: StopOption = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="folder (default: results/SYSTEM)")] = None,
     every: EveryOption = 1,
+    ending: FormatOption = Format.PNG,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress bar")] = False,
 ) -> None:
     """Fly every combination of the values given, in parallel; print one table, keep it with overlaid figures."""
     from harness.cases import cases
     from harness.compare import compare, text
+    from harness.plots import overlay
     from harness.run import progress_bar
 
     varied = [("params", params), ("algorithm", algorithm)]
@@ -107,7 +120,8 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     with progress_bar(f"{len(flights)} flights", len(flights), not quiet and sys.stderr.isatty()) as show:
         found = compare(system, flights, folder, every=every, progress=show)
     typer.echo(text(found))
-    typer.echo(f"\nresults and comparison.csv in {folder}")
+    figures = overlay(found.results, folder, ending.value)
+    typer.echo(f"\nresults, comparison.csv and {len(figures)} figures in {folder}")
     if found.failures:
         raise ComparisonError("\n".join(found.failures))
 
@@ -203,12 +217,13 @@ def linearize_command(
 def plot(
     file: FileArgument,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="folder for the figures")] = None,
+    ending: FormatOption = Format.PNG,
 ) -> None:
     """Draw the figures of a run (default: beside the results)."""
     from harness.plots import plot as draw
     from harness.result_files import read
 
-    for path in draw(read(file), output or file.parent):
+    for path in draw(read(file), output or file.parent, ending.value):
         typer.echo(path)
 
 

@@ -1,1 +1,11 @@
-"""Figures of results: one table per system, and what is derived from several variables."""
+"""Figures of results as tables, one file per system; a figure is drawn if the result holds what it needs."""
+
+from __future__ import annotations
+
+from harness.figures import overlay, ppc_tracking, relay_approach, sync_approach
+from harness.figures.figure import Curve, Drawing, Figure, Panel
+
+FIGURES: tuple[Figure | Drawing, ...] = (*sync_approach.FIGURES, *relay_approach.FIGURES, *ppc_tracking.FIGURES)
+OVERLAYS: tuple[Figure, ...] = overlay.FIGURES
+
+__all__ = ["FIGURES", "OVERLAYS", "Curve", "Drawing", "Figure", "Panel"]

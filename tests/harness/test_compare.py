@@ -128,7 +128,7 @@ def test_the_command_prints_the_table_and_fails_with_one_line_per_failed_flight(
     monkeypatch.chdir(tmp_path)
     assert main(["compare", str(system), "--params", "default,hot", "--stop", "5"]) == 1
     out, err = capsys.readouterr()
-    assert out.splitlines()[-1] == "results and comparison.csv in results/demo"
+    assert out.splitlines()[-1] == "results, comparison.csv and 0 figures in results/demo"
     assert err == "harness: hot: bad: step failed: burnt through after too much heat (at t = 3 s)\n"
     assert sorted(path.name for path in (tmp_path / "results" / "demo").iterdir()) == [
         "comparison.csv",

@@ -1,0 +1,113 @@
+"""What a figure is: panels of curves over time as data, or a drawing of its own; both say what they need."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.results import Result
+
+Array = NDArray[np.float64]
+Axes = Any
+"""Axes or figure of matplotlib, which is imported only when something is drawn."""
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One history of a panel, with one line per element.
+
+    source: a variable, or a function of the result that `needs` these variables; convert: maps the history of the
+    variable to what is drawn; labels: of the elements.
+    """
+
+    source: str | Callable[[Result], Array]
+    label: str = ""
+    convert: Callable[[Array], Array] | None = None
+    labels: tuple[str, ...] = AXES
+    style: str = "-"
+    needs: tuple[str, ...] = ()
+
+    def variables(self) -> tuple[str, ...]:
+        """What the result must hold."""
+        return (self.source,) if isinstance(self.source, str) else self.needs
+
+    def history(self, result: Result) -> Array:
+        """What is drawn: (rows,) or (rows, elements)."""
+        values = result[self.source] if isinstance(self.source, str) else self.source(result)
+        return self.convert(values) if self.convert else values
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One pair of axes over time; after: start of the time axis [s]; level: a horizontal line."""
+
+    ylabel: str
+    curves: tuple[Curve, ...]
+    after: float = 0.0
+    log: bool = False
+    level: float | None = None
+
+
+@dataclass(frozen=True)
+class Figure:
+    """Panels from top to bottom; name: of the file; when: variables by which the result is known to be meant."""
+
+    name: str
+    title: str
+    panels: tuple[Panel, ...]
+    when: tuple[str, ...] = ()
+
+    def fits(self, result: Result) -> bool:
+        """Whether the result holds everything that is drawn."""
+        drawn = (v for panel in self.panels for curve in panel.curves for v in curve.variables())
+        return all(v in result for v in (*self.when, *drawn))
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure that is no history; draw: into an empty figure of matplotlib; parameters: of the run that it needs."""
+
+    name: str
+    title: str
+    needs: tuple[str, ...]
+    draw: Callable[[Axes, Result], None]
+    size: tuple[float, float] = (11, 5)
+    parameters: tuple[str, ...] = ()
+
+    def fits(self, result: Result) -> bool:
+        """Whether the result holds everything that is drawn."""
+        known = () if result.parameters is None else result.parameters
+        return all(name in result for name in self.needs) and all(name in known for name in self.parameters)
+
+
+def degrees(x: Array) -> Array:
+    """Radians to degrees."""
+    return np.asarray(np.degrees(x))
+
+
+def norm(x: Array) -> Array:
+    """Length of every row."""
+    return np.asarray(np.linalg.norm(x, axis=1))
+
+
+def draw_paths(
+    canvas: Axes, paths: dict[str, tuple[Array, str]], names: tuple[str, str, str], plane: tuple[int, int]
+) -> Axes:
+    """Paths (rows, 3) with a style each, in space and seen along one axis; returns the axes of the plane.
+
+    names: of the three coordinates; plane: horizontal and vertical coordinate of the second view.
+    """
+    space = canvas.add_subplot(1, 2, 1, projection="3d")
+    flat = canvas.add_subplot(1, 2, 2)
+    for label, (path, style) in paths.items():
+        space.plot(*path.T, style, linewidth=1, label=label)
+        flat.plot(path[:, plane[0]], path[:, plane[1]], style, linewidth=1, label=label)
+    space.set(xlabel=names[0], ylabel=names[1], zlabel=names[2])
+    flat.set(xlabel=names[plane[0]], ylabel=names[plane[1]], aspect="equal")
+    flat.grid(alpha=0.3)
+    return flat

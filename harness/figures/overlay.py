@@ -1,0 +1,93 @@
+"""Figures of several runs in one: every panel shows one quantity, every run has a colour of its own.
+
+For ppc_tracking they are the counterparts of figures 3 to 5, 7 and 8 of Yin et al. 2017.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harness.figures.derived import (
+    ATTITUDE,
+    REFERENCE,
+    REFERENCE_ATTITUDE,
+    SERVICER,
+    TARGET,
+    attitude_error,
+    position_error,
+    range_,
+)
+from harness.figures.figure import AXES, Array, Curve, Figure, Panel, degrees, norm
+from harness.results import Result
+
+VELOCITIES = ("servicer.v_SN_N", "target.v_TN_N")
+
+
+def _speed(result: Result) -> Array:
+    return norm(result[VELOCITIES[0]] - result[VELOCITIES[1]])
+
+
+def _sum(name: str, first: int = 0, last: int | None = None) -> Curve:
+    """Sum over the elements first .. last - 1 of a vector."""
+    return Curve(lambda r: np.asarray(r[name][:, first:last].sum(axis=1)), needs=(name,))
+
+
+def _per_axis(what: str, unit: str, name: str, labels: tuple[str, ...] = AXES) -> tuple[Panel, ...]:
+    return tuple(Panel(f"{what} {label} [{unit}]", (Curve(f"{name}[{i}]"),)) for i, label in enumerate(labels, start=1))
+
+
+FIGURES = (
+    Figure(
+        "compared_range",
+        "Range and speed",
+        (
+            Panel("range [m]", (Curve(range_, needs=(SERVICER, TARGET)),)),
+            Panel("relative speed [m/s]", (Curve(_speed, needs=VELOCITIES),)),
+        ),
+    ),
+    Figure(
+        "compared_errors",
+        "Distance and angle from the reference",
+        (
+            Panel("position [m]", (Curve(position_error, needs=(SERVICER, TARGET, REFERENCE)),), log=True),
+            Panel(
+                "attitude [deg]",
+                (Curve(attitude_error, convert=degrees, needs=(ATTITUDE, REFERENCE_ATTITUDE)),),
+                log=True,
+            ),
+        ),
+    ),
+    Figure(
+        "compared_line_of_sight",
+        "Line of sight",
+        (
+            Panel("elevation [deg]", (Curve("guidance.los.elevation", convert=degrees),)),
+            Panel("azimuth [deg]", (Curve("guidance.los.azimuth", convert=degrees),)),
+        ),
+    ),
+    Figure(
+        "compared_acceleration",
+        "Commanded acceleration along the line-of-sight axes",
+        _per_axis("a", "m/s2", "controller.a_cmd_L", ("range", "elevation", "azimuth")),
+    ),
+    Figure("compared_force", "Force on the servicer, body axes", _per_axis("F", "N", "propulsion.F_S")),
+    Figure("compared_torque", "Torque on the servicer, body axes", _per_axis("M", "N m", "propulsion.M_S")),
+    Figure(
+        "compared_wheels",
+        "Wheel speeds",
+        _per_axis("wheel", "rad/s", "servicer.wheel_speed"),
+        ("guidance.rho_H",),
+    ),
+    Figure(
+        "compared_impulse", "Impulse of all axes or thrusters so far", (Panel("[N s]", (_sum("propulsion.impulse"),)),)
+    ),
+    Figure(
+        "compared_engines",
+        "Main engine and brakes",
+        (
+            Panel("main engine [N]", (_sum("propulsion.thrust", 12, 13),)),
+            Panel("brakes [N]", (_sum("propulsion.thrust", 8, 12),)),
+        ),
+        ("guidance.q_DS",),
+    ),
+)
