@@ -24,9 +24,10 @@ def report(result: Result) -> tuple[str, bool]:
 
     An honest "not reproduced" is no failure. Raises ResultsError if no paper belongs to the result.
     """
-    papers = [paper for paper in PAPERS if all(name in result for name in paper.needs)]
+    papers = [paper for paper in PAPERS if paper.belongs_to(result)]
     if not papers:
-        raise ResultsError(f"{result.system}: the result holds the variables of no system with claims of a paper")
+        hint = "" if result.parameters else " (a .csv does not keep the parameters by which some are known: use .nc)"
+        raise ResultsError(f"{result.system}: there are no claims of a paper about such a result{hint}")
     judged = [(paper, [(claim, claim.evaluate(result)) for claim in paper.claims]) for paper in papers]
     text = "\n\n".join(_section(result, paper, table) for paper, table in judged)
     verdicts = {judgement.verdict for _, table in judged for _, judgement in table}

@@ -139,20 +139,44 @@ class Condition:
             return None
         if math.isclose(ours, self.paper, rel_tol=1e-6):
             return None
-        return f"{self.text} {ours:.6g} {self.unit} instead of {self.paper:g} {self.unit}"
+        unit = f" {self.unit}".rstrip()
+        return f"{self.text} {ours:.6g}{unit} instead of {self.paper:g}{unit}"
 
 
 @dataclass(frozen=True)
 class Paper:
-    """A paper and its claims. It belongs to every result that holds all variables of `needs`."""
+    """A paper, or a part of it, and its claims.
+
+    It belongs to every result that holds all variables of `needs` and all `parameters` and that is `meant`.
+    """
 
     title: str
     needs: tuple[str, ...]
     claims: tuple[Claim, ...]
     conditions: tuple[Condition, ...] = ()
+    parameters: tuple[str, ...] = ()
+    meant: Callable[[Result], bool] = lambda result: True
+
+    def belongs_to(self, result: Result) -> bool:
+        """Whether these claims are about a result like this."""
+        known = () if result.parameters is None else result.parameters
+        held = all(name in result for name in self.needs) and all(name in known for name in self.parameters)
+        return held and self.meant(result)
 
 
-# ---- parts of a history
+# ---- parameters and parts of a history
+
+
+def scalar(result: Result, name: str) -> float:
+    """Value of a scalar parameter, or of one element, of the run; CannotJudgeError if the result does not hold it."""
+    return float(parameter(result, name))
+
+
+def parameter(result: Result, name: str) -> Array:
+    """Value of a parameter of the run; CannotJudgeError if the result does not hold it, as one from a .csv."""
+    if result.parameters is None or name not in result.parameters:
+        raise CannotJudgeError(f"the result does not hold the parameter {name}")
+    return result.parameter(name)
 
 
 def between(result: Result, begin: float, end: float) -> NDArray[np.intp]:

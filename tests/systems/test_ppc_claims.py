@@ -1,12 +1,12 @@
 """Claims of Yin, Luo, Wei & Yuan, J. Astronautics 38(8), 2017, one by one: quotation, our figure, band, verdict.
 
 The paper prints neither the initial states nor the gains of any controller: those of ssp/ppc_tracking.toml,
-are used, so a reproduced figure shows that the claim can be met, not that these were the authors' numbers.
+are used, so a reproduced figure shows that the claim can be met, not that these were the authors' numbers. One claim is
+about computing time and so none for a test: "theta-D takes much time and cannot be used on line"; `harness compare` shows
+it to cost some microseconds per sample more than the others.
 """
 
 from __future__ import annotations
-
-from time import perf_counter
 
 import numpy as np
 import pytest
@@ -79,19 +79,6 @@ def test_attitudes_are_accurate_in_the_steady_state_and_ppc_acquires_first():
     assert max(late[PPC], late[THETA_D]) < 0.05
     assert late[PID] < 0.5
     assert times[PPC] < times[THETA_D] < times[PID]
-
-
-def test_theta_d_costs_more_computing_time_but_not_too_much_to_fly():
-    """ "much time for optimisation, not applicable on-line". Ours: about five times the time of ppc, but some
-    microseconds. The comparison is reproduced, the conclusion is not."""
-    seconds = {}
-    for controller in (PPC, THETA_D):
-        samples = {"controller.sample_period": 1e-4}
-        began = perf_counter()
-        run("ppc_tracking", swap={"controller": controller}, set=samples, stop=5.0)
-        seconds[controller] = (perf_counter() - began) / 5e4
-    assert seconds[THETA_D] > seconds[PPC]
-    assert seconds[THETA_D] < 1e-3
 
 
 # ---- 4.3: unknown manoeuvre, mass and inertia mismatch, disturbances ----

@@ -164,7 +164,7 @@ def test_attitude_without_wheels_is_not_judged(result):
 
 
 def test_a_result_of_no_known_system_is_refused(result):
-    with pytest.raises(ResultsError, match="no system with claims"):
+    with pytest.raises(ResultsError, match="there are no claims of a paper"):
         report(columns(result, lambda name: name.startswith("target")))
 
 
