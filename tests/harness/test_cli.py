@@ -18,25 +18,7 @@ from harness import result_files
 from harness.build_ssp import compose
 from harness.cli import main
 from harness.write_ssp import write_ssp
-
-TOML = """
-name = "demo"
-[experiment]
-stop = 6.0
-step = 1.0
-[components]
-count = "counter"
-twice = "gain"
-bad = "failing"
-[connections]
-"twice.u" = "count.n"
-[parameters.bad]
-t_fail = 100.0
-[sets.hot]
-description = "fails at 3 s"
-[sets.hot.bad]
-t_fail = 3.0
-"""
+from tests.harness.demo import TOML
 
 
 @pytest.fixture

@@ -20,26 +20,8 @@ from harness.compare import compare, text
 from harness.errors import StructureError, UsageError
 from harness.result_files import read
 from harness.write_ssp import write_ssp
+from tests.harness.demo import TOML
 from tests.harness.foreign_fmu import Model, build, p, u, y
-
-TOML = """
-name = "demo"
-[experiment]
-stop = 6.0
-step = 1.0
-[components]
-count = "counter"
-twice = "gain"
-bad = "failing"
-[connections]
-"twice.u" = "count.n"
-[parameters.bad]
-t_fail = 100.0
-[sets.hot]
-description = "fails at 3 s"
-[sets.hot.bad]
-t_fail = 3.0
-"""
 
 
 @pytest.fixture

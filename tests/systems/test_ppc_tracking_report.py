@@ -97,7 +97,13 @@ def changed(case, variable, change):
             NOT,
         ),
         ((PPC, "manoeuvre"), "accuracy under manoeuvre", "guidance.range", lambda x: x + 0.5, PARTLY),
-        ((THETA_D, "manoeuvre"), "accuracy under manoeuvre", "guidance.range", lambda x: np.clip(x, 19.9, 20.1), PARTLY),
+        (
+            (THETA_D, "manoeuvre"),
+            "accuracy under manoeuvre",
+            "guidance.range",
+            lambda x: np.clip(x, 19.9, 20.1),
+            PARTLY,
+        ),
         (
             (THETA_D, "manoeuvre"),
             "chattering command",
