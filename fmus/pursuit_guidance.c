@@ -128,19 +128,12 @@ static vec3 direction(vec3 a, vec3 otherwise) /* unit vector; at zero length the
 
 /* ---- attitude ---- */
 
-/* of the two ways of half a turn the one with L1 > 0 (else L2, L3): what the motion selects after the paper's start */
-static quat way_round(quat L)
-{
-    double first = L.x != 0 ? L.x : L.y != 0 ? L.y : L.z;
-    return L.w == 0 && first < 0 ? (quat){0, -L.x, -L.y, -L.z} : L;
-}
-
 /* B.4.1: rows of A are the required axes in N; g: angle from X to d, b: from the XY plane to the plane of X and d */
 static quat two_turns(quat q_SN, vec3 d)
 {
     double q = sqrt(d.y * d.y + d.z * d.z), cb = q > 0 ? d.y / q : 1, sb = q > 0 ? d.z / q : 0;
     mat3 A = rows(d, vec(-q, d.x * cb, d.x * sb), vec(0, -sb, cb));
-    return way_round(canonical(product(conjugate(q_SN), quat_of_dcm(A))));
+    return canonical(product(conjugate(q_SN), quat_of_dcm(A))); /* half a turn with L1 > 0: what the motion selects */
 }
 
 /* B.4.2: turn X to b, d in S axes: [c, 0, -b3/(2c), b2/(2c)], c = sqrt((1 + b1)/2); b = -X: half a turn about Y.

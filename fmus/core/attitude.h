@@ -20,11 +20,12 @@ static inline quat product(quat a, quat b)
     return (quat){a.w * b.w - dot(av, bv), v.x, v.y, v.z};
 }
 
-/* the same attitude with unit norm and q_0 >= 0 */
+/* the same attitude with unit norm and q_0 >= 0; half a turn, where q_0 = 0, with the first of the others positive */
 static inline quat canonical(quat q)
 {
     double n = sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z);
-    double k = (q.w < 0 ? -1 : 1) / n;
+    double first = q.w != 0 ? q.w : q.x != 0 ? q.x : q.y != 0 ? q.y : q.z;
+    double k = (first < 0 ? -1 : 1) / n;
     return (quat){k * q.w, k * q.x, k * q.y, k * q.z};
 }
 
