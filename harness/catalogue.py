@@ -43,8 +43,16 @@ def _system_lines(path: Path) -> list[str]:
             f"  components  {', '.join(f'{c.name} ({c.fmu.stem})' for c in system.components)}",
             f"  sets        {', '.join(set_names(system))}",
             *(f"    {s.name}: {s.description}" for s in system.sets if s.description),
-            *(f"  for --swap  {a.component}={a.fmu}" for a in system.alternatives),
+            *(f"  swaps       {c}={','.join(fmus)}" for c, fmus in _alternatives(system).items()),
         ]
+
+
+def _alternatives(system: System) -> dict[str, list[str]]:
+    """FMUs that the system has parameters for, by the component that they replace."""
+    found: dict[str, list[str]] = {}
+    for alternative in system.alternatives:
+        found.setdefault(alternative.component, []).append(alternative.fmu)
+    return found
 
 
 def check(name: str) -> str:

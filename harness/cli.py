@@ -61,7 +61,10 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     every: EveryOption = 1,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress bar, no summary")] = False,
 ) -> None:
-    """Fly a system and write what comes out (default: results/SYSTEM.nc)."""
+    """Fly a system and write the results.
+
+    Default: results/SYSTEM.nc.
+    """
     from harness.result_files import ResultFile
     from harness.run import run
 
@@ -107,7 +110,10 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     ending: FormatOption = Format.PNG,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress bar")] = False,
 ) -> None:
-    """Fly every combination of the values given, in parallel; print one table, keep it with overlaid figures."""
+    """Fly variants side by side: one table, figures.
+
+    Every combination of the values given is flown, in parallel. Results, table and figures go to one folder.
+    """
     from harness.cases import cases
     from harness.compare import compare, text
     from harness.plots import overlay
@@ -132,7 +138,7 @@ def list_command(
         str | None, typer.Argument(metavar="[SYSTEM]", help="name of a system, or path of an .ssp")
     ] = None,
 ) -> None:
-    """Show the systems with their components and parameter sets, and the FMUs; or one system."""
+    """Show systems, parameter sets and FMUs."""
     from harness import catalogue
 
     typer.echo(catalogue.text(system))
@@ -142,7 +148,7 @@ def list_command(
 def check(
     name: Annotated[str, typer.Argument(metavar="SYSTEM_OR_FMU", help="name, or path of an .ssp or .fmu")],
 ) -> None:
-    """Look for everything that is wrong with a system or an FMU."""
+    """Find all that is wrong with a system or an FMU."""
     from harness import catalogue
 
     typer.echo(catalogue.check(name))
@@ -160,7 +166,10 @@ def export_command(  # noqa: PLR0913, PLR0917 - one argument per option
     stop: StopOption = None,
     algorithm: AlgorithmOption = None,
 ) -> None:
-    """Write a system with all changes as one .ssp with everything inside, or (by the ending .fmu) as one FMU."""
+    """Write a system as one .ssp or one .fmu.
+
+    With all changes, and everything inside.
+    """
     from harness.export import export
 
     typer.echo(
@@ -219,7 +228,10 @@ def plot(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="folder for the figures")] = None,
     ending: FormatOption = Format.PNG,
 ) -> None:
-    """Draw the figures of a run (default: beside the results)."""
+    """Draw the figures of a run.
+
+    Default: beside the results.
+    """
     from harness.plots import plot as draw
     from harness.result_files import read
 
@@ -229,7 +241,7 @@ def plot(
 
 @app.command()
 def report(file: FileArgument) -> None:
-    """Compare a run with the claims of the paper behind it."""
+    """Judge a run by the claims of its paper."""
     from harness.report import report as compare
     from harness.result_files import read
 
@@ -241,7 +253,10 @@ def report(file: FileArgument) -> None:
 
 @app.command()
 def bench(system: SystemArgument) -> None:
-    """Measure the time of a macro step, ours and other masters' side by side."""
+    """Measure the cost of a macro step.
+
+    Ours and other masters' side by side.
+    """
     from harness.bench import bench as measure
 
     typer.echo(measure(system))

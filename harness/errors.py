@@ -88,6 +88,9 @@ class ResultsError(HarnessError):
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Close matches of a misspelt name as the end of an error line, e.g. " (close: J_T, J_S)", or nothing."""
-    close = difflib.get_close_matches(name, list(known), n=3)
+    """Close matches of a misspelt or shortened name as the end of a line, e.g. " (close: J_T, J_S)", or nothing."""
+    names = list(known)
+    close = (
+        difflib.get_close_matches(name, names, n=3) or [each for each in names if name in each and len(name) > 2][:3]
+    )
     return f" (close: {', '.join(close)})" if close else ""

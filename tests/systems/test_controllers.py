@@ -7,7 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from harness.errors import StructureError
+from harness.catalogue import text
+from harness.errors import StructureError, UsageError
 from harness.run import run
 
 from ..harness.foreign_fmu import Model, build, p, u, y
@@ -42,6 +43,18 @@ def test_an_exchange_needs_nothing_else(system, controller, caplog):
 def test_naming_the_controller_that_is_there_already_changes_nothing():
     for system, controller in (("sync_approach", OURS[0]), ("ppc_tracking", OURS[1])):
         assert flight(system, controller).values.tobytes() == run(system).values.tobytes()
+
+
+def test_the_list_shows_for_which_controllers_there_are_parameters():
+    assert (
+        "  swaps       controller=ppc_controller,pid_controller,theta_d_controller"
+        in text("sync_approach").splitlines()
+    )
+
+
+def test_a_shortened_name_is_completed():
+    with pytest.raises(UsageError, match=r"theta: there is no such FMU \(close: theta_d_controller\)"):
+        run("sync_approach", swap={"controller": "theta"})
 
 
 # ---- the synchronised approach
