@@ -16,15 +16,15 @@ static void fault(const char *name, const char *what)
     faults++;
 }
 
-/* ---- units: products of kg, m, s, rad, N with exponents, e.g. "kg.m2", "m3/s2", "1/(N.m)"; "1" is dimensionless ---- */
+/* ---- units: products of kg, m, s, rad, N, J with exponents, e.g. "kg.m2", "m3/s2", "1/(N.m)"; "1" is dimensionless ---- */
 typedef struct { int kg, m, s, rad; } Dimension;
 
 static const struct {
     const char *symbol;
     Dimension dimension;
 } base_units[] = {
-    {"rad", {0, 0, 0, 1}}, {"kg", {1, 0, 0, 0}}, {"m", {0, 1, 0, 0}},
-    {"s", {0, 0, 1, 0}},   {"N", {1, 1, -2, 0}}, {"1", {0, 0, 0, 0}},
+    {"rad", {0, 0, 0, 1}}, {"kg", {1, 0, 0, 0}}, {"m", {0, 1, 0, 0}}, {"s", {0, 0, 1, 0}},
+    {"N", {1, 1, -2, 0}},  {"J", {1, 2, -2, 0}}, {"1", {0, 0, 0, 0}},
 };
 
 /* one factor such as "s2" at *text, counted `sign` times; 0 if it is unknown */

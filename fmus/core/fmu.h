@@ -38,6 +38,7 @@ typedef struct {
 #define PARAMETER(member, unit, text)          ROW_AS(PARAMETER_ROW, p, #member, member, 1, unit, text, ANY_VALUE)
 #define PARAMETER_AS(name, member, unit, text) ROW_AS(PARAMETER_ROW, p, name, member, 1, unit, text, ANY_VALUE)
 #define POSITIVE(member, unit, text)           ROW_AS(PARAMETER_ROW, p, #member, member, 1, unit, text, POSITIVE_VALUE)
+#define POSITIVE_AS(name, member, unit, text)  ROW_AS(PARAMETER_ROW, p, name, member, 1, unit, text, POSITIVE_VALUE)
 #define NONNEGATIVE(member, unit, text) ROW_AS(PARAMETER_ROW, p, #member, member, 1, unit, text, NONNEGATIVE_VALUE)
 #define NONNEGATIVE_AS(name, member, unit, text) \
     ROW_AS(PARAMETER_ROW, p, name, member, 1, unit, text, NONNEGATIVE_VALUE)

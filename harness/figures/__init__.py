@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from harness.figures import overlay, ppc_tracking, relay_approach, sync_approach
+from harness.figures import overlay, ppc_tracking, relay_approach, space_robot, sync_approach
 from harness.figures.figure import Curve, Drawing, Figure, Panel
 
-FIGURES: tuple[Figure | Drawing, ...] = (*sync_approach.FIGURES, *relay_approach.FIGURES, *ppc_tracking.FIGURES)
+FIGURES: tuple[Figure | Drawing, ...] = (
+    *sync_approach.FIGURES,
+    *relay_approach.FIGURES,
+    *ppc_tracking.FIGURES,
+    *space_robot.FIGURES,
+)
 OVERLAYS: tuple[Figure, ...] = overlay.FIGURES
 
 __all__ = ["FIGURES", "OVERLAYS", "Curve", "Drawing", "Figure", "Panel"]

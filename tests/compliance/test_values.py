@@ -55,7 +55,7 @@ def test_an_unknown_reference_is_found_wherever_it_stands(flying, rng, function)
     beyond_a_row = next(r + 1 for r in known if r + 1 not in known)
     for place in range(len(references) + 1):
         spoiled = [*references[:place], beyond_a_row, *references[place:]]
-        values = api.reals([0.5] * len(spoiled))
+        values = api.reals([1.0] * len(spoiled))
         flying.host.messages.clear()
         assert flying.call(function, api.references(spoiled), len(spoiled), values) is Status.ERROR
         assert str(beyond_a_row) in flying.host.errors[0]

@@ -43,6 +43,7 @@ EXPECTED = {
     },
     ("sync_approach_thrusters", "adaptive_controller"): SYNC | {"firing"},
     ("relay_approach", "relay_controller"): RELAY,
+    ("space_robot", "joint_controller"): {"pitch", "attitude", "joints", "momentum"},
     ("ppc_tracking", "ppc_controller"): LINE_OF_SIGHT | {"funnel"},
     ("ppc_tracking", "theta_d_controller"): LINE_OF_SIGHT,
     ("ppc_tracking", "adaptive_controller"): {
@@ -59,7 +60,8 @@ EXPECTED = {
 
 @cache
 def flight(system: str, controller: str) -> Result:
-    return run(system, swap={"controller": controller}, stop=60.0)
+    component = "joints" if system == "space_robot" else "controller"
+    return run(system, swap={component: controller}, stop=60.0)
 
 
 def figure(name: str, result: Result):

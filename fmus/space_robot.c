@@ -1,0 +1,338 @@
+/* space_robot.c - free-floating robot of a base and two links in orbit: three-dimensional motion under gravity gradient.
+ *
+ *   u = [omega_0; dq_1; dq_2],   H du/dt + b = Q_gg + Q_ext + [0; tau_1; tau_2]
+ *   H    = sum_k Jw_k^T I_k Jw_k + m_k Jv_k^T Jv_k
+ *   b    = sum_k Jw_k^T (I_k alpha'_k + omega_k x I_k omega_k) + m_k Jv_k^T a'_k
+ *   Q_gg = sum_k Jw_k^T M_k + Jv_k^T f_k,   M_k = 3 g a x I_k a,   f_k = g m_k (3 a (a.rho_k) - rho_k),   g = mu/r^3
+ *
+ * rho_k: centre of mass of body k from that of the whole robot; a: unit vector from the planet; all in base axes. Both joint
+ * axes are parallel to the z axis of the base, joint 1 lies on its x axis. Locked joints keep their angles; a joint that is
+ * locked while it moves hands its momentum over to the whole. The centre of mass flies a Kepler orbit that the attitude
+ * does not change. Source: Guo, Li, Fan, Meng 2014, corrected (docs/models.md D). Classical Runge-Kutta on the grid
+ * k * max_step. */
+#include "body_rows.h"
+#include "portable_math.h"
+#include "rigid_body.h"
+#include "rk4.h"
+#include "time_grid.h"
+#include "two_links.h"
+
+typedef struct {
+    Orbit orbit;
+    Links links;
+    double euler_0[3], deuler_0[3], joint_angle_0[JOINTS], joint_rate_0[JOINTS];
+    double use_gravity_gradient, max_step;
+} Parameters;
+typedef struct {
+    vec3 F_S, M_S;
+    double joint_torque[JOINTS], joint_lock;
+} Input;
+typedef struct {
+    vec3 r, v; /* centre of mass, N */
+    quat q;
+    vec3 omega;
+    double joint_angle[JOINTS], joint_rate[JOINTS], nu, pitch;
+} State;
+typedef struct {
+    vec3 r_SN_N, v_SN_N;
+    quat q_SN;
+    vec3 omega_SN_S;
+    double joint_angle[JOINTS], joint_rate[JOINTS], joint_accel[JOINTS];
+    double euler[3], deuler[3], pitch, pitch_rate, true_anomaly;
+    vec3 h_N;
+    double kinetic_energy, potential_energy, lock_torque[JOINTS];
+} Output;
+typedef struct {
+    Parameters p;
+    Input u;
+    State x;
+    Output y;
+} Model;
+
+static const Model start = {
+    .p = {.orbit = {.mu = 3.986004418e14, .a = 7.0e6},
+          .links = {.mass = {5799.28, 68.68, 68.68},
+                    .Ixx = {4124.83, 0.38, 0.38},
+                    .Iyy = {4124.83, 22.84, 22.84},
+                    .Izz = {4124.83, 22.84, 22.84},
+                    .l = {1, 1, 1},
+                    .r = {1, 1, 1}},
+          .joint_angle_0 = {0.5235987755982988, 0.3490658503988659},
+          .use_gravity_gradient = 1,
+          .max_step = 1},
+};
+
+static const Variable variables[] = {
+    POSITIVE_AS("a", orbit.a, "m", "semi-major axis of the orbit of the centre of mass"),
+    NONNEGATIVE_AS("e", orbit.e, "1", "eccentricity, below 1"),
+    PARAMETER_AS("inc", orbit.inc, "rad", "inclination"),
+    PARAMETER_AS("argp", orbit.argp, "rad", "argument of perigee"),
+    PARAMETER_AS("raan", orbit.raan, "rad", "right ascension of the ascending node"),
+    PARAMETER_AS("nu", orbit.nu, "rad", "true anomaly at the start"),
+    NONNEGATIVE_AS("mu", orbit.mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),
+    POSITIVE_AS("mass", links.mass, "kg", "mass of base, link 1, link 2"),
+    POSITIVE_AS("Ixx", links.Ixx, "kg.m2",
+                "moment of inertia about the own centre of mass, along the link (base: x), per body"),
+    POSITIVE_AS("Iyy", links.Iyy, "kg.m2",
+                "moment of inertia across the link, in the plane of motion (base: y), per body"),
+    POSITIVE_AS("Izz", links.Izz, "kg.m2", "moment of inertia about the joint axes (base: z), per body"),
+    NONNEGATIVE_AS("l", links.l, "m", "distance from inboard joint to centre of mass, per body; not used for the base"),
+    NONNEGATIVE_AS("r", links.r, "m", "distance from centre of mass to outboard joint, per body; not used for link 2"),
+    PARAMETER(euler_0, "rad", "start attitude relative to the orbital frame: turned about x, then z (pitch), then y"),
+    PARAMETER(deuler_0, "rad/s", "start rates of these angles, in the order x, y, z"),
+    PARAMETER(joint_angle_0, "rad", "joint angles at the start: link 1 from x of the base, link 2 from link 1"),
+    PARAMETER(joint_rate_0, "rad/s", "joint rates at the start"),
+    SWITCH(use_gravity_gradient, "1: gravity gradient acts on all bodies"),
+    POSITIVE(max_step, "s", "internal integration step; at most 0.1 s with joint torques, 10 s in free drift"),
+
+    INPUT(F_S, "N", "force at the centre of mass of the base, base axes"),
+    INPUT(M_S, "N.m", "torque on the base, base axes"),
+    INPUT(joint_torque, "N.m", "torque at the joints, on the outboard body about +z; without effect while locked"),
+    ROW_AS(INPUT_ROW, u, "joint_lock", joint_lock, 1, "1", "1: both joints are locked", SWITCH_VALUE),
+
+    OUTPUT(r_SN_N, "m", "position of the centre of mass of the base, N axes"),
+    OUTPUT(v_SN_N, "m/s", "velocity of the centre of mass of the base, N axes"),
+    OUTPUT(q_SN, "1", "attitude of the base relative to N, scalar first"),
+    OUTPUT(omega_SN_S, "rad/s", "angular velocity of the base relative to N, base axes"),
+    OUTPUT(joint_angle, "rad", "joint angles"),
+    OUTPUT(joint_rate, "rad/s", "joint rates"),
+    OUTPUT(joint_accel, "rad/s2", "joint accelerations"),
+    OUTPUT(euler, "rad",
+           "attitude relative to the orbital frame: angles about x, y, z (turned about x, then z, then y)"),
+    OUTPUT(deuler, "rad/s", "rates of these angles"),
+    OUTPUT(pitch, "rad",
+           "angle from the radial direction to x of the base about z, counted through full turns; planar motion"),
+    OUTPUT(pitch_rate, "rad/s", "angular velocity about z of the base less the rate of the true anomaly"),
+    OUTPUT(true_anomaly, "rad", "true anomaly, counted through full turns"),
+    OUTPUT(h_N, "N.m.s", "angular momentum about the centre of mass of the robot, N axes"),
+    OUTPUT(kinetic_energy, "J", "kinetic energy of the motion about the centre of mass"),
+    OUTPUT(potential_energy, "J", "potential energy of the gravity gradient"),
+    OUTPUT(lock_torque, "N.m", "torque with which the lock holds the joints; 0 when free"),
+};
+
+static void check(const Parameters *p, Problems *problems)
+{
+    const Links *links = &p->links;
+    char name[16];
+    if (p->orbit.e >= 1) refuse(problems, "e", p->orbit.e, "must be in [0, 1)");
+    for (int k = 0; k < BODIES; k++) {
+        snprintf(name, sizeof name, "Izz[%d]", k + 1);
+        if (!keeps_triangle_rule(diagonal(links->Ixx[k], links->Iyy[k], links->Izz[k])))
+            refuse(problems, name, links->Izz[k],
+                   "Ixx, Iyy, Izz must keep the triangle rule (none above the sum of the others)");
+    }
+}
+
+/* ---- motion ---- */
+static double strength(const Parameters *p, const State *x) /* g = mu/r^3 [1/s2] */
+{
+    double r = norm(x->r);
+    return p->use_gravity_gradient * p->orbit.mu / (r * r * r);
+}
+
+static vec3 radial_S(const State *x) { return mul(dcm_of_quat(x->q), unit(x->r)); }
+
+typedef struct {
+    Column speeds_rate; /* du/dt */
+    double lock_torque[JOINTS];
+} Acceleration;
+
+static Acceleration accelerate(const Parameters *p, const Input *u, const State *x)
+{
+    Robot robot = robot_in(&p->links, x->joint_angle, x->joint_rate);
+    Matrix H = mass_matrix(&robot);
+    Column b = inertial_loads(&robot, x->omega, x->joint_rate);
+    Column loads = gravity_gradient_loads(&robot, strength(p, x), radial_S(x));
+    int locked = u->joint_lock != 0;
+
+    project(&loads, &robot.part[0], u->M_S, u->F_S);
+    for (int j = 0; j < JOINTS && !locked; j++) loads.at[3 + j] += u->joint_torque[j];
+    for (int i = 0; i < SPEEDS; i++) loads.at[i] -= b.at[i];
+
+    Acceleration found = {.speeds_rate = solved(H, loads, locked ? 3 : SPEEDS)};
+    for (int j = 0; j < JOINTS && locked; j++) {
+        found.lock_torque[j] = -loads.at[3 + j];
+        for (int i = 0; i < 3; i++) found.lock_torque[j] += H.at[3 + j][i] * found.speeds_rate.at[i];
+    }
+    return found;
+}
+
+typedef struct {
+    const Parameters *p;
+    const Input *u;
+} Context;
+
+static double anomaly_rate(const State *x) { return norm(cross(x->r, x->v)) / dot(x->r, x->r); }
+
+static void derivative(const void *context, double t, const double *from, double *to)
+{
+    const Context *c = context;
+    const Parameters *p = c->p;
+    const State *x = (const State *)(const void *)from;
+    State *dx = (State *)(void *)to;
+    (void)t;
+
+    const double *m = p->links.mass;
+    quat dq = product(x->q, (quat){0, x->omega.x, x->omega.y, x->omega.z});
+    const double *du = accelerate(p, c->u, x).speeds_rate.at;
+    *dx = (State){
+        .r = x->v,
+        .v = add(gravity(&p->orbit, 0, x->r), scale(1 / (m[0] + m[1] + m[2]), tmul(dcm_of_quat(x->q), c->u->F_S))),
+        .q = {dq.w / 2, dq.x / 2, dq.y / 2, dq.z / 2},
+        .omega = vec(du[0], du[1], du[2]),
+        .joint_angle = {x->joint_rate[0], x->joint_rate[1]},
+        .joint_rate = {du[3], du[4]},
+        .nu = anomaly_rate(x)};
+}
+
+/* omega+ = H_bb^-1 (H_bb omega + H_bm dq): the joints stop, the angular momentum stays */
+static void stop_joints(const Parameters *p, State *x)
+{
+    Robot robot = robot_in(&p->links, x->joint_angle, x->joint_rate);
+    Matrix H = mass_matrix(&robot);
+    double speeds[SPEEDS] = {x->omega.x, x->omega.y, x->omega.z, x->joint_rate[0], x->joint_rate[1]};
+    Column momentum = {{0}};
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < SPEEDS; j++) momentum.at[i] += H.at[i][j] * speeds[j];
+    Column after = solved(H, momentum, 3);
+    x->omega = vec(after.at[0], after.at[1], after.at[2]);
+    for (int j = 0; j < JOINTS; j++) x->joint_rate[j] = 0;
+}
+
+static void obey_lock(const Parameters *p, const Input *u, State *x)
+{
+    if (u->joint_lock != 0 && (x->joint_rate[0] != 0 || x->joint_rate[1] != 0)) stop_joints(p, x);
+}
+
+/* ---- attitude relative to the orbital frame: x radial outward, y along track, z orbit normal ---- */
+static mat3 orbital_frame(const Parameters *p, vec3 r, vec3 v)
+{
+    const Orbit *o = &p->orbit;
+    vec3 of_elements = vec(sin(o->inc) * sin(o->raan), -sin(o->inc) * cos(o->raan), cos(o->inc));
+    vec3 x = unit(r), z = o->mu > 0 ? unit(cross(r, v)) : of_elements;
+    return rows(x, cross(z, x), z);
+}
+
+/* C_b,or = Ry(psi) Rz(theta) Rx(vartheta); angles in the order vartheta, psi, theta */
+static mat3 dcm_of_euler(const double angles[3])
+{
+    double cx = cos(angles[0]), sx = sin(angles[0]), cy = cos(angles[1]), sy = sin(angles[1]), cz = cos(angles[2]),
+           sz = sin(angles[2]);
+    mat3 Rx = rows(vec(1, 0, 0), vec(0, cx, sx), vec(0, -sx, cx));
+    mat3 Rz = rows(vec(cz, sz, 0), vec(-sz, cz, 0), vec(0, 0, 1));
+    mat3 Ry = rows(vec(cy, 0, -sy), vec(0, 1, 0), vec(sy, 0, cy));
+    return matmul(Ry, matmul(Rz, Rx));
+}
+
+static double angle_of(double y, double x) { return y < 0 ? -arc(-y, x) : arc(y, x); }
+
+/* theta = asin(-C10), vartheta = atan2(C12, C11), psi = atan2(C20, C00); omega relative to the orbital frame, base axes:
+ * rates from omega = T_Y [dvartheta; dpsi; dtheta], which is singular at theta = +-90 deg */
+static void euler_of_dcm(mat3 C, vec3 w, double angles[3], double rates[3])
+{
+    double cz = sqrt(C.row[1].y * C.row[1].y + C.row[1].z * C.row[1].z), sz = -C.row[1].x;
+    angles[0] = angle_of(C.row[1].z, C.row[1].y);
+    angles[1] = angle_of(C.row[2].x, C.row[0].x);
+    angles[2] = angle_of(sz, cz);
+    double cy = cos(angles[1]), sy = sin(angles[1]);
+    rates[0] = (cy * w.x + sy * w.z) / fmax(cz, 1e-9);
+    rates[1] = w.y + sz * rates[0];
+    rates[2] = cy * w.z - sy * w.x;
+}
+
+static vec3 rate_of_euler(const double angles[3], const double rates[3]) /* T_Y rates */
+{
+    double cy = cos(angles[1]), sy = sin(angles[1]), cz = cos(angles[2]), sz = sin(angles[2]);
+    return vec(cy * cz * rates[0] - sy * rates[2], rates[1] - sz * rates[0], sy * cz * rates[0] + cy * rates[2]);
+}
+
+/* the angle of the same direction nearest to an earlier one: counts full turns */
+static double continued(double earlier, double angle)
+{
+    double turn = 6.283185307179586476925;
+    return angle + turn * nearbyint((earlier - angle) / turn);
+}
+
+static double pitch_of(const State *x)
+{
+    vec3 a = radial_S(x);
+    return angle_of(-a.y, a.x);
+}
+
+/* ---- outputs ---- */
+static void publish_energies(const Parameters *p, const State *x, Output *y)
+{
+    Robot robot = robot_in(&p->links, x->joint_angle, x->joint_rate);
+    double g = strength(p, x);
+    vec3 a = radial_S(x), h_S = vec(0, 0, 0);
+    y->kinetic_energy = y->potential_energy = 0;
+    for (int k = 0; k < BODIES; k++) {
+        const Part *b = &robot.part[k];
+        vec3 w = add(x->omega, vec(0, 0, b->sigma));
+        vec3 relative = add(scale(x->joint_rate[0], b->D[0]), scale(x->joint_rate[1], b->D[1]));
+        vec3 v = add(cross(x->omega, b->rho), relative);
+        double trace = b->inertia.row[0].x + b->inertia.row[1].y + b->inertia.row[2].z, radial = dot(a, b->rho);
+        h_S = sum3(h_S, mul(b->inertia, w), scale(b->mass, cross(b->rho, v)));
+        y->kinetic_energy += (dot(w, mul(b->inertia, w)) + b->mass * dot(v, v)) / 2;
+        y->potential_energy += g * (1.5 * dot(a, mul(b->inertia, a)) - trace / 2) +
+                               g * b->mass * (dot(b->rho, b->rho) - 3 * radial * radial) / 2;
+    }
+    y->h_N = tmul(dcm_of_quat(x->q), h_S);
+}
+
+static void publish(const Parameters *p, const Input *u, const State *x, Output *y)
+{
+    mat3 C_SN = dcm_of_quat(x->q), C_ON = orbital_frame(p, x->r, x->v);
+    Robot robot = robot_in(&p->links, x->joint_angle, x->joint_rate);
+    const Part *base = &robot.part[0];
+    vec3 relative = add(scale(x->joint_rate[0], base->D[0]), scale(x->joint_rate[1], base->D[1]));
+    Acceleration now = accelerate(p, u, x);
+
+    y->r_SN_N = add(x->r, tmul(C_SN, base->rho));
+    y->v_SN_N = add(x->v, tmul(C_SN, add(cross(x->omega, base->rho), relative)));
+    y->q_SN = x->q;
+    y->omega_SN_S = x->omega;
+    for (int j = 0; j < JOINTS; j++) {
+        y->joint_angle[j] = x->joint_angle[j];
+        y->joint_rate[j] = x->joint_rate[j];
+        y->joint_accel[j] = now.speeds_rate.at[3 + j];
+        y->lock_torque[j] = now.lock_torque[j];
+    }
+    vec3 orbital = scale(anomaly_rate(x), mul(C_SN, C_ON.row[2]));
+    euler_of_dcm(matmul_t(C_SN, C_ON), sub(x->omega, orbital), y->euler, y->deuler);
+    y->pitch = x->pitch;
+    y->pitch_rate = x->omega.z - anomaly_rate(x);
+    y->true_anomaly = x->nu;
+    publish_energies(p, x, y);
+}
+
+static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    (void)t;
+    PosVel s = posvel_of_elements(&p->orbit);
+    mat3 C_ON = orbital_frame(p, s.r, s.v), C_SO = dcm_of_euler(p->euler_0);
+    *x = (State){.r = s.r,
+                 .v = s.v,
+                 .q = quat_of_dcm(matmul(C_SO, C_ON)),
+                 .joint_angle = {p->joint_angle_0[0], p->joint_angle_0[1]},
+                 .joint_rate = {p->joint_rate_0[0], p->joint_rate_0[1]},
+                 .nu = p->orbit.nu};
+    x->omega = add(rate_of_euler(p->euler_0, p->deuler_0), mul(C_SO, vec(0, 0, anomaly_rate(x))));
+    x->pitch = continued(p->euler_0[2], pitch_of(x));
+    obey_lock(p, u, x);
+    publish(p, u, x, y);
+}
+
+static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
+{
+    const Context context = {p, u};
+    obey_lock(p, u, x);
+    for (Substep s = first_substep(t, h, p->max_step); s.h > 0; s = next_substep(s)) {
+        rk4(derivative, &context, s.t, s.h, &x->r.x, sizeof *x / sizeof(double));
+        x->q = canonical(x->q);
+        x->pitch = continued(x->pitch, pitch_of(x));
+    }
+    publish(p, u, x, y);
+}
+
+FMU_MODEL("space_robot", "Free-floating space robot of a base and two links under gravity gradient");
