@@ -106,7 +106,7 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     step: StepOption = None,
     stop: StopOption = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="folder (default: results/SYSTEM)")] = None,
-    every: EveryOption = 1,
+    every: Annotated[int | None, typer.Option(help="record every N-th macro step (default: 20 000 rows)")] = None,
     ending: FormatOption = Format.PNG,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress bar")] = False,
 ) -> None:

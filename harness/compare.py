@@ -32,6 +32,8 @@ from harness.run import loaded, run
 from harness.schedule import macro_steps
 from harness.system import System
 
+ROWS = 20_000
+"""Rows that a flight has at most unless the user wants otherwise."""
 ROUNDS, TIMED_STEPS = 3, 5000
 """Rounds of the measurement of computing time, and macro steps of one round."""
 
@@ -64,18 +66,22 @@ def compare(
     cases: Sequence[Case],
     directory: Path,
     *,
-    every: int = 1,
+    every: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Comparison:
     """Fly all cases in parallel and measure them; results go to `directory` as LABEL.nc, the table to comparison.csv.
 
-    every: record every N-th macro step; progress: called with the number of flights that are over. Raises what run()
-    raises before its first step, and ResultsError; a flight that fails under way ends early, the others go on.
+    every: record every N-th macro step (default: as many that a flight has at most 20 000 rows); progress: called with
+    the number of flights that are over. Raises what run() raises before its first step, and ResultsError; a flight that
+    fails under way ends early, the others go on.
     """
-    _check(system, cases)
-    files = [ResultFile(directory / f"{case.file}.nc") for case in cases]
-    failures = _fly_all(system, cases, [file.path for file in files], every, progress)
-    flights = tuple(Flight(case, file.path, failures[case.label]) for case, file in zip(cases, files, strict=True))
+    steps = _check(system, cases)
+    files = [ResultFile(directory / f"{case.file}.nc").path for case in cases]
+    for file in files:
+        file.unlink(missing_ok=True)
+    thinning = [every or _thinning(n) for n in steps]
+    failures = _fly_all(system, list(zip(cases, files, thinning, strict=True)), progress)
+    flights = tuple(Flight(case, file, failures[case.label]) for case, file in zip(cases, files, strict=True))
     results = {flight.case.label: read(flight.file) for flight in flights if flight.file.is_file()}
     figures = {(m.name, m.unit): {label: m(result) for label, result in results.items()} for m in MEASURES}
     comparison = Comparison(flights, results, figures | {("macro step", "us"): _computing_times(system, flights)})
@@ -83,31 +89,36 @@ def compare(
     return comparison
 
 
-def _check(system: str | Path, cases: Sequence[Case]) -> None:
-    """Find everything that is wrong with a case before any takes off."""
+def _check(system: str | Path, cases: Sequence[Case]) -> list[int]:
+    """Find everything that is wrong with a case before any takes off; returns the macro steps of each."""
+    steps = []
     with loaded(system) as found:
         for case in cases:
             changed = apply(found, **case.changes)
             build_graph(changed)
-            macro_steps(changed.experiment, [c.every for c in changed.components])
+            steps.append(macro_steps(changed.experiment, [c.every for c in changed.components]))
+    return steps
+
+
+def _thinning(steps: int) -> int:
+    """Macro steps per row for at most ROWS rows, with the end of the run in the last row if that is possible."""
+    least = math.ceil(steps / ROWS)
+    return next((n for n in range(least, 2 * least) if steps % n == 0), least)
 
 
 # ---- flying
 
 
 def _fly_all(
-    system: str | Path,
-    cases: Sequence[Case],
-    files: Sequence[Path],
-    every: int,
-    progress: Callable[[int], None] | None,
+    system: str | Path, cases: Sequence[tuple[Case, Path, int]], progress: Callable[[int], None] | None
 ) -> dict[str, str]:
-    """Fly as many cases at once as there are processors; returns by label why a flight ended early ("": it did not)."""
+    """Fly as many cases at once as there are processors; returns by label why a flight ended early ("": it did not).
+
+    cases: with the file for the results and the macro steps per row.
+    """
     failures = {}
     with ThreadPoolExecutor(min(len(cases), os.cpu_count() or 1)) as pool:
-        jobs = {
-            pool.submit(_isolated, system, case, file, every): case for case, file in zip(cases, files, strict=True)
-        }
+        jobs = {pool.submit(_isolated, system, *case): case[0] for case in cases}
         try:
             for done, job in enumerate(as_completed(jobs), start=1):
                 failures[jobs[job].label] = job.result()

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.figures import derived
 from harness.figures.derived import attitude_error, position_error, range_, range_error
 from harness.results import Result
 
@@ -43,8 +44,8 @@ class Measure:
 
 # ---- errors against the reference
 
-POSITION = ("servicer.r_SN_N", "target.r_TN_N", "guidance.rho_ref_N")
-ATTITUDE = ("servicer.q_SN", "guidance.q_DN")
+POSITION = (derived.SERVICER, derived.TARGET, derived.REFERENCE)
+ATTITUDE = (derived.ATTITUDE, derived.REFERENCE_ATTITUDE)
 ATTITUDE_START = "servicer.t_att"
 """Attitude control begins at this time."""
 
@@ -86,9 +87,18 @@ def _delta_v(result: Result) -> float:
     return float(np.sum(impulse / result["servicer.mass"][1:]))
 
 
+TORQUE_IMPULSE = "propulsion.torque_impulse"
+
+
 def _torque_impulse(result: Result) -> float:
-    """Integral of the torque of thrusters and wheels on the body, summed over the axes [N m s]; needs every sample."""
-    thrusters = np.abs(result["propulsion.M_S"][1:]) * np.diff(result.time)[:, None]
+    """Integral of the torque of thrusters and wheels on the body, summed over the axes [N m s].
+
+    As the propulsion counts it, else from the torques of the rows; the wheels always from the speeds of the rows.
+    """
+    if TORQUE_IMPULSE in result:
+        thrusters = result[TORQUE_IMPULSE][-1] - result[TORQUE_IMPULSE][0]
+    else:
+        thrusters = np.abs(result["propulsion.M_S"][1:]) * np.diff(result.time)[:, None]
     wheels = np.abs(np.diff(result["servicer.wheel_speed"], axis=0) @ result.parameter("servicer.A_w").T)
     return float(np.sum(thrusters) + np.sum(wheels))
 

@@ -19,6 +19,7 @@ from harness.results import Result
 Array = NDArray[np.float64]
 
 SERVICER, TARGET, REFERENCE = "servicer.r_SN_N", "target.r_TN_N", "guidance.rho_ref_N"
+VELOCITIES = ("servicer.v_SN_N", "target.v_TN_N")
 ATTITUDE, REFERENCE_ATTITUDE = "servicer.q_SN", "guidance.q_DN"
 
 
@@ -40,6 +41,11 @@ def attitude_error(result: Result) -> Array:
 def range_(result: Result) -> Array:
     """Distance between servicer and target, (rows,) [m]."""
     return _norm(_relative(result))
+
+
+def relative_speed(result: Result) -> Array:
+    """Magnitude of the velocity of the servicer relative to the target, (rows,) [m/s]."""
+    return _norm(result[VELOCITIES[0]] - result[VELOCITIES[1]])
 
 
 def rotation_angle(a: Array, b: Array) -> Array:

@@ -13,18 +13,13 @@ from harness.figures.derived import (
     REFERENCE_ATTITUDE,
     SERVICER,
     TARGET,
+    VELOCITIES,
     attitude_error,
     position_error,
     range_,
+    relative_speed,
 )
-from harness.figures.figure import AXES, Array, Curve, Figure, Panel, degrees, norm
-from harness.results import Result
-
-VELOCITIES = ("servicer.v_SN_N", "target.v_TN_N")
-
-
-def _speed(result: Result) -> Array:
-    return norm(result[VELOCITIES[0]] - result[VELOCITIES[1]])
+from harness.figures.figure import AXES, Curve, Figure, Panel, degrees
 
 
 def _sum(name: str, first: int = 0, last: int | None = None) -> Curve:
@@ -42,7 +37,7 @@ FIGURES = (
         "Range and speed",
         (
             Panel("range [m]", (Curve(range_, needs=(SERVICER, TARGET)),)),
-            Panel("relative speed [m/s]", (Curve(_speed, needs=VELOCITIES),)),
+            Panel("relative speed [m/s]", (Curve(relative_speed, needs=VELOCITIES),)),
         ),
     ),
     Figure(

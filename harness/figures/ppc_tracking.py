@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.figures.derived import ATTITUDE, REFERENCE_ATTITUDE, attitude_error
+from harness.figures.derived import ATTITUDE, REFERENCE_ATTITUDE, SERVICER, TARGET, attitude_error
 from harness.figures.figure import AXES, Array, Axes, Curve, Drawing, Figure, Panel, degrees, draw_paths
 from harness.results import Result
 
-POSITIONS = ("servicer.r_SN_N", "target.r_TN_N")
 LOS = ("guidance.los.elevation",)
 """What only the line-of-sight guidance publishes."""
 CHANNELS = (("range", "m"), ("elevation", "rad"), ("azimuth", "rad"))
 
 
 def _trajectory(canvas: Axes, result: Result) -> None:
-    path = result[POSITIONS[0]] - result[POSITIONS[1]]
+    path = result[SERVICER] - result[TARGET]
     paths = {"servicer": (path, "-"), "target": (np.zeros((1, 3)), "ko")}
     plane = draw_paths(canvas, paths, ("x [m]", "y [m]", "z [m]"), (0, 2))
     plane.plot(*path[0, ::2], "g^", label="start")
@@ -55,7 +54,7 @@ def _funnel(name: str, unit: str, z: str, alpha: str) -> Panel:
 
 
 FIGURES: tuple[Figure | Drawing, ...] = (
-    Drawing("trajectory", "Path of the servicer relative to the target, N axes", (*POSITIONS, *LOS), _trajectory),
+    Drawing("trajectory", "Path of the servicer relative to the target, N axes", (SERVICER, TARGET, *LOS), _trajectory),
     Figure("line_of_sight", "Line of sight", (_angle("elevation"), _angle("azimuth"))),
     Figure(
         "acceleration",

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.figures.derived import range_
-from harness.figures.figure import AXES, Array, Axes, Curve, Drawing, Figure, Panel, draw_paths, norm
+from harness.figures.derived import SERVICER, TARGET, VELOCITIES, range_, relative_speed
+from harness.figures.figure import AXES, Array, Axes, Curve, Drawing, Figure, Panel, draw_paths
 from harness.results import Result
 
-SERVICER, TARGET = "servicer.r_SN_N", "target.r_TN_N"
-VELOCITIES = ("servicer.v_SN_N", "target.v_TN_N")
 PURSUIT = ("guidance.q_DS",)
 """What only the guidance of this system publishes."""
 HOLD = 50.0
@@ -55,10 +53,6 @@ def _trajectory(canvas: Axes, result: Result) -> None:
     for (label, row), style in zip(marks.items(), ("g^", "rs", "ko"), strict=False):
         plane.plot(*servicer[row, :2], style, label=label)
     plane.legend(fontsize="small")
-
-
-def _relative_speed(result: Result) -> Array:
-    return norm(result[VELOCITIES[0]] - result[VELOCITIES[1]])
 
 
 def _coordinate(k: int) -> tuple[Curve, ...]:
@@ -170,7 +164,7 @@ FIGURES: tuple[Figure | Drawing, ...] = (
         (
             Panel(
                 "[m/s]",
-                (Curve(_relative_speed, needs=VELOCITIES),),
+                (Curve(relative_speed, needs=VELOCITIES),),
             ),
             Panel("required [m/s]", (Curve("guidance.v_req"),)),
         ),

@@ -16,9 +16,9 @@ from harness import run
 from harness.build_ssp import compose
 from harness.cases import cases
 from harness.cli import main
-from harness.compare import compare, text
+from harness.compare import _thinning, compare, text
 from harness.errors import StructureError, UsageError
-from harness.result_files import read
+from harness.result_files import ResultFile, read
 from harness.write_ssp import write_ssp
 from tests.harness.demo import TOML
 from tests.harness.foreign_fmu import Model, build, p, u, y
@@ -60,6 +60,22 @@ def test_the_table_has_one_line_per_flight_and_is_kept_with_all_digits(system, t
     assert [row["flight"] for row in rows] == ["jacobi", "gauss-seidel"]
     assert all(float(row["macro step [us]"]) > 0 for row in rows)
     assert {row["range error [m]"] for row in rows} == {""}
+
+
+def test_results_of_an_earlier_comparison_are_not_taken_for_those_of_a_flight_that_crashed(
+    system, crashing, fmus, tmp_path
+):
+    (tmp_path / "out").mkdir()
+    ResultFile(tmp_path / "out" / "crashing.nc").write(run(system))
+    found = flown(system, tmp_path, ("swap", f"twice={crashing},{fmus['gain']}"))
+    assert list(found.results) == ["gain"]
+
+
+@pytest.mark.parametrize(
+    ("steps", "every"), [(1, 1), (20_000, 1), (20_001, 3), (400_000, 20), (50_000, 4), (21_000, 2)]
+)
+def test_long_flights_are_thinned_to_twenty_thousand_rows_with_the_end_if_possible(steps, every):
+    assert _thinning(steps) == every
 
 
 def test_progress_counts_the_flights(system, tmp_path):

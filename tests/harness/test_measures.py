@@ -154,6 +154,17 @@ def test_torque_impulse_adds_thrusters_and_wheels():
     assert MEASURE["torque impulse"](result) == pytest.approx(0.3 * 100 + 2 * turns, rel=1e-9)
 
 
+def test_torque_impulse_is_taken_from_the_propulsion_if_that_counts_it():
+    """Then rows may be far apart: here the torque is zero at all of them."""
+    counted = np.stack([3 * TIME, 0 * TIME, TIME], axis=1)
+    still = np.zeros((len(TIME), 3))
+    result = replace(
+        table(TIME, propulsion__M_S=still, propulsion__torque_impulse=counted, servicer__wheel_speed=still),
+        parameters=parameters(servicer__A_w=np.eye(3)),
+    )
+    assert MEASURE["torque impulse"](result) == pytest.approx(400)
+
+
 def test_what_a_result_does_not_hold_has_no_figure():
     result, _ = decaying()
     values = {name: measure(result) for name, measure in MEASURE.items()}
