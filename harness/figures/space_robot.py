@@ -1,10 +1,32 @@
-"""Figures of the space robot: pitch motion, attitude, joints, momentum and energy."""
+"""Figures of the space robot: pitch motion with Poincare section and spectrum, attitude, joints, momentum, energy."""
 
 from __future__ import annotations
 
-from harness.figures.figure import Curve, Drawing, Figure, Panel, degrees
+import numpy as np
+
+from harness.figures.figure import Axes, Curve, Drawing, Figure, Panel, degrees
+from harness.figures.pitch import ANOMALY, PITCH, RATE, orbits, spectrum, strobe
+from harness.results import Result
 
 JOINTS = ("joint 1", "joint 2")
+FASTEST = 5.0
+"""End of the spectrum [1/orbit]."""
+
+
+def _section_and_spectrum(canvas: Axes, result: Result) -> None:
+    """One point per orbit, and the lines of the motion."""
+    section, lines = canvas.add_subplot(1, 2, 1), canvas.add_subplot(1, 2, 2)
+    pitch, rate = strobe(result)
+    section.plot(np.degrees(pitch), rate, ".", markersize=4)
+    section.set(xlabel="pitch [deg]", ylabel="its derivative by the true anomaly", title=f"{len(pitch)} points")
+    if orbits(result) > 1:
+        frequency, amplitude = spectrum(result)
+        shown = (frequency > 0) & (frequency <= FASTEST)
+        lines.semilogy(frequency[shown], np.degrees(amplitude[shown]), linewidth=1)
+    lines.set(xlabel="frequency [1/orbit]", ylabel="amplitude [deg]", title="Hann window")
+    for axes in (section, lines):
+        axes.grid(alpha=0.3)
+
 
 FIGURES: tuple[Figure | Drawing, ...] = (
     Figure(
@@ -14,6 +36,12 @@ FIGURES: tuple[Figure | Drawing, ...] = (
             Panel("angle [deg]", (Curve("robot.pitch", convert=degrees),)),
             Panel("rate [deg/s]", (Curve("robot.pitch_rate", convert=degrees),)),
         ),
+    ),
+    Drawing(
+        "poincare",
+        "Pitch at the true anomaly of the start, once per orbit, and its spectrum",
+        (PITCH, RATE, ANOMALY),
+        _section_and_spectrum,
     ),
     Figure(
         "attitude",

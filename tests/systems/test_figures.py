@@ -43,7 +43,7 @@ EXPECTED = {
     },
     ("sync_approach_thrusters", "adaptive_controller"): SYNC | {"firing"},
     ("relay_approach", "relay_controller"): RELAY,
-    ("space_robot", "joint_controller"): {"pitch", "attitude", "joints", "momentum"},
+    ("space_robot", "joint_controller"): {"pitch", "poincare", "attitude", "joints", "momentum"},
     ("ppc_tracking", "ppc_controller"): LINE_OF_SIGHT | {"funnel"},
     ("ppc_tracking", "theta_d_controller"): LINE_OF_SIGHT,
     ("ppc_tracking", "adaptive_controller"): {
