@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from harness.errors import ResultsError
-from harness.figures import FIGURES, OVERLAYS, Curve, Drawing, Figure, Panel
+from harness.figures import FIGURES, OVERLAYS, Curve, Drawing, Figure, Overlay, Panel
 from harness.results import Result
 
 Canvas = Any
@@ -106,8 +106,12 @@ def _draw_curve(axes: Any, result: Result, panel: Panel, curve: Curve) -> None:
 # ---- several runs
 
 
-def paint_overlay(figure: Figure, results: Mapping[str, Result], colours: Mapping[str, str]) -> Canvas:
+def paint_overlay(figure: Figure | Overlay, results: Mapping[str, Result], colours: Mapping[str, str]) -> Canvas:
     """The figure of several runs as matplotlib has it: a colour for each by its label, one legend for all panels."""
+    if isinstance(figure, Overlay):
+        canvas = _new_canvas(figure.title, figure.size)
+        figure.draw(canvas, results, colours)
+        return canvas
     canvas = _new_canvas(figure.title, (9, 1.6 + 2.4 * len(figure.panels)))
     for axes, panel in _panels(canvas, figure):
         for label, result in results.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from harness.figures import overlay, ppc_tracking, relay_approach, space_robot, sync_approach
-from harness.figures.figure import Curve, Drawing, Figure, Panel
+from harness.figures.figure import Curve, Drawing, Figure, Overlay, Panel
 
 FIGURES: tuple[Figure | Drawing, ...] = (
     *sync_approach.FIGURES,
@@ -11,6 +11,6 @@ FIGURES: tuple[Figure | Drawing, ...] = (
     *ppc_tracking.FIGURES,
     *space_robot.FIGURES,
 )
-OVERLAYS: tuple[Figure, ...] = overlay.FIGURES
+OVERLAYS: tuple[Figure | Overlay, ...] = overlay.FIGURES
 
-__all__ = ["FIGURES", "OVERLAYS", "Curve", "Drawing", "Figure", "Panel"]
+__all__ = ["FIGURES", "OVERLAYS", "Curve", "Drawing", "Figure", "Overlay", "Panel"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -85,6 +85,21 @@ class Drawing:
         return all(name in result for name in self.needs) and all(name in known for name in self.parameters)
 
 
+@dataclass(frozen=True)
+class Overlay:
+    """A drawing of several runs; draw: into an empty figure, from the runs and their colours by label."""
+
+    name: str
+    title: str
+    needs: tuple[str, ...]
+    draw: Callable[[Axes, Mapping[str, Result], Mapping[str, str]], None]
+    size: tuple[float, float] = (11, 5)
+
+    def fits(self, result: Result) -> bool:
+        """Whether the result holds everything that is drawn."""
+        return all(name in result for name in self.needs)
+
+
 def degrees(x: Array) -> Array:
     """Radians to degrees."""
     return np.asarray(np.degrees(x))
@@ -96,17 +111,22 @@ def norm(x: Array) -> Array:
 
 
 def draw_paths(
-    canvas: Axes, paths: dict[str, tuple[Array, str]], names: tuple[str, str, str], plane: tuple[int, int]
+    canvas: Axes,
+    paths: Mapping[str, tuple[Array, str]],
+    names: tuple[str, str, str],
+    plane: tuple[int, int],
+    colours: Mapping[str, str] | None = None,
 ) -> Axes:
     """Paths (rows, 3) with a style each, in space and seen along one axis; returns the axes of the plane.
 
-    names: of the three coordinates; plane: horizontal and vertical coordinate of the second view.
+    names: of the three coordinates; plane: horizontal and vertical coordinate of the second view; colours: by label.
     """
     space = canvas.add_subplot(1, 2, 1, projection="3d")
     flat = canvas.add_subplot(1, 2, 2)
     for label, (path, style) in paths.items():
-        space.plot(*path.T, style, linewidth=1, label=label)
-        flat.plot(path[:, plane[0]], path[:, plane[1]], style, linewidth=1, label=label)
+        look = {"linewidth": 1, "label": label} | ({"color": colours[label]} if colours and label in colours else {})
+        space.plot(*path.T, style, **look)
+        flat.plot(path[:, plane[0]], path[:, plane[1]], style, **look)
     space.set(xlabel=names[0], ylabel=names[1], zlabel=names[2])
     flat.set(xlabel=names[plane[0]], ylabel=names[plane[1]], aspect="equal")
     flat.grid(alpha=0.3)

@@ -1,9 +1,11 @@
 """Figures of several runs in one: every panel shows one quantity, every run has a colour of its own.
 
-For ppc_tracking they are the counterparts of figures 3 to 5, 7 and 8 of Yin et al. 2017.
+For ppc_tracking they are the counterparts of figures 2 to 8 of Yin et al. 2017.
 """
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -19,7 +21,9 @@ from harness.figures.derived import (
     range_,
     relative_speed,
 )
-from harness.figures.figure import AXES, Curve, Figure, Panel, degrees
+from harness.figures.figure import AXES, Axes, Curve, Figure, Overlay, Panel, degrees, draw_paths
+from harness.figures.ppc_tracking import LOS, quaternion
+from harness.results import Result
 
 
 def _sum(name: str, first: int = 0, last: int | None = None) -> Curve:
@@ -31,7 +35,16 @@ def _per_axis(what: str, unit: str, name: str, labels: tuple[str, ...] = AXES) -
     return tuple(Panel(f"{what} {label} [{unit}]", (Curve(f"{name}[{i}]"),)) for i, label in enumerate(labels, start=1))
 
 
-FIGURES = (
+def _trajectories(canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, str]) -> None:
+    """Paths relative to the target, N axes."""
+    paths = {label: (r[SERVICER] - r[TARGET], "-") for label, r in results.items()} | {
+        "target": (np.zeros((1, 3)), "ko")
+    }
+    draw_paths(canvas, paths, ("x [m]", "y [m]", "z [m]"), (0, 2), colours).legend(fontsize="small")
+
+
+FIGURES: tuple[Figure | Overlay, ...] = (
+    Overlay("compared_trajectory", "Paths relative to the target, N axes", (SERVICER, TARGET), _trajectories),
     Figure(
         "compared_range",
         "Range and speed",
@@ -60,6 +73,7 @@ FIGURES = (
             Panel("azimuth [deg]", (Curve("guidance.los.azimuth", convert=degrees),)),
         ),
     ),
+    Figure("compared_quaternion", "Actual and desired (dashed) attitude", tuple(quaternion(k) for k in (1, 2, 3)), LOS),
     Figure(
         "compared_acceleration",
         "Commanded acceleration along the line-of-sight axes",

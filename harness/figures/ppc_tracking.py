@@ -36,7 +36,8 @@ def _desired_attitude(result: Result) -> Array:
     return np.asarray(desired * np.where(np.sum(actual * desired, axis=1, keepdims=True) < 0, -1.0, 1.0))
 
 
-def _quaternion(k: int) -> Panel:
+def quaternion(k: int) -> Panel:
+    """Element k of the actual and of the desired attitude."""
     needs = (ATTITUDE, REFERENCE_ATTITUDE)
     actual = Curve(lambda r: r[ATTITUDE][:, k], "actual", needs=needs)
     desired = Curve(lambda r: _desired_attitude(r)[:, k], "desired", needs=needs, style="--")
@@ -61,7 +62,7 @@ FIGURES: tuple[Figure | Drawing, ...] = (
         "Commanded acceleration along the line-of-sight axes",
         (Panel("[m/s2]", (Curve("controller.a_cmd_L", labels=("range", "elevation", "azimuth")),)),),
     ),
-    Figure("quaternion", "Actual and desired attitude", tuple(_quaternion(k) for k in (1, 2, 3)), LOS),
+    Figure("quaternion", "Actual and desired attitude", tuple(quaternion(k) for k in (1, 2, 3)), LOS),
     Figure(
         "los_error",
         "Errors in line-of-sight coordinates",

@@ -217,6 +217,19 @@ def test_a_run_without_a_variable_is_left_out_and_the_others_keep_their_colours(
     assert [line.get_color() for line in canvas.axes[0].get_lines()] == ["C1", "C2"]
     names = {path.stem for path in overlay(results, tmp_path)}
     assert {"compared_range", "compared_errors", "compared_acceleration", "compared_line_of_sight"} <= names
+    assert {"compared_trajectory", "compared_quaternion"} <= names
+
+
+def test_compared_paths_are_relative_to_the_target_in_the_colours_of_the_runs():
+    results = controllers()
+    (paths,) = (f for f in OVERLAYS if f.name == "compared_trajectory")
+    canvas = paint_overlay(paths, results, {label: f"C{i + 3}" for i, label in enumerate(results)})
+    shown = {line.get_label(): line for line in canvas.axes[1].get_lines()}
+    for i, (label, result) in enumerate(results.items()):
+        path = result["servicer.r_SN_N"] - result["target.r_TN_N"]
+        assert np.array_equal(shown[label].get_xdata(), path[:, 0])
+        assert np.array_equal(shown[label].get_ydata(), path[:, 2])
+        assert shown[label].get_color() == f"C{i + 3}"
 
 
 def test_engines_are_compared_where_there_are_any(tmp_path):
