@@ -13,8 +13,8 @@ from typing import NamedTuple
 from harness.errors import UsageError
 from harness.overrides import Changes, pairs
 
-BY_COMPONENT = ("swap", "latency")
-"""Options whose values stand after `component=`."""
+NAMED = ("swap", "latency", "set")
+"""Options whose values stand after `component=` or `component.parameter=`."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,9 @@ class _Choice(NamedTuple):
 def cases(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Case]:
     """All combinations, the last option changing fastest.
 
-    fixed: changes common to all; varied: option (params, algorithm, swap, latency) and its values separated by commas,
-    for swap and latency after `component=`. Only options with several values appear in the labels. Raises UsageError if
-    there is nothing to compare.
+    fixed: changes common to all; varied: option (params, algorithm, swap, latency, set) and its values separated by
+    commas, for the last three after `component=` or `component.parameter=`. Only options with several values appear in
+    the labels. Raises UsageError if there is nothing to compare.
     """
     choices = [list(_choices(option, text)) for option, text in varied]
     several = [len(each) > 1 for each in choices]
@@ -53,17 +53,33 @@ def cases(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Case]:
 
 
 def _choices(option: str, text: str) -> Iterator[_Choice]:
-    component, given = next(pairs(f"--{option}", [text])) if option in BY_COMPONENT else ("", text)
-    values = [value.strip() for value in given.split(",")]
-    names = [Path(value).stem if option == "swap" else value for value in values]
-    for value, name in zip(values, names, strict=True):
+    name, given = next(pairs(f"--{option}", [text])) if option in NAMED else ("", text)
+    values = [value.strip() for value in _split(given)]
+    stems = [Path(value).stem for value in values]
+    for value, stem in zip(values, stems, strict=True):
         if not value:
             raise UsageError(f"--{option} {text}: a value is missing")
         if values.count(value) > 1:
             raise UsageError(f"--{option} {text}: {value} stands there twice")
-        label = value if Counter(names)[name] > 1 else name
-        label = _delay(component, value) if option == "latency" else label
-        yield _Choice(label, option, (component, value) if component else value)
+        labels = {
+            "swap": value if Counter(stems)[stem] > 1 else stem,
+            "latency": _delay(name, value),
+            "set": f"{name.partition('.')[2]}={value}",
+        }
+        yield _Choice(labels.get(option, value), option, (name, value) if name else value)
+
+
+def _split(text: str) -> Iterator[str]:
+    """The pieces between commas that stand outside all brackets."""
+    piece, depth = "", 0
+    for character in text:
+        depth += (character == "[") - (character == "]")
+        if character == "," and depth == 0:
+            yield piece
+            piece = ""
+        else:
+            piece += character
+    yield piece
 
 
 def _delay(component: str, steps: str) -> str:
@@ -76,6 +92,6 @@ def _case(fixed: Changes, combination: Sequence[_Choice], several: Sequence[bool
         if isinstance(choice.value, str):
             changes[choice.option] = choice.value  # type: ignore[literal-required]
         else:
-            earlier = dict(changes.get(choice.option, {}))  # type: ignore[call-overload]
+            earlier = dict(pairs(f"--{choice.option}", changes.get(choice.option, ())))  # type: ignore[arg-type]
             changes[choice.option] = earlier | dict([choice.value])  # type: ignore[literal-required]
     return Case(", ".join(c.label for c, varies in zip(combination, several, strict=True) if varies), changes)

@@ -101,6 +101,7 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     params: Annotated[str | None, typer.Option(metavar="A,B,..", help="parameter sets")] = None,
     swap: Annotated[list[str] | None, typer.Option(metavar="C=A,B,..", help="FMUs in the place of C")] = None,
     latency: Annotated[list[str] | None, typer.Option(metavar="C=N,M,..", help="macro steps that C is late")] = None,
+    vary: Annotated[list[str] | None, typer.Option(metavar="C.NAME=V,W,..", help="values of one parameter")] = None,
     algorithm: Annotated[str | None, typer.Option(metavar="A,B", help="gauss-seidel,jacobi")] = None,
     set_: SetOption = None,
     step: StepOption = None,
@@ -120,7 +121,8 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     from harness.run import progress_bar
 
     varied = [("params", params), ("algorithm", algorithm)]
-    varied += [("swap", each) for each in swap or ()] + [("latency", each) for each in latency or ()]
+    for option, texts in (("swap", swap), ("latency", latency), ("set", vary)):
+        varied += [(option, each) for each in texts or ()]
     flights = cases({"set": set_ or (), "step": step, "stop": stop}, [(o, text) for o, text in varied if text])
     folder = output or Path("results") / Path(system).stem
     with progress_bar(f"{len(flights)} flights", len(flights), not quiet and sys.stderr.isatty()) as show:

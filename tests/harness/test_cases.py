@@ -41,6 +41,12 @@ def test_changes_are_those_of_a_run():
     }
 
 
+def test_values_of_a_parameter_are_flown_over_the_fixed_ones():
+    flights = cases({"set": ["a.b=1", "a.k=0"]}, [("set", "a.k=1, 2"), ("set", "a.v=[1,2],[[3,4],[5,6]]")])
+    assert [case.label for case in flights][:2] == ["k=1, v=[1,2]", "k=1, v=[[3,4],[5,6]]"]
+    assert flights[-1].changes == {"set": {"a.b": "1", "a.k": "2", "a.v": "[[3,4],[5,6]]"}}
+
+
 def test_labels_are_file_names():
     assert cases({}, [("swap", "c=x/m e.fmu,y/m e.fmu")])[0].file == "x_m_e.fmu"
 
