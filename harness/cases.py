@@ -42,8 +42,9 @@ def cases(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Case]:
     """All combinations, the last option changing fastest.
 
     fixed: changes common to all; varied: option (params, algorithm, swap, latency, set) and its values separated by
-    commas, for the last three after `component=` or `component.parameter=`. Only options with several values appear in
-    the labels. Raises UsageError if there is nothing to compare.
+    commas, for the last three after `component=` or `component.parameter=`; a parameter may also be given as a range
+    first:last:step. Only options with several values appear in the labels. Raises UsageError if there is nothing to
+    compare.
     """
     choices = [list(_choices(option, text)) for option, text in varied]
     several = [len(each) > 1 for each in choices]
@@ -54,7 +55,7 @@ def cases(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Case]:
 
 def _choices(option: str, text: str) -> Iterator[_Choice]:
     name, given = next(pairs(f"--{option}", [text])) if option in NAMED else ("", text)
-    values = [value.strip() for value in _split(given)]
+    values = [value for piece in _split(given) for value in _range(piece.strip(), option)]
     stems = [Path(value).stem for value in values]
     for value, stem in zip(values, stems, strict=True):
         if not value:
@@ -80,6 +81,21 @@ def _split(text: str) -> Iterator[str]:
         else:
             piece += character
     yield piece
+
+
+def _range(text: str, option: str) -> Sequence[str]:
+    """The numbers of `first:last:step`, both ends included; anything else is itself."""
+    parts = text.split(":")
+    if option != "set" or len(parts) != 3:
+        return [text]
+    try:
+        first, last, step = map(float, parts)
+        count = round((last - first) / step)
+    except (ValueError, ZeroDivisionError, OverflowError) as error:
+        raise UsageError(f"{text}: a range of values is first:last:step, three numbers") from error
+    if count < 0 or abs(first + count * step - last) > 1e-9 * abs(step):
+        raise UsageError(f"{text}: the range does not end at {parts[1]} after whole steps")
+    return [f"{first + k * step:.12g}" for k in range(count + 1)]
 
 
 def _delay(component: str, steps: str) -> str:

@@ -101,7 +101,9 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     params: Annotated[str | None, typer.Option(metavar="A,B,..", help="parameter sets")] = None,
     swap: Annotated[list[str] | None, typer.Option(metavar="C=A,B,..", help="FMUs in the place of C")] = None,
     latency: Annotated[list[str] | None, typer.Option(metavar="C=N,M,..", help="macro steps that C is late")] = None,
-    vary: Annotated[list[str] | None, typer.Option(metavar="C.NAME=V,W,..", help="values of one parameter")] = None,
+    vary: Annotated[
+        list[str] | None, typer.Option(metavar="C.NAME=V,W,..", help="values of a parameter, or first:last:step")
+    ] = None,
     algorithm: Annotated[str | None, typer.Option(metavar="A,B", help="gauss-seidel,jacobi")] = None,
     set_: SetOption = None,
     step: StepOption = None,

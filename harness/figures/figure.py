@@ -81,8 +81,7 @@ class Drawing:
 
     def fits(self, result: Result) -> bool:
         """Whether the result holds everything that is drawn."""
-        known = () if result.parameters is None else result.parameters
-        return all(name in result for name in self.needs) and all(name in known for name in self.parameters)
+        return _holds(result, self.needs, self.parameters)
 
 
 @dataclass(frozen=True)
@@ -94,10 +93,16 @@ class Overlay:
     needs: tuple[str, ...]
     draw: Callable[[Axes, Mapping[str, Result], Mapping[str, str]], None]
     size: tuple[float, float] = (11, 5)
+    parameters: tuple[str, ...] = ()
 
     def fits(self, result: Result) -> bool:
         """Whether the result holds everything that is drawn."""
-        return all(name in result for name in self.needs)
+        return _holds(result, self.needs, self.parameters)
+
+
+def _holds(result: Result, variables: tuple[str, ...], parameters: tuple[str, ...]) -> bool:
+    known = () if result.parameters is None else result.parameters
+    return all(name in result for name in variables) and all(name in known for name in parameters)
 
 
 def degrees(x: Array) -> Array:

@@ -22,8 +22,13 @@ from harness.figures.derived import (
     relative_speed,
 )
 from harness.figures.figure import AXES, Axes, Curve, Figure, Overlay, Panel, degrees, draw_paths
+from harness.figures.pitch import ANOMALY, PITCH, RATE, strobe
 from harness.figures.ppc_tracking import LOS, quaternion
 from harness.results import Result
+
+ECCENTRICITY = "robot.e"
+NAMED = 10
+"""Runs whose names fit into a legend."""
 
 
 def _sum(name: str, first: int = 0, last: int | None = None) -> Curve:
@@ -43,7 +48,30 @@ def _trajectories(canvas: Axes, results: Mapping[str, Result], colours: Mapping[
     draw_paths(canvas, paths, ("x [m]", "y [m]", "z [m]"), (0, 2), colours).legend(fontsize="small")
 
 
+def _sections(canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, str]) -> None:
+    """Poincare sections of all runs in one, and their pitch over the eccentricity: the bifurcation diagram."""
+    section, diagram = canvas.add_subplot(1, 2, 1), canvas.add_subplot(1, 2, 2)
+    for label, result in results.items():
+        pitch, rate = strobe(result)
+        eccentricity = np.full_like(pitch, result.parameter(ECCENTRICITY))
+        section.plot(np.degrees(pitch), rate, ".", markersize=2, color=colours[label], label=label)
+        diagram.plot(eccentricity, np.degrees(pitch), ".", markersize=2, color=colours[label])
+    section.set(xlabel="pitch [deg]", ylabel="its derivative by the true anomaly")
+    diagram.set(xlabel="eccentricity", ylabel="pitch [deg]")
+    if len(results) <= NAMED:
+        section.legend(fontsize="small")
+    for axes in (section, diagram):
+        axes.grid(alpha=0.3)
+
+
 FIGURES: tuple[Figure | Overlay, ...] = (
+    Overlay(
+        "compared_sections",
+        "Pitch at the true anomaly of the start, once per orbit",
+        (PITCH, RATE, ANOMALY),
+        _sections,
+        parameters=(ECCENTRICITY,),
+    ),
     Overlay("compared_trajectory", "Paths relative to the target, N axes", (SERVICER, TARGET), _trajectories),
     Figure(
         "compared_range",

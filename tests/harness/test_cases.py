@@ -47,6 +47,17 @@ def test_values_of_a_parameter_are_flown_over_the_fixed_ones():
     assert flights[-1].changes == {"set": {"a.b": "1", "a.k": "2", "a.v": "[[3,4],[5,6]]"}}
 
 
+def test_a_range_of_values_has_both_its_ends():
+    assert labels(("set", "a.k=0.1:0.3:0.05")) == ["k=0.1", "k=0.15", "k=0.2", "k=0.25", "k=0.3"]
+    assert labels(("set", "a.k=2:0:-1,7")) == ["k=2", "k=1", "k=0", "k=7"]
+
+
+@pytest.mark.parametrize("text", ["0:1:0", "0:1:x", "0:1:0.3", "0:1:-0.1", "0:inf:1"])
+def test_a_range_that_is_none_is_wrong_use(text):
+    with pytest.raises(UsageError, match=f"{text}: "):
+        cases({}, [("set", f"a.k={text}")])
+
+
 def test_labels_are_file_names():
     assert cases({}, [("swap", "c=x/m e.fmu,y/m e.fmu")])[0].file == "x_m_e.fmu"
 

@@ -13,6 +13,7 @@ from harness.cli import main
 from harness.errors import ResultsError
 from harness.figures import FIGURES, OVERLAYS
 from harness.figures.derived import attitude_error, position_error
+from harness.figures.pitch import strobe
 from harness.plots import overlay, paint, paint_overlay, plot
 from harness.result_files import ResultFile
 from harness.results import Result
@@ -235,6 +236,20 @@ def test_compared_paths_are_relative_to_the_target_in_the_colours_of_the_runs():
 def test_engines_are_compared_where_there_are_any(tmp_path):
     result = flight("relay_approach", "relay_controller")
     assert "compared_engines" in {path.stem for path in overlay({"a": result, "b": result}, tmp_path)}
+
+
+def test_sections_of_several_eccentricities_make_the_bifurcation_diagram():
+    results = {f"e={e}": run("space_robot", set={"robot.e": e}, step=60.0, stop=30000.0) for e in (0.01, 0.05)}
+    (sections,) = (f for f in OVERLAYS if f.name == "compared_sections")
+    assert all(sections.fits(r) for r in results.values())
+    canvas = paint_overlay(sections, results, {label: f"C{i}" for i, label in enumerate(results)})
+    for line, points, (label, result) in zip(
+        canvas.axes[1].get_lines(), canvas.axes[0].get_lines(), results.items(), strict=True
+    ):
+        pitch, rate = strobe(result)
+        assert set(line.get_xdata()) == {float(label[2:])}
+        assert line.get_ydata() == pytest.approx(np.degrees(pitch))
+        assert points.get_ydata() == pytest.approx(rate)
 
 
 # ---- what cannot be drawn
