@@ -16,6 +16,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -31,6 +32,8 @@ from harness.results import Result
 from harness.run import loaded, run
 from harness.schedule import macro_steps
 from harness.system import System
+
+_log = logging.getLogger("harness")
 
 ROWS = 20_000
 """Rows that a flight has at most unless the user wants otherwise."""
@@ -148,10 +151,21 @@ def _isolated(system: str | Path, case: Case, file: Path, every: int) -> str:
             return "its process was ended from outside, or by a crash inside an FMU"
 
 
+@contextmanager
+def _silence() -> Iterator[None]:
+    """No warnings: _check() has already logged them."""
+    level = _log.level
+    _log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        _log.setLevel(level)
+
+
 def _in_the_background() -> None:
     """Leave Ctrl-C and the warnings that _check() has already logged to the parent, and end when it ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    logging.getLogger("harness").setLevel(logging.ERROR)
+    _log.setLevel(logging.ERROR)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
@@ -179,7 +193,7 @@ def _fly(system: str | Path, case: Case, file: Path, every: int) -> str:
 def _computing_times(system: str | Path, flights: Sequence[Flight]) -> dict[str, float]:
     """Time of a macro step of every complete flight [us], the fastest of several rounds in turn."""
     best: dict[str, float] = {}
-    with loaded(system) as found:
+    with loaded(system) as found, _silence():
         complete = [(f.case.label, apply(found, **f.case.changes)) for f in flights if not f.failure]
         for _ in range(ROUNDS):
             for label, changed in complete:

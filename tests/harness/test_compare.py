@@ -86,6 +86,11 @@ def test_values_of_a_parameter_are_compared(system, tmp_path):
     }
 
 
+def test_a_warning_about_a_flight_comes_once(system, fmus, tmp_path, caplog):
+    flown(system, tmp_path, ("swap", f"bad={fmus['counter']},{fmus['failing']}"))
+    assert caplog.messages == ["bad: counter.fmu does not have these parameters of failing: t_fail"]
+
+
 def test_progress_counts_the_flights(system, tmp_path):
     seen = []
     compare(system, cases({}, [("algorithm", "jacobi,gauss-seidel")]), tmp_path / "out", progress=seen.append)

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from functools import cache
+from pathlib import Path
 
+import fmpy
 import numpy as np
 import pytest
 
@@ -14,6 +18,7 @@ from harness.run import run
 from ..harness.foreign_fmu import Model, build, p, u, y
 from .ppc_flights import BAND, after, range_error, settled
 
+ROOT = Path(__file__).resolve().parents[2]
 OURS = ("adaptive_controller", "ppc_controller", "pid_controller", "theta_d_controller")
 
 
@@ -145,6 +150,43 @@ def test_a_controller_built_elsewhere_is_flown(tmp_path):
     assert late_errors(result, 100)[0] == pytest.approx(20 * np.radians(1) ** 2 * 100 / 10, rel=0.02)
     assert not np.any(result["controller.M_cmd_S"])
     assert late_errors(run("sync_approach", swap={"controller": mine}, stop=300.0), 200)[0] < 0.05
+
+
+def built_in_this_tree(code, name, folder):
+    """What add_fmu() of fmus/CMakeLists.txt does: library, model description written by the model itself, archive."""
+    core, headers = ROOT / "fmus/core", Path(fmpy.__file__).parent / "c-code"
+    adapter = [core / f"{part}.c" for part in ("fmi2", "fmi2_state", "fmi2_unused", "instance")]
+    source, library, describe, xml = (folder / f"{name}{ending}" for ending in (".c", ".so", "", ".xml"))
+    source.write_text(code)
+    include = ["-std=c99", "-O2", "-ffp-contract=off", f"-I{core}", f"-I{headers}"]
+    subprocess.run(["cc", *include, "-shared", "-fPIC", source, *adapter, "-o", library, "-lm"], check=True)
+    subprocess.run(["cc", *include, source, core / "describe.c", "-o", describe, "-lm"], check=True)
+    files = [source.name, *(part.name for part in adapter)]
+    description = subprocess.run([describe, "0", "2026-01-01T00:00:00Z", *files], check=True, capture_output=True)
+    xml.write_bytes(description.stdout)
+    package = [
+        sys.executable,
+        core / "package_fmu.py",
+        folder / f"{name}.fmu",
+        "--description",
+        xml,
+        "--license",
+        ROOT / "LICENSE",
+    ]
+    subprocess.run(
+        [*package, "--binary", f"linux64={library}", "--source", source, *adapter, *core.glob("*.h")], check=True
+    )
+    return folder / f"{name}.fmu"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="builds a library of Linux")
+def test_the_controller_of_the_documentation_flies_as_it_says(tmp_path):
+    """docs/own_controller.md: within 4 mm, which is the acceleration of the reference over K/m."""
+    page = (ROOT / "docs/own_controller.md").read_text()
+    code = page.split("```c\n")[1].split("```")[0]
+    fmu = built_in_this_tree(code, "my_controller", tmp_path)
+    position, _ = late_errors(run("sync_approach", swap={"controller": fmu}), 1440)
+    assert position == pytest.approx(0.004, abs=5e-4)
 
 
 def test_a_controller_without_the_ports_gets_a_list_of_what_is_missing(tmp_path):
