@@ -117,8 +117,14 @@ static Motion line_to_target(const Parameters *p, const Input *u, vec3 F_cmd_S)
     return (Motion){neg(rho), sub(u->T.v, u->S.v), neg(add(differential_gravity(p->mu, u->T.r, rho), a_S))};
 }
 
-/* at range 0 the result is refused anyway; any direction keeps the other outputs finite */
-static Motion direction(Motion r) { return norm(r.x) > 0 ? normalised(r) : (Motion){.x = vec(1, 0, 0)}; }
+/* divisions are by at least 0.1 m; at range 0 the result is refused anyway, any direction keeps the other outputs finite */
+static Motion direction(Motion r)
+{
+    double range = norm(r.x);
+    if (range < 1e-150) return (Motion){.x = vec(1, 0, 0)};
+    if (range < 0.1) r.x = scale(0.1, scale(1 / range, r.x));
+    return normalised(r);
+}
 
 /* a direction normal to x, in case the very first sample lies inside the guard */
 static vec3 some_normal(vec3 x)

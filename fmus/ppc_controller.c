@@ -129,7 +129,15 @@ static void check(const Parameters *p, Problems *problems)
 }
 
 /* ---- one channel ---- */
-typedef struct { double theta, s, alpha, gain, margin; } Mapped; /* u = -gain s/(1 - kappa); margin > 0 inside */
+typedef struct {
+    double theta, s, alpha, gain, margin, unkept_s;
+} Mapped; /* u = -gain s/(1 - kappa); margin > 0 inside */
+
+/* (15); outside the funnel the margin speaks */
+static double mapped(double theta, double L, double U)
+{
+    return theta > L && theta < U ? log((theta - L) / (U - theta)) : 0;
+}
 
 static double power(double law, double r, double rho) { return law == 0 ? r : law == 1 ? 1 / r : rho * rho * r; }
 
@@ -139,8 +147,8 @@ static Mapped map(const Channel *c, double law, double rising, double z, double 
     double alpha = (c->alpha_0 - c->alpha_inf) * exp(-c->beta * age) + c->alpha_inf;
     double theta = z / alpha, inside = clamp(theta, L + 1e-3 * width, U - 1e-3 * width);
     double r = width / ((inside - L) * (U - inside) * alpha);
-    return (Mapped){theta, log((inside - L) / (U - inside)), alpha, c->k * c->eta * power(law, r, alpha * width / 4),
-                    fmin(theta - L, U - theta)};
+    double gain = c->k * c->eta * power(law, r, alpha * width / 4);
+    return (Mapped){theta, mapped(inside, L, U), alpha, gain, fmin(theta - L, U - theta), mapped(theta, L, U)};
 }
 
 /* ---- three channels: the control u and its telemetry; the side of a channel is decided once, at the start ---- */
@@ -158,16 +166,14 @@ static vec3 barrier(const Channel *const c[3], double law, Funnel *x, vec3 z, do
     Mapped a = map(c[0], law, x->rising.x, z.x, age), b = map(c[1], law, x->rising.y, z.y, age),
            d = map(c[2], law, x->rising.z, z.z, age);
     double kappa = c[0]->eta * a.s * a.s + c[1]->eta * b.s * b.s + c[2]->eta * d.s * d.s;
-    double margin = fmin(1 - kappa, fmin(a.margin, fmin(b.margin, d.margin)));
-    if (first) x->margin = margin;
+    double inside = fmin(a.margin, fmin(b.margin, d.margin));
+    if (first) { /* (18) is judged by theta as it is, not as it is kept inside */
+        vec3 s = vec(a.unkept_s, b.unkept_s, d.unkept_s), eta = vec(c[0]->eta, c[1]->eta, c[2]->eta);
+        x->margin = fmin(1 - dot(s, times(eta, s)), inside);
+    }
 
-    *y = (Telemetry){z,
-                     vec(a.theta, b.theta, d.theta),
-                     vec(a.s, b.s, d.s),
-                     vec(a.alpha, b.alpha, d.alpha),
-                     kappa,
-                     margin <= 0,
-                     x->margin};
+    *y = (Telemetry){z,     vec(a.theta, b.theta, d.theta), vec(a.s, b.s, d.s), vec(a.alpha, b.alpha, d.alpha),
+                     kappa, fmin(1 - kappa, inside) <= 0,   x->margin};
     return scale(-1 / (1 - fmin(kappa, 0.98)), vec(a.gain * a.s, b.gain * b.s, d.gain * d.s));
 }
 

@@ -216,6 +216,19 @@ def test_poles_of_the_angles_and_closeness_are_flagged(fmu, elevation, rho, flag
     assert guided(fmu, seen_at(r))["los_guard"] == flag
 
 
+@pytest.mark.parametrize("rho", [0.05, 1e-3, 1e-9, 1e-140])
+def test_closer_than_ten_centimetres_rates_are_those_at_ten_centimetres(fmu, rho):
+    """Divisions are by at least 0.1 m: the reference turns no faster the nearer the target comes."""
+    at, near = (
+        {"r_TN_N": (0, 0, 0), "v_TN_N": (0, 0, 0), "q_TN": (1, 0, 0, 0), "r_SN_N": (-d, 0, 0), "v_SN_N": (0, -0.3, 0.4)}
+        for d in (0.1, rho)
+    )
+    there, here = (guided(fmu, u | {"q_SN": (1, 0, 0, 0)}, {"mu": 0}) for u in (at, near))
+    assert here["omega_DN_D"] == pytest.approx(there["omega_DN_D"], rel=1e-9)
+    assert here["alpha_DN_D"] == pytest.approx(there["alpha_DN_D"], rel=1e-9)
+    assert np.linalg.norm(here["omega_DN_D"]) == pytest.approx(5.0, rel=0.5)
+
+
 def test_a_desired_line_of_sight_near_the_pole_is_flagged_too(fmu):
     over = seen_at(np.array((100, 0, 0))) | {
         "q_TN": quaternion_of_dcm(Rotation.from_euler("z", -85, degrees=True).as_matrix())

@@ -246,6 +246,7 @@ START_REFUSED = {
     "outside the funnel": ((0, 0.9, 0), {}),
     "outside the narrow side": ((-5.0, 0, 0), settings(range={"alpha_0": 4.0})),
     "inside, but kappa >= 1": ((0, 0.6, 0), settings(elevation={"eta": 0.6})),
+    "so near the bound that kappa >= 1": ((40.0, 0, 0), settings(range={"alpha_0": 40 / (1 - 1e-6), "eta": 0.01})),
 }
 
 
@@ -256,6 +257,14 @@ def test_a_start_without_the_guarantee_is_refused_in_the_first_step(fmu, z, p):
     assert np.all(np.isfinite(unit.get("F_cmd_S")))
     with pytest.raises(FMICallException):
         unit.step(0.1)
+
+
+def test_a_start_is_judged_by_kappa_as_it_is_not_as_it_is_clamped(fmu):
+    """theta = 1 - 1e-6: s = 14.5, kappa = 0.84 with eta = 0.004; the law itself never sees more than s = 6.9."""
+    near = settings(range={"alpha_0": 40 / (1 - 1e-6), "eta": 0.004})
+    out = sample(fmu("ppc_controller", near, scene_of((40.0, 0, 0)).inputs()), scene_of((40.0, 0, 0)).inputs())
+    assert out["start_margin"] == pytest.approx(1e-6, rel=1e-3)
+    assert out["kappa"] == pytest.approx(0.004 * np.log(999) ** 2, rel=1e-6)
 
 
 def test_the_attitude_is_judged_when_its_control_begins(fmu):
