@@ -69,7 +69,7 @@ format: build
 # FMUs with binaries for linux64, win64, darwin64 and aarch64-darwin in one file
 dist: build
 	$(BIN)/pip install --quiet --disable-pip-version-check ziglang==0.13.0
-	$(BIN)/python fmus/core/cross_compile.py --fmus build/fmus -o dist/fmus
+	$(BIN)/python fmus/core/build/cross_compile.py --fmus build/fmus -o dist/fmus
 
 wheel: build
 	$(RUN) $(BIN)/pip wheel --quiet --no-build-isolation --no-deps --wheel-dir dist .

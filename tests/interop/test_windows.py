@@ -39,7 +39,7 @@ def workshop(tmp_path_factory):
     with loaded(SYSTEM) as system:
         for component in system.components:
             shutil.copy(component.fmu, folder)
-    command = [sys.executable, ROOT / "fmus/core/cross_compile.py", "--fmus", folder, "-o", folder / "dist"]
+    command = [sys.executable, ROOT / "fmus/core/build/cross_compile.py", "--fmus", folder, "-o", folder / "dist"]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     return folder
 

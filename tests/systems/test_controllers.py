@@ -155,27 +155,27 @@ def test_a_controller_built_elsewhere_is_flown(tmp_path):
 def built_in_this_tree(code, name, folder):
     """What add_fmu() of fmus/CMakeLists.txt does: library, model description written by the model itself, archive."""
     core, headers = ROOT / "fmus/core", Path(fmpy.__file__).parent / "c-code"
-    adapter = [core / f"{part}.c" for part in ("fmi2", "fmi2_state", "fmi2_unused", "instance")]
+    folders = [core / room for room in ("adapter", "maths", "models", "ports")]
+    adapter = [core / f"adapter/{part}.c" for part in ("fmi2", "fmi2_state", "fmi2_unused", "instance")]
     source, library, describe, xml = (folder / f"{name}{ending}" for ending in (".c", ".so", "", ".xml"))
     source.write_text(code)
-    include = ["-std=c99", "-O2", "-ffp-contract=off", f"-I{core}", f"-I{headers}"]
+    include = ["-std=c99", "-O2", "-ffp-contract=off", *(f"-I{folder}" for folder in folders), f"-I{headers}"]
     subprocess.run(["cc", *include, "-shared", "-fPIC", source, *adapter, "-o", library, "-lm"], check=True)
-    subprocess.run(["cc", *include, source, core / "describe.c", "-o", describe, "-lm"], check=True)
+    subprocess.run(["cc", *include, source, core / "build/describe.c", "-o", describe, "-lm"], check=True)
     files = [source.name, *(part.name for part in adapter)]
     description = subprocess.run([describe, "0", "2026-01-01T00:00:00Z", *files], check=True, capture_output=True)
     xml.write_bytes(description.stdout)
     package = [
         sys.executable,
-        core / "package_fmu.py",
+        core / "build/package_fmu.py",
         folder / f"{name}.fmu",
         "--description",
         xml,
         "--license",
         ROOT / "LICENSE",
     ]
-    subprocess.run(
-        [*package, "--binary", f"linux64={library}", "--source", source, *adapter, *core.glob("*.h")], check=True
-    )
+    contents = ["--binary", f"linux64={library}", "--source", source, *adapter, "--include", *folders]
+    subprocess.run([*package, *contents], check=True)
     return folder / f"{name}.fmu"
 
 

@@ -12,7 +12,7 @@
  * With velocity_follows_attitude the velocity turns with the body for free (no force does that): dv/dt += omega x v, so that
  * d(C_SN v)/dt = F_S / m, the kinematics of Kozlova & Fomichev 2023 (docs/models.md B.2).
  * Source: Zhu & Yang 2009, equations (9), (15), (17). Classical Runge-Kutta on the grid k * max_step. */
-#include "body_rows.h"
+#include "orbit_rows.h"
 #include "rigid_body.h"
 #include "rk4.h"
 #include "sinusoid.h"

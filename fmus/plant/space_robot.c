@@ -10,7 +10,7 @@
  * locked while it moves hands its momentum over to the whole. The centre of mass flies a Kepler orbit that the attitude
  * does not change. Source: Guo, Li, Fan, Meng 2014, corrected (docs/models.md D). Classical Runge-Kutta on the grid
  * k * max_step. */
-#include "body_rows.h"
+#include "orbit_rows.h"
 #include "portable_math.h"
 #include "rigid_body.h"
 #include "rk4.h"

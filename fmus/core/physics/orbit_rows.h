@@ -1,8 +1,7 @@
-/* body_rows.h - the rows that several subsystems share: start orbit of a plant, body states on the wires. */
-#ifndef BODY_ROWS_H
-#define BODY_ROWS_H
+/* orbit_rows.h - the start orbit of a plant: planet, elements or Cartesian start, and their rules. */
+#ifndef ORBIT_ROWS_H
+#define ORBIT_ROWS_H
 
-#include "attitude.h"
 #include "fmu.h"
 #include "orbit.h"
 
@@ -18,20 +17,6 @@
         NONNEGATIVE_AS("mu", orbit.mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),       \
         NONNEGATIVE_AS("R_E", orbit.R_E, "m", "equatorial radius of the planet"),                               \
         NONNEGATIVE_AS("J2", orbit.J2, "1", "second zonal harmonic of the planet")
-
-typedef struct {
-    vec3 r, v;
-    quat q;
-    vec3 omega;
-} Body; /* N, N, body relative to N, body components */
-
-#define BODY_INPUTS(X, member, whose)                                                                               \
-    ROW_AS(INPUT_ROW, u, "r_" X "N_N", member.r, 1, "m", "position of the " whose ", N axes", ANY_VALUE),           \
-        ROW_AS(INPUT_ROW, u, "v_" X "N_N", member.v, 1, "m/s", "velocity of the " whose ", N axes", ANY_VALUE),     \
-        ROW_AS(INPUT_ROW, u, "q_" X "N", member.q, 1, "1", "attitude of the " whose " relative to N, scalar first", \
-               ANY_VALUE),                                                                                          \
-        ROW_AS(INPUT_ROW, u, "omega_" X "N_" X, member.omega, 1, "rad/s",                                           \
-               "angular velocity of the " whose " relative to N, body axes", ANY_VALUE)
 
 static inline void check_orbit(Problems *problems, const Orbit *o, vec3 r_0_N)
 {

@@ -10,6 +10,7 @@
  * Source: Zhu & Yang 2009, equations (5) to (7) and (10); derivatives: docs/models.md A.4. */
 #include "body_rows.h"
 #include "motion.h"
+#include "orbit.h"
 #include "reference_rows.h"
 #include "rigid_body.h"
 #include "sinusoid.h"

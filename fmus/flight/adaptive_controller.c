@@ -11,6 +11,7 @@
  * command uses the estimates before their explicit Euler update, the published estimates are those after it.
  * Source: Zhu & Yang 2009, equations (8) to (21); corrections and options: docs/models.md A.4.4, A.5, A.7. */
 #include "body_rows.h"
+#include "orbit.h"
 #include "reference_rows.h"
 #include "time_grid.h"
 

@@ -1,7 +1,8 @@
 """Zip one FMU: model description, binaries, sources, documentation, licence, picture. Same inputs, same bytes.
 
-Usage: package_fmu.py OUTPUT --description XML --license FILE --binary PLATFORM=FILE... --source FILE...
-The first source is the file of the model; its opening comment (equations, source) becomes the documentation.
+Usage: package_fmu.py OUTPUT --description XML --license FILE --binary PLATFORM=FILE... --source FILE... --include DIR...
+The first source is the file of the model; its opening comment (equations, source) becomes the documentation. The headers
+that the sources include, directly or not, are found in the folders given and go into sources/ beside them.
 """
 
 import argparse
@@ -39,6 +40,19 @@ def limits(row: dict[str, str]) -> str:
     """The declared range of a variable, empty if it has none."""
     low, high = row.get("min"), row.get("max")
     return "" if low is None else f"{low} .. {high}" if high else f">= {low}"
+
+
+def headers_of(sources: list[Path], folders: list[Path]) -> list[Path]:
+    """The headers in `folders` that the sources include, directly or through each other."""
+    found: dict[str, Path] = {}
+    waiting = list(sources)
+    while waiting:
+        for name in re.findall(r'^#include "(.+?)"', waiting.pop().read_text(encoding="utf-8"), re.MULTILINE):
+            header = next((folder / name for folder in folders if (folder / name).exists()), None)
+            if header and name not in found:
+                found[name] = header
+                waiting.append(header)
+    return list(found.values())
 
 
 def table(rows: list[dict[str, str]]) -> str:
@@ -115,6 +129,7 @@ def main() -> None:
     parser.add_argument("--license", type=Path, required=True)
     parser.add_argument("--binary", action="append", required=True, metavar="PLATFORM=FILE")
     parser.add_argument("--source", type=Path, nargs="+", required=True)
+    parser.add_argument("--include", type=Path, nargs="+", required=True)
     a = parser.parse_args()
     description = ElementTree.parse(a.description).getroot()
     png = picture(description)
@@ -124,7 +139,7 @@ def main() -> None:
         "documentation/index.html": documentation(description, a.source[0]).encode(),
         "documentation/model.png": png,
         "licenses/license.txt": a.license.read_bytes(),
-        **{f"sources/{source.name}": source.read_bytes() for source in a.source},
+        **{f"sources/{source.name}": source.read_bytes() for source in [*a.source, *headers_of(a.source, a.include)]},
     }
     for binary in a.binary:
         platform, _, file = binary.partition("=")
