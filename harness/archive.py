@@ -1,6 +1,7 @@
 """Unpacking of .ssp and .fmu archives that may come from anywhere, and packing of our own.
 
-Every name is judged before anything is written: no absolute path, no `..`, no link, no more than MAX_UNPACKED bytes.
+Every name is judged before anything is written: no absolute path, no `..`, no link, no more than
+MAX_UNPACKED bytes.
 """
 
 from __future__ import annotations
@@ -26,12 +27,22 @@ DATE = (1980, 1, 1, 0, 0, 0)
 MAX_ENTRY = 64 * 1024**2
 """Largest single file that is read into memory [bytes]."""
 
-_DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, NotImplementedError, ValueError, OSError)
+_DAMAGE = (
+    zipfile.BadZipFile,
+    zlib.error,
+    EOFError,
+    RuntimeError,
+    NotImplementedError,
+    ValueError,
+    OSError,
+)
 """What zipfile raises for damaged, encrypted or exotically compressed archives."""
 
 
 def unpack(path: Path, folder: Path, limit: int = MAX_UNPACKED) -> None:
-    """Unpack a zip archive into an existing folder; ArchiveError if it is missing, damaged or unsafe."""
+    """Unpack a zip archive into an existing folder; ArchiveError if it is missing, damaged or
+    unsafe.
+    """
     if not path.is_file():
         raise ArchiveError(f"{path}: no such file")
     try:
@@ -39,11 +50,15 @@ def unpack(path: Path, folder: Path, limit: int = MAX_UNPACKED) -> None:
             _refuse_unsafe(path, archive.infolist(), limit)
             archive.extractall(folder)
     except _DAMAGE as error:
-        raise ArchiveError(f"{path}: cannot be unpacked, the file is damaged or not a zip archive ({error})") from error
+        raise ArchiveError(
+            f"{path}: cannot be unpacked, the file is damaged or not a zip archive ({error})"
+        ) from error
 
 
 def read_entry(path: Path, name: str, limit: int = MAX_ENTRY) -> bytes:
-    """Content of one file of an archive; ArchiveError if it is not there, damaged or longer than the limit."""
+    """Content of one file of an archive; ArchiveError if it is not there, damaged or longer than
+    the limit.
+    """
     try:
         with zipfile.ZipFile(path) as archive:
             if archive.getinfo(name).file_size > limit:
@@ -52,16 +67,22 @@ def read_entry(path: Path, name: str, limit: int = MAX_ENTRY) -> bytes:
     except KeyError:
         raise ArchiveError(f"{path}: it holds no {name}") from None
     except _DAMAGE as error:
-        raise ArchiveError(f"{path}: cannot be read, the file is damaged or not a zip archive ({error})") from error
+        raise ArchiveError(
+            f"{path}: cannot be read, the file is damaged or not a zip archive ({error})"
+        ) from error
 
 
 def has_doctype(xml: bytes) -> bool:
-    """Whether a text in any encoding may declare a document type, and with it entities; nothing of it is parsed."""
+    """Whether a text in any encoding may declare a document type, and with it entities; nothing of
+    it is parsed.
+    """
     return b"<!DOCTYPE" in xml.replace(b"\0", b"")
 
 
 def pack(path: Path, content: Mapping[str, bytes], compression: int = zipfile.ZIP_STORED) -> None:
-    """Write files by name as a zip archive, always with the same bytes; ResultsError if it cannot be written."""
+    """Write files by name as a zip archive, always with the same bytes; ResultsError if it cannot
+    be written.
+    """
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w", compression) as archive:
         for name, file in sorted(content.items()):
@@ -80,17 +101,23 @@ def _entry(name: str) -> zipfile.ZipInfo:
 
 
 def _refuse_unsafe(path: Path, entries: list[zipfile.ZipInfo], limit: int) -> None:
-    """Judge all entries; one that does not begin the file belongs to an archive inside a truncated one."""
+    """Judge all entries; one that does not begin the file belongs to an archive inside a truncated
+    one.
+    """
     if min((entry.header_offset for entry in entries), default=1) != 0:
         raise zipfile.BadZipFile("File is truncated")
     for entry in entries:
         if reason := _unsafe(entry):
             raise ArchiveError(f"{path}: refused, it holds {reason}: {entry.orig_filename!r}")
     if len(entries) > MAX_FILES:
-        raise ArchiveError(f"{path}: refused, it holds {len(entries)} files, more than the limit of {MAX_FILES}")
+        raise ArchiveError(
+            f"{path}: refused, it holds {len(entries)} files, more than the limit of {MAX_FILES}"
+        )
     size = sum(entry.file_size for entry in entries)
     if size > limit:
-        raise ArchiveError(f"{path}: refused, it would unpack to {size} bytes, more than the limit of {limit}")
+        raise ArchiveError(
+            f"{path}: refused, it would unpack to {size} bytes, more than the limit of {limit}"
+        )
 
 
 def _unsafe(entry: zipfile.ZipInfo) -> str | None:

@@ -1,4 +1,6 @@
-"""What a signal or parameter is worth where it arrives: after units, transformations and names of enumeration items."""
+"""What a signal or parameter is worth where it arrives: after units, transformations and names of
+enumeration items.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +14,14 @@ from harness.values import Scalar, coerce
 
 
 def way(connection: Connection, interfaces: Mapping[str, Interface]) -> Affine:
-    """What happens to a signal between its output and its input; ValueError if the units do not fit."""
+    """What happens to a signal between its output and its input; ValueError if the units do not
+    fit.
+    """
     source, target = (interfaces[port.component] for port in (connection.source, connection.target))
     start = source.unit(source.variables[connection.source.variable])
-    return compose(start, connection.hops, target.unit(target.variables[connection.target.variable]))
+    return compose(
+        start, connection.hops, target.unit(target.variables[connection.target.variable])
+    )
 
 
 def final(parameter: Parameter, variable: Variable, interface: Interface) -> Scalar:
@@ -27,7 +33,11 @@ def final(parameter: Parameter, variable: Variable, interface: Interface) -> Sca
         return coerce(value, variable.type)
     start = None if parameter.unit is None else parameter.meaning or Unit(parameter.unit)
     change = compose(start, parameter.hops, interface.unit(variable))
-    return coerce(value, variable.type) if change == IDENTITY else coerce(change(_number(value)), variable.type)
+    return (
+        coerce(value, variable.type)
+        if change == IDENTITY
+        else coerce(change(_number(value)), variable.type)
+    )
 
 
 def _item(variable: Variable, name: str) -> int:

@@ -1,7 +1,9 @@
-"""What a macro step costs, side by side in one run: monolithic C, bare C loop, our executors, FMPy, other masters.
+"""What a macro step costs, side by side in one run: monolithic C, bare C loop, our executors, FMPy,
+other masters.
 
-Every contender flies the same system from the same .ssp in Gauss-Seidel order (other masters: their own). Contenders
-are run in turn, several rounds, and the fastest round of each counts, so that a noisy machine hurts all alike.
+Every contender flies the same system from the same .ssp in Gauss-Seidel order (other masters: their
+own). Contenders are run in turn, several rounds, and the fastest round of each counts, so that a
+noisy machine hurts all alike.
 """
 
 from __future__ import annotations
@@ -59,7 +61,9 @@ class Contender(AbstractContextManager["Contender"]):
 
     def simulation(self, executor: str = "c") -> Simulation:
         """The system loaded and initialised, long enough for one round."""
-        experiment = replace(self.system.experiment, stop=self.system.experiment.start + self.steps * self.step)
+        experiment = replace(
+            self.system.experiment, stop=self.system.experiment.start + self.steps * self.step
+        )
         simulation = self.stack.enter_context(
             Simulation(replace(self.system, experiment=experiment), executor=executor)
         )
@@ -122,14 +126,18 @@ class FMPyLoop(Contender):
     def __enter__(self) -> Self:
         simulation = self.simulation()
         self.bus = list(simulation.bus)
-        self.plan = [(u.slave, *_lists(u, Verb.SET), *_lists(u, Verb.GET)) for u in simulation.units]
+        self.plan = [
+            (u.slave, *_lists(u, Verb.SET), *_lists(u, Verb.GET)) for u in simulation.units
+        ]
         return self
 
     def run(self) -> None:
         for k in range(self.steps):
             for slave, inputs, sources, outputs, slots in self.plan:
                 slave.setReal(inputs, [self.bus[i] for i in sources])
-                slave.doStep(currentCommunicationPoint=k * self.step, communicationStepSize=self.step)
+                slave.doStep(
+                    currentCommunicationPoint=k * self.step, communicationStepSize=self.step
+                )
                 for slot, value in zip(slots, slave.getReal(outputs), strict=True):
                     self.bus[slot] = value
 
@@ -137,7 +145,9 @@ class FMPyLoop(Contender):
 def _lists(unit: Unit, verb: Verb) -> tuple[list[int], list[int]]:
     """Value references and slots of a unit as lists."""
     transfers = unit.transfers[verb]
-    return [r for t in transfers for r in t.references], [int(s) for t in transfers for s in t.slots]
+    return [r for t in transfers for r in t.references], [
+        int(s) for t in transfers for s in t.slots
+    ]
 
 
 class LibcosimMaster(Contender):
@@ -158,7 +168,9 @@ class LibcosimMaster(Contender):
 
 
 class ObservedLibcosim(LibcosimMaster):
-    """libcosim that also keeps the last values of all variables, as its users do to see anything."""
+    """libcosim that also keeps the last values of all variables, as its users do to see
+    anything.
+    """
 
     def __enter__(self) -> Self:
         from libcosimpy.CosimObserver import CosimObserver
@@ -174,7 +186,9 @@ class EcosMaster(Contender):
     def __enter__(self) -> Self:
         from ecospy import EcosSimulation
 
-        self.master = self.stack.enter_context(EcosSimulation(self.step, ssp_path=str(_ssp_file(self.system))))
+        self.master = self.stack.enter_context(
+            EcosSimulation(self.step, ssp_path=str(_ssp_file(self.system)))
+        )
         self.master.init(parameter_set="default")
         return self
 
@@ -238,18 +252,27 @@ def run_memory(system: str) -> float:
         "import resource, sys; from harness.run import run; run(sys.argv[1]); "
         "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
     )
-    done = subprocess.run([sys.executable, "-c", code, system], check=True, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code, system], check=True, capture_output=True, text=True
+    )
     return float(done.stdout) / 1024
 
 
 def bench(name: str) -> str:
-    """Table of the cost of a macro step of a system of the project, start-up time and memory; UsageError if unknown."""
+    """Table of the cost of a macro step of a system of the project, start-up time and memory;
+    UsageError if unknown.
+    """
     with loaded(name) as system:
         rows = list(measure(system))
     base = next((row.seconds for row in rows if row.name == CONTENDERS[1][0] and row.seconds), None)
-    lines = [f"{name}: cost of one macro step, fastest of {ROUNDS} rounds", f"{'':30}{'us':>9}{'ratio':>9}"]
+    lines = [
+        f"{name}: cost of one macro step, fastest of {ROUNDS} rounds",
+        f"{'':30}{'us':>9}{'ratio':>9}",
+    ]
     lines += [_line(row, base) for row in rows]
-    lines += [f"command-line start-up {start_up():.2f} s, memory of a whole run {run_memory(name):.0f} MB"]
+    lines += [
+        f"command-line start-up {start_up():.2f} s, memory of a whole run {run_memory(name):.0f} MB"
+    ]
     return "\n".join(lines)
 
 

@@ -1,9 +1,10 @@
-"""From ssp/*.toml to .ssp: components wired by name, parameters in one table per component, everything checked.
+"""From ssp/*.toml to .ssp: components wired by name, parameters in one table per component,
+everything checked.
 
     python -m harness.build_ssp SYSTEM.toml --fmus FOLDER -o SYSTEM.ssp
 
-All problems are reported at once: unknown names, inputs without a driver or with several, unequal units, ill-shaped
-values.
+All problems are reported at once: unknown names, inputs without a driver or with several, unequal
+units, ill-shaped values.
 """
 
 from __future__ import annotations
@@ -47,7 +48,9 @@ KEYS = {
 
 
 def compose(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> System:
-    """The system that a TOML describes; fmus: paths by name. Raises FmuError or StructureError with all problems."""
+    """The system that a TOML describes; fmus: paths by name. Raises FmuError or StructureError with
+    all problems.
+    """
     if found := _ill_formed(source, fmus):
         raise StructureError(found)
     return _Composer(source, fmus).system()
@@ -56,7 +59,9 @@ def compose(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> System:
 def _ill_formed(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> list[str]:
     """Problems that make it pointless to look further."""
     found = [
-        f"there is no [{key}] table or value" for key in ("name", "experiment", "components") if not source.get(key)
+        f"there is no [{key}] table or value"
+        for key in ("name", "experiment", "components")
+        if not source.get(key)
     ]
     found += _unknown_keys("", source, KEYS[""])
     for name, fmu in source.get("components", {}).items():
@@ -69,17 +74,23 @@ def _ill_formed(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> list[str
 
 def _unknown_keys(place: str, table: Mapping[str, Any], known: Sequence[str]) -> list[str]:
     where = f"[{place}]: " if place else ""
-    return [f"{where}unknown key {key}{did_you_mean(key, known)}" for key in table if key not in known]
+    return [
+        f"{where}unknown key {key}{did_you_mean(key, known)}" for key in table if key not in known
+    ]
 
 
 class _Composer:
-    """One pass over the tables of a system that collects problems instead of stopping at the first."""
+    """One pass over the tables of a system that collects problems instead of stopping at the
+    first.
+    """
 
     def __init__(self, source: Mapping[str, Any], fmus: Mapping[str, Path]) -> None:
         self.source = source
         self.fmus = fmus
         self.problems: list[str] = []
-        self.bare = tuple(self._component(name, fmus[fmu]) for name, fmu in source["components"].items())
+        self.bare = tuple(
+            self._component(name, fmus[fmu]) for name, fmu in source["components"].items()
+        )
         self.interfaces: Mapping[str, Interface] = graph.read_interfaces(
             System(source["name"], self.bare, (), Experiment())
         )
@@ -89,7 +100,8 @@ class _Composer:
         wiring = self._wiring(left_open)
         defaults = self._assignments(self.source.get("parameters", {}))
         components = tuple(
-            replace(c, parameters=defaults.over(c.name, left_open.parameters[c.name])) for c in self.bare
+            replace(c, parameters=defaults.over(c.name, left_open.parameters[c.name]))
+            for c in self.bare
         )
         system = System(
             name=self.source["name"],
@@ -97,14 +109,19 @@ class _Composer:
             components=components,
             connections=tuple(wiring.connections),
             experiment=self._experiment(),
-            sets=tuple(self._set(name, table, components) for name, table in self.source.get("sets", {}).items()),
+            sets=tuple(
+                self._set(name, table, components)
+                for name, table in self.source.get("sets", {}).items()
+            ),
             strict=True,
         )
         self._finish(system, wiring)
         return replace(system, alternatives=tuple(self._alternatives(system)))
 
     def _finish(self, system: System, wiring: Wiring) -> None:
-        """Raise everything that was found; open inputs that the wiring has already spoken of are not repeated."""
+        """Raise everything that was found; open inputs that the wiring has already spoken of are
+        not repeated.
+        """
         further = graph.problems(replace(system, strict=not wiring.problems), self.interfaces)
         unequal = graph.unequal_units(system, self.interfaces)
         if found := [*wiring.problems, *self.problems, *further, *unequal]:
@@ -114,14 +131,22 @@ class _Composer:
     def _component(self, name: str, fmu: Path) -> Component:
         timing = self.source.get("schedule", {}).get(name, {})
         self.problems += _unknown_keys(f"schedule.{name}", timing, KEYS["schedule"])
-        every, latency = (self._number(f"schedule.{name}", timing, key) for key in ("every", "latency"))
-        return Component(name, fmu, every=round(1 if every is None else every), latency=round(latency or 0))
+        every, latency = (
+            self._number(f"schedule.{name}", timing, key) for key in ("every", "latency")
+        )
+        return Component(
+            name, fmu, every=round(1 if every is None else every), latency=round(latency or 0)
+        )
 
     def _experiment(self) -> Experiment:
         table = self.source["experiment"]
         self.problems += _unknown_keys("experiment", table, KEYS["experiment"])
-        self.problems += _unknown_keys("schedule", self.source.get("schedule", {}), list(self.interfaces))
-        start, stop, step = (self._number("experiment", table, key) for key in ("start", "stop", "step"))
+        self.problems += _unknown_keys(
+            "schedule", self.source.get("schedule", {}), list(self.interfaces)
+        )
+        start, stop, step = (
+            self._number("experiment", table, key) for key in ("start", "stop", "step")
+        )
         return Experiment(start or 0.0, stop, step, str(table.get("algorithm", "gauss-seidel")))
 
     def _number(self, place: str, table: Mapping[str, Any], key: str) -> float | None:
@@ -145,7 +170,11 @@ class _Composer:
         return values
 
     def _wiring(self, left_open: Assignments) -> Wiring:
-        ports = [Port(component, name) for component, values in left_open.parameters.items() for name in values]
+        ports = [
+            Port(component, name)
+            for component, values in left_open.parameters.items()
+            for name in values
+        ]
         return wire(self.interfaces, list(self.source.get("connections", {}).items()), ports)
 
     def _assignments(self, tables: Mapping[str, Any], place: str = "parameters") -> Assignments:
@@ -154,18 +183,28 @@ class _Composer:
         self.problems += [f"[{place}] {problem}" for problem in values.problems]
         return values
 
-    def _set(self, name: str, table: Mapping[str, Any], components: Sequence[Component]) -> ParameterSet:
+    def _set(
+        self, name: str, table: Mapping[str, Any], components: Sequence[Component]
+    ) -> ParameterSet:
         """A named set: the default parameters with the tables of the set put over them."""
         values = {key: value for key, value in table.items() if key not in KEYS["set"]}
         overrides = self._assignments(values, f"sets.{name}")
         experiment = table.get("experiment", {})
-        self.problems += _unknown_keys(f"sets.{name}.experiment", experiment, KEYS["set experiment"])
-        stop, step = (self._number(f"sets.{name}.experiment", experiment, key) for key in ("stop", "step"))
-        parameters = {c.name: given for c in components if (given := overrides.over(c.name, c.parameters))}
+        self.problems += _unknown_keys(
+            f"sets.{name}.experiment", experiment, KEYS["set experiment"]
+        )
+        stop, step = (
+            self._number(f"sets.{name}.experiment", experiment, key) for key in ("stop", "step")
+        )
+        parameters = {
+            c.name: given for c in components if (given := overrides.over(c.name, c.parameters))
+        }
         return ParameterSet(name, table.get("description", ""), parameters, stop, step)
 
     def _alternatives(self, system: System) -> Iterator[Alternative]:
-        """Parameters for other FMUs, each tried in its place; StructureError with what does not fit."""
+        """Parameters for other FMUs, each tried in its place; StructureError with what does not
+        fit.
+        """
         problems = []
         for fmu, table in self.source.get("alternatives", {}).items():
             try:
@@ -176,8 +215,12 @@ class _Composer:
             raise StructureError(problems)
 
 
-def alternative(system: System, fmu: str, table: Mapping[str, Any], fmus: Mapping[str, Path]) -> Alternative:
-    """Parameters for another FMU in the place of the component that the table `replaces`, tried there."""
+def alternative(
+    system: System, fmu: str, table: Mapping[str, Any], fmus: Mapping[str, Path]
+) -> Alternative:
+    """Parameters for another FMU in the place of the component that the table `replaces`, tried
+    there.
+    """
     if fmu not in fmus:
         raise StructureError([f"there is no such FMU{did_you_mean(fmu, fmus)}"])
     if not (place := table.get("replaces")):
@@ -187,7 +230,9 @@ def alternative(system: System, fmu: str, table: Mapping[str, Any], fmus: Mappin
     values.tables({key: value for key, value in table.items() if key != "replaces"})
     if values.problems:
         raise StructureError(values.problems)
-    found = Alternative(place, fmu, {name: given for name, given in values.parameters.items() if given})
+    found = Alternative(
+        place, fmu, {name: given for name, given in values.parameters.items() if given}
+    )
     graph.build_graph(exchange(replace(system, alternatives=(found,)), place, fmus[fmu]))
     return found
 

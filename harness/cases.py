@@ -41,15 +41,17 @@ class _Choice(NamedTuple):
 def cases(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Case]:
     """All combinations, the last option changing fastest.
 
-    fixed: changes common to all; varied: option (params, algorithm, swap, latency, set) and its values separated by
-    commas, for the last three after `component=` or `component.parameter=`; a parameter may also be given as a range
-    first:last:step. Only options with several values appear in the labels. Raises UsageError if there is nothing to
-    compare.
+    fixed: changes common to all; varied: option (params, algorithm, swap, latency, set) and its
+    values separated by commas, for the last three after `component=` or `component.parameter=`; a
+    parameter may also be given as a range first:last:step. Only options with several values appear
+    in the labels. Raises UsageError if there is nothing to compare.
     """
     choices = [list(_choices(option, text)) for option, text in varied]
     several = [len(each) > 1 for each in choices]
     if not any(several):
-        raise UsageError("there is nothing to compare: give several values, e.g. --swap controller=A,B or --params A,B")
+        raise UsageError(
+            "there is nothing to compare: give several values, e.g. --swap controller=A,B or --params A,B"
+        )
     return [_case(fixed, combination, several) for combination in itertools.product(*choices)]
 
 
@@ -110,4 +112,7 @@ def _case(fixed: Changes, combination: Sequence[_Choice], several: Sequence[bool
         else:
             earlier = dict(pairs(f"--{choice.option}", changes.get(choice.option, ())))  # type: ignore[arg-type]
             changes[choice.option] = earlier | dict([choice.value])  # type: ignore[literal-required]
-    return Case(", ".join(c.label for c, varies in zip(combination, several, strict=True) if varies), changes)
+    return Case(
+        ", ".join(c.label for c, varies in zip(combination, several, strict=True) if varies),
+        changes,
+    )

@@ -19,7 +19,9 @@ from harness.system import System
 
 
 def text(name: str | None = None) -> str:
-    """All systems with components and sets, and all FMUs, as lines for reading; with a name or path one system."""
+    """All systems with components and sets, and all FMUs, as lines for reading; with a name or path
+    one system.
+    """
     if name is not None:
         return "\n".join(_system_lines(find_system(name)))
     systems, fmus = paths.systems(), paths.fmus()
@@ -30,7 +32,10 @@ def text(name: str | None = None) -> str:
         lines += [f"  {line}" for line in _system_lines(path)]
     lines += ["FMUs"]
     width = max(map(len, fmus), default=0)
-    lines += [f"  {name:{width}}  {read_interface(path).model.description or ''}" for name, path in fmus.items()]
+    lines += [
+        f"  {name:{width}}  {read_interface(path).model.description or ''}"
+        for name, path in fmus.items()
+    ]
     return "\n".join(lines)
 
 
@@ -56,11 +61,15 @@ def _alternatives(system: System) -> dict[str, list[str]]:
 
 
 def check(name: str) -> str:
-    """Verdict on a system or FMU, given by name or path; StructureError or FmuError with everything that is wrong."""
+    """Verdict on a system or FMU, given by name or path; StructureError or FmuError with everything
+    that is wrong.
+    """
     systems, fmus = paths.systems(), paths.fmus()
     path = systems.get(name) or fmus.get(name) or Path(name)
     if not path.is_file():
-        raise UsageError(f"{name}: there is no such system or FMU{did_you_mean(name, [*systems, *fmus])}")
+        raise UsageError(
+            f"{name}: there is no such system or FMU{did_you_mean(name, [*systems, *fmus])}"
+        )
     if path.suffix == ".fmu":
         return _check_fmu(path)
     with ssp.opened(path) as system:
@@ -91,7 +100,9 @@ def _check_system(system: System) -> str:
     missing = [name for name in ("step", "stop") if getattr(experiment, name) is None]
     problems = []
     if not missing:
-        problems = _complaints(lambda: macro_steps(experiment, [c.every for c in system.components]))
+        problems = _complaints(
+            lambda: macro_steps(experiment, [c.every for c in system.components])
+        )
     for name in set_names(system):
         problems += _complaints(lambda name=name: build_graph(choose_set(system, name)))  # type: ignore[misc]
     if not problems:
@@ -99,9 +110,7 @@ def _check_system(system: System) -> str:
         problems = [f"{c.name}: {c.fmu.name} holds no binary for this platform" for c in bare]
     if problems:
         raise StructureError(problems)
-    counts = (
-        f"{len(system.components)} components, {len(system.connections)} connections, {len(set_names(system))} sets"
-    )
+    counts = f"{len(system.components)} components, {len(system.connections)} connections, {len(set_names(system))} sets"
     wanted = f", give {' and '.join(f'--{name}' for name in missing)}" if missing else ""
     return f"{system.name}: fine ({counts}){wanted}"
 

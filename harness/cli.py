@@ -1,7 +1,8 @@
-"""The command line: `harness run | compare | list | check | export | draw | linearize | plot | report | bench`.
+"""The command line: `harness run | compare | list | check | export | draw | linearize | plot |
+report | bench`.
 
-Exit status 0: fine, 1: the run or check failed, 2: wrong use. Errors are one line each on stderr. What a command
-needs is imported when it runs, so that the command line itself starts at once.
+Exit status 0: fine, 1: the run or check failed, 2: wrong use. Errors are one line each on stderr.
+What a command needs is imported when it runs, so that the command line itself starts at once.
 """
 
 from __future__ import annotations
@@ -33,23 +34,37 @@ class Format(Enum):
 INTERRUPTED = 130
 """What newer versions of typer return after Ctrl-C."""
 
-SystemArgument = Annotated[str, typer.Argument(metavar="SYSTEM", help="name of a system, or path of an .ssp")]
-ParamsOption = Annotated[str | None, typer.Option(metavar="SET_OR_FILE", help="parameter set, .toml or .ssv")]
-SetOption = Annotated[list[str] | None, typer.Option("--set", metavar="C.NAME=VALUE", help="one parameter")]
-SwapOption = Annotated[list[str] | None, typer.Option(metavar="C=FMU", help="another FMU (name or path)")]
-LatencyOption = Annotated[list[str] | None, typer.Option(metavar="C=N", help="publish N macro steps later")]
+SystemArgument = Annotated[
+    str, typer.Argument(metavar="SYSTEM", help="name of a system, or path of an .ssp")
+]
+ParamsOption = Annotated[
+    str | None, typer.Option(metavar="SET_OR_FILE", help="parameter set, .toml or .ssv")
+]
+SetOption = Annotated[
+    list[str] | None, typer.Option("--set", metavar="C.NAME=VALUE", help="one parameter")
+]
+SwapOption = Annotated[
+    list[str] | None, typer.Option(metavar="C=FMU", help="another FMU (name or path)")
+]
+LatencyOption = Annotated[
+    list[str] | None, typer.Option(metavar="C=N", help="publish N macro steps later")
+]
 StepOption = Annotated[float | None, typer.Option(help="macro step [s]")]
 StopOption = Annotated[float | None, typer.Option(help="stop time [s]")]
 AlgorithmOption = Annotated[str | None, typer.Option(help="gauss-seidel or jacobi")]
 EveryOption = Annotated[int, typer.Option(help="record every N-th macro step")]
 FormatOption = Annotated[Format, typer.Option("--format", help="of the figures")]
-FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="results of `harness run`, .csv or .nc")]
+FileArgument = Annotated[
+    Path, typer.Argument(metavar="FILE", help="results of `harness run`, .csv or .nc")
+]
 
 
 @app.command("run")
 def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     system: SystemArgument,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="results: .csv, .nc or .mat")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="results: .csv, .nc or .mat")
+    ] = None,
     params: ParamsOption = None,
     set_: SetOption = None,
     swap: SwapOption = None,
@@ -59,7 +74,9 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     algorithm: AlgorithmOption = None,
     executor: Annotated[str, typer.Option(help="c or python (the same bits, for debugging)")] = "c",
     every: EveryOption = 1,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress bar, no summary")] = False,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="no progress bar, no summary")
+    ] = False,
 ) -> None:
     """Fly a system and write the results.
 
@@ -92,30 +109,44 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     seconds = perf_counter() - began
     file.write(result)
     if not quiet:
-        typer.echo(f"{result.system}: {result.time[-1]:g} s in {seconds:.2f} s, {len(result.time)} rows in {file.path}")
+        typer.echo(
+            f"{result.system}: {result.time[-1]:g} s in {seconds:.2f} s, {len(result.time)} rows in {file.path}"
+        )
 
 
 @app.command("compare")
 def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     system: SystemArgument,
     params: Annotated[str | None, typer.Option(metavar="A,B,..", help="parameter sets")] = None,
-    swap: Annotated[list[str] | None, typer.Option(metavar="C=A,B,..", help="FMUs in the place of C")] = None,
-    latency: Annotated[list[str] | None, typer.Option(metavar="C=N,M,..", help="macro steps that C is late")] = None,
-    vary: Annotated[
-        list[str] | None, typer.Option(metavar="C.NAME=V,W,..", help="values of a parameter, or first:last:step")
+    swap: Annotated[
+        list[str] | None, typer.Option(metavar="C=A,B,..", help="FMUs in the place of C")
     ] = None,
-    algorithm: Annotated[str | None, typer.Option(metavar="A,B", help="gauss-seidel,jacobi")] = None,
+    latency: Annotated[
+        list[str] | None, typer.Option(metavar="C=N,M,..", help="macro steps that C is late")
+    ] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(metavar="C.NAME=V,W,..", help="values of a parameter, or first:last:step"),
+    ] = None,
+    algorithm: Annotated[
+        str | None, typer.Option(metavar="A,B", help="gauss-seidel,jacobi")
+    ] = None,
     set_: SetOption = None,
     step: StepOption = None,
     stop: StopOption = None,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="folder (default: results/SYSTEM)")] = None,
-    every: Annotated[int | None, typer.Option(help="record every N-th macro step (default: 20 000 rows)")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="folder (default: results/SYSTEM)")
+    ] = None,
+    every: Annotated[
+        int | None, typer.Option(help="record every N-th macro step (default: 20 000 rows)")
+    ] = None,
     ending: FormatOption = Format.PNG,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress bar")] = False,
 ) -> None:
     """Fly variants side by side: one table, figures.
 
-    Every combination of the values given is flown, in parallel. Results, table and figures go to one folder.
+    Every combination of the values given is flown, in parallel. Results, table and figures go to
+    one folder.
     """
     from harness.cases import cases
     from harness.compare import compare, text
@@ -125,9 +156,13 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     varied = [("params", params), ("algorithm", algorithm)]
     for option, texts in (("swap", swap), ("latency", latency), ("set", vary)):
         varied += [(option, each) for each in texts or ()]
-    flights = cases({"set": set_ or (), "step": step, "stop": stop}, [(o, text) for o, text in varied if text])
+    flights = cases(
+        {"set": set_ or (), "step": step, "stop": stop}, [(o, text) for o, text in varied if text]
+    )
     folder = output or Path("results") / Path(system).stem
-    with progress_bar(f"{len(flights)} flights", len(flights), not quiet and sys.stderr.isatty()) as show:
+    with progress_bar(
+        f"{len(flights)} flights", len(flights), not quiet and sys.stderr.isatty()
+    ) as show:
         found = compare(system, flights, folder, every=every, progress=show)
     typer.echo(text(found))
     figures = overlay(found.results, folder, ending.value)
@@ -150,7 +185,9 @@ def list_command(
 
 @app.command()
 def check(
-    name: Annotated[str, typer.Argument(metavar="SYSTEM_OR_FMU", help="name, or path of an .ssp or .fmu")],
+    name: Annotated[
+        str, typer.Argument(metavar="SYSTEM_OR_FMU", help="name, or path of an .ssp or .fmu")
+    ],
 ) -> None:
     """Find all that is wrong with a system or an FMU."""
     from harness import catalogue
@@ -161,7 +198,9 @@ def check(
 @app.command("export")
 def export_command(  # noqa: PLR0913, PLR0917 - one argument per option
     system: SystemArgument,
-    target: Annotated[Path, typer.Argument(metavar="DIR_OR_FILE", help="folder, or file NAME.ssp or NAME.fmu")],
+    target: Annotated[
+        Path, typer.Argument(metavar="DIR_OR_FILE", help="folder, or file NAME.ssp or NAME.fmu")
+    ],
     params: ParamsOption = None,
     set_: SetOption = None,
     swap: SwapOption = None,
@@ -194,7 +233,9 @@ def export_command(  # noqa: PLR0913, PLR0917 - one argument per option
 @app.command("draw")
 def draw_command(
     system: SystemArgument,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="picture (default: SYSTEM.svg)")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="picture (default: SYSTEM.svg)")
+    ] = None,
 ) -> None:
     """Draw the block diagram of a system."""
     from harness.draw import draw
@@ -212,7 +253,9 @@ def linearize_command(
     output: Annotated[Path, typer.Option("--output", "-o", help="matrices, names and units: .npz")],
     at: Annotated[float, typer.Option(help="time of the operating point [s]")] = 0.0,
     step: Annotated[float, typer.Option(help="step of the linear model [s]")] = 0.1,
-    set_: Annotated[list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="parameter or input")] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="parameter or input")
+    ] = None,
 ) -> None:
     """Write the linear model of one FMU about an operating point."""
     from harness.linearize import linearize
@@ -223,13 +266,17 @@ def linearize_command(
     values = {name: parse(value) for name, value in pairs("--set", set_ or ())}
     model = linearize(find_fmu(fmu), at, step, values)
     _write(output, model.save)
-    typer.echo(f"{output}: {len(model.states)} states, {len(model.inputs)} inputs, {len(model.outputs)} outputs")
+    typer.echo(
+        f"{output}: {len(model.states)} states, {len(model.inputs)} inputs, {len(model.outputs)} outputs"
+    )
 
 
 @app.command()
 def plot(
     file: FileArgument,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="folder for the figures")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="folder for the figures")
+    ] = None,
     ending: FormatOption = Format.PNG,
 ) -> None:
     """Draw the figures of a run.
@@ -280,7 +327,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     logging.basicConfig(format="harness: note: %(message)s", level=logging.WARNING)
     try:
         status = app(
-            list(sys.argv[1:] if arguments is None else arguments) or ["--help"], "harness", standalone_mode=False
+            list(sys.argv[1:] if arguments is None else arguments) or ["--help"],
+            "harness",
+            standalone_mode=False,
         )
     except HarnessError as error:
         return _complain(str(error), error.exit_status)
@@ -297,12 +346,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _unexpected(error: Exception) -> int:
-    """A wrong command line (typer's own errors, whose classes depend on its version), or a mistake of ours."""
+    """A wrong command line (typer's own errors, whose classes depend on its version), or a mistake
+    of ours.
+    """
     if hasattr(error, "format_message") and hasattr(error, "exit_code"):
         return _complain(error.format_message(), error.exit_code)
     if os.environ.get("HARNESS_TRACEBACK"):
         raise error
-    return _complain(f"internal error, HARNESS_TRACEBACK=1 shows where: {type(error).__name__}: {error}", 1)
+    return _complain(
+        f"internal error, HARNESS_TRACEBACK=1 shows where: {type(error).__name__}: {error}", 1
+    )
 
 
 def _complain(message: str, status: int) -> int:

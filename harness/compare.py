@@ -1,7 +1,7 @@
 """Several flights of one system side by side: flown in parallel, one table, overlaid figures.
 
-Each flight has a process of its own, so that an FMU that crashes takes no other flight with it. Computing time is
-measured afterwards, one flight at a time and all in turn.
+Each flight has a process of its own, so that an FMU that crashes takes no other flight with it.
+Computing time is measured afterwards, one flight at a time and all in turn.
 """
 
 from __future__ import annotations
@@ -43,7 +43,9 @@ ROUNDS, TIMED_STEPS = 3, 5000
 
 @dataclass(frozen=True)
 class Flight:
-    """What came of a case: its results file, and the one line that says why it ended early ("": it did not)."""
+    """What came of a case: its results file, and the one line that says why it ended early ("": it
+    did not).
+    """
 
     case: Case
     file: Path
@@ -52,7 +54,9 @@ class Flight:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Flights with their results by label, and the figures of all: (name, unit) -> label -> value."""
+    """Flights with their results by label, and the figures of all: (name, unit) -> label ->
+    value.
+    """
 
     flights: tuple[Flight, ...]
     results: Mapping[str, Result]
@@ -61,7 +65,9 @@ class Comparison:
     @property
     def failures(self) -> list[str]:
         """One line per flight that ended early."""
-        return [f"{flight.case.label}: {flight.failure}" for flight in self.flights if flight.failure]
+        return [
+            f"{flight.case.label}: {flight.failure}" for flight in self.flights if flight.failure
+        ]
 
 
 def compare(
@@ -72,11 +78,12 @@ def compare(
     every: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Comparison:
-    """Fly all cases in parallel and measure them; results go to `directory` as LABEL.nc, the table to comparison.csv.
+    """Fly all cases in parallel and measure them; results go to `directory` as LABEL.nc, the table
+    to comparison.csv.
 
-    every: record every N-th macro step (default: as many that a flight has at most 20 000 rows); progress: called with
-    the number of flights that are over. Raises what run() raises before its first step, and ResultsError; a flight that
-    fails under way ends early, the others go on.
+    every: record every N-th macro step (default: as many that a flight has at most 20 000 rows);
+    progress: called with the number of flights that are over. Raises what run() raises before its
+    first step, and ResultsError; a flight that fails under way ends early, the others go on.
     """
     steps = _check(system, cases)
     files = [ResultFile(directory / f"{case.file}.nc").path for case in cases]
@@ -84,16 +91,24 @@ def compare(
         file.unlink(missing_ok=True)
     thinning = [every or _thinning(n) for n in steps]
     failures = _fly_all(system, list(zip(cases, files, thinning, strict=True)), progress)
-    flights = tuple(Flight(case, file, failures[case.label]) for case, file in zip(cases, files, strict=True))
+    flights = tuple(
+        Flight(case, file, failures[case.label]) for case, file in zip(cases, files, strict=True)
+    )
     results = {flight.case.label: read(flight.file) for flight in flights if flight.file.is_file()}
-    figures = {(m.name, m.unit): {label: m(result) for label, result in results.items()} for m in MEASURES}
-    comparison = Comparison(flights, results, figures | {("macro step", "us"): _computing_times(system, flights)})
+    figures = {
+        (m.name, m.unit): {label: m(result) for label, result in results.items()} for m in MEASURES
+    }
+    comparison = Comparison(
+        flights, results, figures | {("macro step", "us"): _computing_times(system, flights)}
+    )
     _write_table(comparison, directory / "comparison.csv")
     return comparison
 
 
 def _check(system: str | Path, cases: Sequence[Case]) -> list[int]:
-    """Find everything that is wrong with a case before any takes off; returns the macro steps of each."""
+    """Find everything that is wrong with a case before any takes off; returns the macro steps of
+    each.
+    """
     steps = []
     with loaded(system) as found:
         for case in cases:
@@ -104,7 +119,9 @@ def _check(system: str | Path, cases: Sequence[Case]) -> list[int]:
 
 
 def _thinning(steps: int) -> int:
-    """Macro steps per row for at most ROWS rows, with the end of the run in the last row if that is possible."""
+    """Macro steps per row for at most ROWS rows, with the end of the run in the last row if that is
+    possible.
+    """
     least = math.ceil(steps / ROWS)
     return next((n for n in range(least, 2 * least) if steps % n == 0), least)
 
@@ -113,9 +130,12 @@ def _thinning(steps: int) -> int:
 
 
 def _fly_all(
-    system: str | Path, cases: Sequence[tuple[Case, Path, int]], progress: Callable[[int], None] | None
+    system: str | Path,
+    cases: Sequence[tuple[Case, Path, int]],
+    progress: Callable[[int], None] | None,
 ) -> dict[str, str]:
-    """Fly as many cases at once as there are processors; returns by label why a flight ended early ("": it did not).
+    """Fly as many cases at once as there are processors; returns by label why a flight ended early
+    ("": it did not).
 
     cases: with the file for the results and the macro steps per row.
     """
@@ -163,7 +183,9 @@ def _silence() -> Iterator[None]:
 
 
 def _in_the_background() -> None:
-    """Leave Ctrl-C and the warnings that _check() has already logged to the parent, and end when it ends."""
+    """Leave Ctrl-C and the warnings that _check() has already logged to the parent, and end when it
+    ends.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _log.setLevel(logging.ERROR)
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -194,7 +216,9 @@ def _computing_times(system: str | Path, flights: Sequence[Flight]) -> dict[str,
     """Time of a macro step of every complete flight [us], the fastest of several rounds in turn."""
     best: dict[str, float] = {}
     with loaded(system) as found, _silence():
-        complete = [(f.case.label, apply(found, **f.case.changes)) for f in flights if not f.failure]
+        complete = [
+            (f.case.label, apply(found, **f.case.changes)) for f in flights if not f.failure
+        ]
         for _ in range(ROUNDS):
             for label, changed in complete:
                 best[label] = min(best.get(label, math.inf), _computing_time(changed))
@@ -216,8 +240,14 @@ def _computing_time(system: System) -> float:
 
 
 def text(comparison: Comparison) -> str:
-    """The table for reading, one line per flight; figures that no flight has are left out, single gaps are `-`."""
-    shown = [key for key, column in comparison.figures.items() if any(map(math.isfinite, column.values()))]
+    """The table for reading, one line per flight; figures that no flight has are left out, single
+    gaps are `-`.
+    """
+    shown = [
+        key
+        for key, column in comparison.figures.items()
+        if any(map(math.isfinite, column.values()))
+    ]
     heading = [(*name.split(" ", 1), "")[:2] for name, _ in shown]
     rows = [["", *words] for words in zip(*heading, strict=True)]
     rows += [["", *(f"[{unit}]" for _, unit in shown)]]
@@ -226,7 +256,9 @@ def text(comparison: Comparison) -> str:
     return "\n".join(_line(row, widths) for row in rows)
 
 
-def _rows(comparison: Comparison, keys: Sequence[tuple[str, str]]) -> Iterator[tuple[str, list[float]]]:
+def _rows(
+    comparison: Comparison, keys: Sequence[tuple[str, str]]
+) -> Iterator[tuple[str, list[float]]]:
     for flight in comparison.flights:
         label = flight.case.label
         yield label, [comparison.figures[key].get(label, math.nan) for key in keys]
@@ -254,6 +286,8 @@ def _write_table(comparison: Comparison, path: Path) -> None:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(["flight", *(f"{name} [{unit}]" for name, unit in keys)])
             for label, figures in _rows(comparison, keys):
-                writer.writerow([label, *("" if math.isnan(value) else repr(value) for value in figures)])
+                writer.writerow(
+                    [label, *("" if math.isnan(value) else repr(value) for value in figures)]
+                )
     except OSError as error:
         raise ResultsError(f"{path}: cannot be written ({error.strerror})") from error

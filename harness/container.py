@@ -1,7 +1,8 @@
 """A whole system as one FMU, by fmucontainer of fmu-manipulation-toolbox (an optional dependency).
 
-fmucontainer reads the wiring of an .ssp but none of its values, so it gets the assembly with all start values from
-here. It steps its FMUs as Jacobi does, or one after the other ("sequential"), which is Gauss-Seidel.
+fmucontainer reads the wiring of an .ssp but none of its values, so it gets the assembly with all
+start values from here. It steps its FMUs as Jacobi does, or one after the other ("sequential"),
+which is Gauss-Seidel.
 """
 
 from __future__ import annotations
@@ -38,7 +39,8 @@ DATE = "1980-01-01T00:00:00Z"
 
 
 def write_container(system: System, path: Path) -> None:
-    """Write a checked system as one FMU. Its outputs are called `component.variable` as in our results.
+    """Write a checked system as one FMU. Its outputs are called `component.variable` as in our
+    results.
 
     Raises UsageError without fmucontainer, StructureError if the system has what it cannot express.
     """
@@ -74,8 +76,14 @@ def assembly(system: System, name: str) -> dict[str, Any]:
         "fmu": [_fmu(c.name) for c in system.components],
         "step_size": system.experiment.step,
         "sequential": system.experiment.algorithm == "gauss-seidel",
-        **dict.fromkeys(("auto_link", "auto_input", "auto_output", "auto_parameter", "auto_local"), False),
-        "output": [[_fmu(c), v, f"{c}.{v}"] for c, interface in interfaces.items() for v in interface.outputs()],
+        **dict.fromkeys(
+            ("auto_link", "auto_input", "auto_output", "auto_parameter", "auto_local"), False
+        ),
+        "output": [
+            [_fmu(c), v, f"{c}.{v}"]
+            for c, interface in interfaces.items()
+            for v in interface.outputs()
+        ],
         "link": [
             [_fmu(source.component), source.variable, _fmu(target.component), target.variable]
             for source, target, _ in system.connections
@@ -84,12 +92,17 @@ def assembly(system: System, name: str) -> dict[str, Any]:
     }
 
 
-def _start_values(system: System, interfaces: Mapping[str, Interface]) -> Iterator[tuple[Port, Scalar]]:
+def _start_values(
+    system: System, interfaces: Mapping[str, Interface]
+) -> Iterator[tuple[Port, Scalar]]:
     for component in system.components:
         interface = interfaces[component.name]
         for name, parameter in component.parameters.items():
             if name in interface.variables:
-                yield Port(component.name, name), final(parameter, interface.variables[name], interface)
+                yield (
+                    Port(component.name, name),
+                    final(parameter, interface.variables[name], interface),
+                )
 
 
 def _fmu(component: str) -> str:
@@ -101,8 +114,12 @@ def _make(folder: Path, description: str) -> None:
         from fmu_manipulation_toolbox.assembly import Assembly, AssemblyError
         from fmu_manipulation_toolbox.container.errors import FMUContainerError
     except ImportError as error:
-        raise UsageError("an FMU of a system needs fmucontainer: pip install fmu-manipulation-toolbox") from error
-    logging.getLogger("fmu_manipulation_toolbox").setLevel(logging.CRITICAL)  # it complains of every open input
+        raise UsageError(
+            "an FMU of a system needs fmucontainer: pip install fmu-manipulation-toolbox"
+        ) from error
+    logging.getLogger("fmu_manipulation_toolbox").setLevel(
+        logging.CRITICAL
+    )  # it complains of every open input
     try:
         Assembly(description, fmu_directory=folder).make_fmu()
     except (AssemblyError, FMUContainerError) as error:
@@ -115,19 +132,22 @@ def _make(folder: Path, description: str) -> None:
 def _finish(made: Path, path: Path, system: System) -> None:
     """Repack a container with a description that other tools accept, always with the same bytes."""
     with zipfile.ZipFile(made) as archive:
-        content = {name: archive.read(name) for name in archive.namelist() if not name.endswith("/")}
+        content = {
+            name: archive.read(name) for name in archive.namelist() if not name.endswith("/")
+        }
     content[RUNTIME] = _in_order(content[RUNTIME], initial_order(system))
     content[MODEL] = _description(content, system)
     pack(path, content, zipfile.ZIP_DEFLATED)
 
 
 def initial_order(system: System) -> list[int]:
-    """Indices of the components in an order in which each can be initialised after all that it depends on.
+    """Indices of the components in an order in which each can be initialised after all that it
+    depends on.
 
-    A container initialises one FMU after the other. It cuts a loop before the first of the list, whose inputs are then
-    zero, so a loop is entered where that does no harm: at a component whose first outputs settle before those of what
-    it still waits for, of several at the last in order of execution, which is a plant. Raises StructureError if there
-    is none.
+    A container initialises one FMU after the other. It cuts a loop before the first of the list,
+    whose inputs are then zero, so a loop is entered where that does no harm: at a component whose
+    first outputs settle before those of what it still waits for, of several at the last in order of
+    execution, which is a plant. Raises StructureError if there is none.
     """
     rounds = _rounds(system)
     index = {c.name: i for i, c in enumerate(system.components)}
@@ -141,29 +161,41 @@ def initial_order(system: System) -> list[int]:
         order.append(ready[0] if ready else min(rest, key=lambda i: rounds[i]))
         known = (rounds[i] for i in sources[order[-1]] if i in order)
         if not ready and rounds[order[-1]] > 1 + max(known, default=0):
-            raise StructureError(["initial outputs depend on each other in a circle, a container cannot"])
+            raise StructureError(
+                ["initial outputs depend on each other in a circle, a container cannot"]
+            )
     return order
 
 
 def _rounds(system: System) -> list[int]:
-    """Rounds of our own initialization after which the outputs of each component settle, 1 without any inputs."""
+    """Rounds of our own initialization after which the outputs of each component settle, 1 without
+    any inputs.
+    """
     with Simulation(system, executor="python") as simulation:
         simulation.initialize()
         settled = simulation.settled
-        return [max((int(settled[w.slot]) for w in node.outputs), default=1) or 1 for node in simulation.graph.nodes]
+        return [
+            max((int(settled[w.slot]) for w in node.outputs), default=1) or 1
+            for node in simulation.graph.nodes
+        ]
 
 
 def _in_order(runtime: bytes, order: list[int]) -> bytes:
-    """The description that the container reads at run time, with another order of initialization."""
+    """The description that the container reads at run time, with another order of
+    initialization.
+    """
     before, found, after = runtime.partition(ORDER)
     old, _, rest = after.partition(b"\n")
     if not found or sorted(map(int, old.split())) != sorted(order):
-        raise UsageError("this version of fmu-manipulation-toolbox writes other containers than 2.0 does")
+        raise UsageError(
+            "this version of fmu-manipulation-toolbox writes other containers than 2.0 does"
+        )
     return before + found + " ".join(map(str, order)).encode() + b"\n" + rest
 
 
 def _description(content: dict[str, bytes], system: System) -> bytes:
-    """Each output once (fmucontainer lists connected ones a second time, as local), with units, and the time span.
+    """Each output once (fmucontainer lists connected ones a second time, as local), with units, and
+    the time span.
 
     The variable `time` is left out: libcosim logs an error for it.
     """
@@ -196,14 +228,20 @@ def _units(root: Element, variables: Element, interfaces: dict[str, Interface]) 
             used.setdefault(unit.name, unit.base)
     table = etree.Element("UnitDefinitions")
     for name, base in sorted(used.items()):
-        parts = {part: literal(value) for part, value in base.items() if value != (1 if part == "factor" else 0)}
+        parts = {
+            part: literal(value)
+            for part, value in base.items()
+            if value != (1 if part == "factor" else 0)
+        }
         etree.SubElement(etree.SubElement(table, "Unit", name=name), "BaseUnit", parts)
     if used:
         root.find("LogCategories").addprevious(table)
 
 
 def _structure(root: Element, variables: Element) -> None:
-    """Outputs by their places in the list of variables; they depend on nothing, the container has no inputs."""
+    """Outputs by their places in the list of variables; they depend on nothing, the container has
+    no inputs.
+    """
     outputs = [i for i, v in enumerate(variables, start=1) if v.get("causality") == "output"]
     structure = root.find("ModelStructure")
     for child in list(structure):

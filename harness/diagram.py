@@ -1,8 +1,10 @@
-"""Layout of a block diagram: components in a row in execution order, signals bundled into nets, lines at right angles.
+"""Layout of a block diagram: components in a row in execution order, signals bundled into nets,
+lines at right angles.
 
-As in the geometry of the .ssd, inputs are on the left and outputs on the right of a block. Vectors are one signal, and
-all signals that go from one component to the same others are one net. A net to the next block is a straight arrow;
-others run in lanes, forward above the blocks and backward below, the shorter the closer.
+As in the geometry of the .ssd, inputs are on the left and outputs on the right of a block. Vectors
+are one signal, and all signals that go from one component to the same others are one net. A net to
+the next block is a straight arrow; others run in lanes, forward above the blocks and backward
+below, the shorter the closer.
 """
 
 from __future__ import annotations
@@ -19,7 +21,9 @@ CHARACTER, LINE = 7.3, 15
 """Width of a character and distance of two lines of text [px]."""
 
 BLOCK, PORT, TRACK, LANE, MARGIN = 130, 16, 12, 26, 30
-"""Least width of a block; distances of ports, of vertical tracks, of horizontal lanes; margin [px]."""
+"""Least width of a block; distances of ports, of vertical tracks, of horizontal lanes; margin
+[px].
+"""
 
 Points = tuple[tuple[float, float], ...]
 
@@ -55,7 +59,9 @@ class Text(NamedTuple):
 
 @dataclass
 class Drawing:
-    """What there is to draw: blocks (left, top, width, height), lines with or without an arrow head, texts."""
+    """What there is to draw: blocks (left, top, width, height), lines with or without an arrow
+    head, texts.
+    """
 
     width: float = 0.0
     height: float = 0.0
@@ -80,7 +86,9 @@ def nets(system: System) -> list[Net]:
             targets = sorted({t for t, _ in ends if (t > source) == side})
             others = sorted({other for t, other in ends if (t > source) == side and other != name})
             if targets:
-                bundles[source, tuple(targets)].append(name + (f" > {', '.join(others)}" if others else ""))
+                bundles[source, tuple(targets)].append(
+                    name + (f" > {', '.join(others)}" if others else "")
+                )
     return [Net(source, targets, tuple(names)) for (source, targets), names in bundles.items()]
 
 
@@ -102,7 +110,9 @@ class _Layout:
 
     def _lanes(self, kind: str) -> list[Net]:
         """Nets of the lanes on one side, the closest to the blocks first."""
-        return sorted((net for net in self.nets if net.kind == kind), key=lambda net: (net.span, net.source))
+        return sorted(
+            (net for net in self.nets if net.kind == kind), key=lambda net: (net.span, net.source)
+        )
 
     def _leaving(self, i: int, kind: str) -> list[Net]:
         return [net for net in self.lanes[kind] if net.source == i]
@@ -123,7 +133,13 @@ class _Layout:
         for i, width in enumerate(self.widths):
             self.left.append(x)
             label = max((len(s) for net in self._straight(i) for s in net.signals), default=0)
-            x += width + self._tracks(self._leaving, i) + CHARACTER * label + 50 + self._tracks(self._entering, i + 1)
+            x += (
+                width
+                + self._tracks(self._leaving, i)
+                + CHARACTER * label
+                + 50
+                + self._tracks(self._entering, i + 1)
+            )
         self.drawing.width = x - 50 + MARGIN
 
     def _tracks(self, nets_of: Callable[[int, str], list[Net]], i: int) -> float:
@@ -133,7 +149,14 @@ class _Layout:
         """Zones from the top: lanes forward, their ports, straight arrows, ports and lanes back."""
         count = range(len(self.titles))
         ports = {
-            kind: max((len(nets_of(i, kind)) for nets_of in (self._leaving, self._entering) for i in count), default=0)
+            kind: max(
+                (
+                    len(nets_of(i, kind))
+                    for nets_of in (self._leaving, self._entering)
+                    for i in count
+                ),
+                default=0,
+            )
             for kind in self.lanes
         }
         middle = max((sum(self._stack(net) for net in self._straight(i)) for i in count), default=0)
@@ -142,7 +165,9 @@ class _Layout:
         height = PORT * (ports["forward"] + ports["back"] + 1) + max(middle, 3 * LINE)
         self.bottom = self.top + height
         self.drawing.height = self.bottom + LANE * (len(self.lanes["back"]) + 1) + MARGIN / 2
-        self.drawing.blocks = [(x, self.top, w, height) for x, w in zip(self.left, self.widths, strict=True)]
+        self.drawing.blocks = [
+            (x, self.top, w, height) for x, w in zip(self.left, self.widths, strict=True)
+        ]
 
     @staticmethod
     def _stack(net: Net) -> float:
@@ -163,12 +188,20 @@ class _Layout:
         start, end = self.left[net.source] + self.widths[net.source], self.left[net.source + 1]
         self.drawing.arrows.append(((start, y), (end, y)))
         at = start + self._tracks(self._leaving, net.source) + 10
-        self.drawing.labels.append(Text(at, y - 6 - LINE * (len(net.signals) - 1), net.signals, "start"))
+        self.drawing.labels.append(
+            Text(at, y - 6 - LINE * (len(net.signals) - 1), net.signals, "start")
+        )
 
     def _port(self, nets_here: Sequence[Net], net: Net) -> tuple[float, float]:
-        """Distance of the track from the block, and height of the port: the closer the lane, the closer both."""
+        """Distance of the track from the block, and height of the port: the closer the lane, the
+        closer both.
+        """
         place = nets_here.index(net) + 1
-        edge = self.top + PORT * (place - 0.25) if net.kind == "forward" else self.bottom - PORT * (place - 0.25)
+        edge = (
+            self.top + PORT * (place - 0.25)
+            if net.kind == "forward"
+            else self.bottom - PORT * (place - 0.25)
+        )
         return TRACK * place, edge
 
     def _draw_lane(self, net: Net) -> None:
@@ -178,12 +211,16 @@ class _Layout:
         right = self.left[net.source] + self.widths[net.source]
         entries = list(self._entries(net))
         far = (max if net.kind == "forward" else min)(x for x, _, _ in entries)
-        self.drawing.lines.append(((right, port), (right + track, port), (right + track, y), (far, y)))
+        self.drawing.lines.append(
+            ((right, port), (right + track, port), (right + track, y), (far, y))
+        )
         for x, height, edge in entries:
             self.drawing.arrows.append(((x, y), (x, height), (edge, height)))
             if x != far:
                 self.drawing.dots.append((x, y))
-        at, anchor = (right + track + 6, "start") if net.kind == "forward" else (right + track - 6, "end")
+        at, anchor = (
+            (right + track + 6, "start") if net.kind == "forward" else (right + track - 6, "end")
+        )
         self.drawing.labels.append(Text(at, y - 5, (", ".join(net.signals),), anchor))
 
     def _entries(self, net: Net) -> Iterator[tuple[float, float, float]]:

@@ -58,7 +58,9 @@ class RunError(HarnessError):
     partial: everything recorded before the failure, or None if there is nothing.
     """
 
-    def __init__(self, component: str, time: float, message: str, variable: str | None = None) -> None:
+    def __init__(
+        self, component: str, time: float, message: str, variable: str | None = None
+    ) -> None:
         self.component = component
         self.variable = variable
         self.time = time
@@ -91,6 +93,7 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Close matches of a misspelt or shortened name as the end of a line, e.g. " (close: J_T, J_S)", or nothing."""
     names = list(known)
     close = (
-        difflib.get_close_matches(name, names, n=3) or [each for each in names if name in each and len(name) > 2][:3]
+        difflib.get_close_matches(name, names, n=3)
+        or [each for each in names if name in each and len(name) > 2][:3]
     )
     return f" (close: {', '.join(close)})" if close else ""

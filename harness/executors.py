@@ -1,4 +1,6 @@
-"""Two executors of the same schedule: one to read and to debug, one in C. They agree bit for bit."""
+"""Two executors of the same schedule: one to read and to debug, one in C. They agree bit for
+bit.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,11 @@ class PythonExecutor:
     """The loop as it is meant."""
 
     def __init__(
-        self, plan: Sequence[Action[Unit]], bus: NDArray[np.float64], recorder: Recorder, clock: Clock
+        self,
+        plan: Sequence[Action[Unit]],
+        bus: NDArray[np.float64],
+        recorder: Recorder,
+        clock: Clock,
     ) -> None:
         self.plan, self.bus, self.recorder, self.clock = plan, bus, recorder, clock
 
@@ -52,7 +58,13 @@ class PythonExecutor:
             self.recorder.record(k + 1, self.bus)
 
 
-_KINDS = {(Verb.SET, True): 0, (Verb.SET, False): 1, (Verb.STEP, True): 2, (Verb.GET, True): 3, (Verb.GET, False): 4}
+_KINDS = {
+    (Verb.SET, True): 0,
+    (Verb.SET, False): 1,
+    (Verb.STEP, True): 2,
+    (Verb.GET, True): 3,
+    (Verb.GET, False): 4,
+}
 """Call.kind in loop.c by verb and whether the values are Real."""
 
 _SET_AFFINE = 5
@@ -104,15 +116,23 @@ class CExecutor:
     """The same loop in C, over the function pointers of the libraries that FMPy has loaded."""
 
     def __init__(
-        self, plan: Sequence[Action[Unit]], bus: NDArray[np.float64], recorder: Recorder, clock: Clock
+        self,
+        plan: Sequence[Action[Unit]],
+        bus: NDArray[np.float64],
+        recorder: Recorder,
+        clock: Clock,
     ) -> None:
         self.recorder, self.clock = recorder, clock
         self._execute = _loop()
         self._origin = list(_origins(plan))
-        self._calls = (_Call * len(self._origin))(*(_call(action, transfer) for action, transfer in self._origin))
+        self._calls = (_Call * len(self._origin))(
+            *(_call(action, transfer) for action, transfer in self._origin)
+        )
         table = recorder.table
         self._keep = (plan, bus, table)
-        self._run = _Run(clock.start, clock.step, bus.ctypes.data, len(bus), table.ctypes.data, recorder.every)
+        self._run = _Run(
+            clock.start, clock.step, bus.ctypes.data, len(bus), table.ctypes.data, recorder.every
+        )
 
     def run(self, first: int, last: int) -> None:
         """Macro steps first .. last - 1, recording each; RunError names the unit that failed."""
@@ -122,7 +142,9 @@ class CExecutor:
             action, transfer = self._origin[stop.call]
             self._fail(action, transfer, stop.status, self.clock.time(stop.done))
 
-    def _fail(self, action: Action[Unit], transfer: Transfer | None, status: int, time: float) -> None:
+    def _fail(
+        self, action: Action[Unit], transfer: Transfer | None, status: int, time: float
+    ) -> None:
         if status == NOT_FINITE and transfer is not None:
             action.unit.judge_outputs(transfer, time)
         action.unit.judge(action.verb, status, time)
@@ -162,10 +184,18 @@ def _address(function: CFunction) -> int | None:
 def _loop() -> CFunction:
     path = loop_library()
     if path is None:
-        raise UsageError("the C executor has not been built: build the project, or choose --executor python")
+        raise UsageError(
+            "the C executor has not been built: build the project, or choose --executor python"
+        )
     execute = ctypes.CDLL(str(path)).execute
     execute.restype = _Stop
-    execute.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p, ctypes.c_long, ctypes.c_long]
+    execute.argtypes = [
+        ctypes.c_void_p,
+        ctypes.c_size_t,
+        ctypes.c_void_p,
+        ctypes.c_long,
+        ctypes.c_long,
+    ]
     return execute
 
 

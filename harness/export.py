@@ -1,4 +1,6 @@
-"""The run at hand as one file for others: an .ssp with everything inside, or one FMU that contains the whole system."""
+"""The run at hand as one file for others: an .ssp with everything inside, or one FMU that contains
+the whole system.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +18,12 @@ from harness.write_ssp import write_ssp
 
 
 def export(system: str | Path | System, target: Path, **changes: Unpack[Changes]) -> Path:
-    """Write a system with all changes to an .ssp or .fmu file, or as .ssp into a folder; returns the file.
+    """Write a system with all changes to an .ssp or .fmu file, or as .ssp into a folder; returns
+    the file.
 
-    changes: as for run(). Flying the .ssp gives the bits of flying the system with the same options; the same options
-    give the same bytes. Raises what run() raises before its first step, or ResultsError.
+    changes: as for run(). Flying the .ssp gives the bits of flying the system with the same
+    options; the same options give the same bytes. Raises what run() raises before its first step,
+    or ResultsError.
     """
     with loaded(system) as found:
         changed = apply(found, **changes)

@@ -1,7 +1,9 @@
-"""Nested systems made flat: components with names of their own, signals followed through the connectors of systems.
+"""Nested systems made flat: components with names of their own, signals followed through the
+connectors of systems.
 
-A signal may pass several systems on its way from an output to an input; every connection on the way is a hop. A
-parameter bound to a system goes down by its dotted name, or through the connector of that name.
+A signal may pass several systems on its way from an output to an input; every connection on the way
+is a hop. A parameter bound to a system goes down by its dotted name, or through the connector of
+that name.
 """
 
 from __future__ import annotations
@@ -19,14 +21,18 @@ _log = logging.getLogger("harness")
 
 
 class Flat:
-    """A tree of systems as components and connections; problems: what cannot be flattened, one line each."""
+    """A tree of systems as components and connections; problems: what cannot be flattened, one line
+    each.
+    """
 
     def __init__(self, top: Group) -> None:
         self.problems: list[str] = []
         self.leaves = {leaf.place: leaf for leaf in _leaves(top)}
         self.names = _names(list(self.leaves))
         self._edges = list(_edges(top))
-        self._connectors = {Point(e.place, n): c for e in _elements(top) for n, c in e.connectors.items()}
+        self._connectors = {
+            Point(e.place, n): c for e in _elements(top) for n, c in e.connectors.items()
+        }
         self.parameters: dict[Place, dict[str, Parameter]] = {place: {} for place in self.leaves}
         self.connections = tuple(self._connections())
         self._bind(top)
@@ -38,13 +44,21 @@ class Flat:
         for edge in self._edges:
             if edge.target.place in self.leaves:
                 for source, hops in self._ways(edge, ()):
-                    yield Connection(self._port(source), self._port(edge.target), () if hops == (PLAIN,) else hops)
+                    yield Connection(
+                        self._port(source),
+                        self._port(edge.target),
+                        () if hops == (PLAIN,) else hops,
+                    )
 
     def _ways(self, edge: Edge, seen: tuple[Point, ...]) -> Iterator[tuple[Point, tuple[Hop, ...]]]:
-        """Outputs that reach the end of a connection, and all hops up to there; none behind an open connector."""
+        """Outputs that reach the end of a connection, and all hops up to there; none behind an open
+        connector.
+        """
         source = edge.source
         if source in seen:
-            self.problems.append(f"{source}: the connectors of systems drive each other in a circle")
+            self.problems.append(
+                f"{source}: the connectors of systems drive each other in a circle"
+            )
         elif source.place in self.leaves:
             if self._kind(source) == "calculatedParameter":
                 self.problems.append(f"{source}: connections between parameters are not supported")
@@ -63,7 +77,11 @@ class Flat:
     def declared(self) -> dict[Port, Unit]:
         """Units that the file claims for variables of components."""
         connectors = ((p, c) for p, c in self._connectors.items() if p.place in self.leaves)
-        return {self._port(point): connector.unit for point, connector in connectors if connector.unit is not None}
+        return {
+            self._port(point): connector.unit
+            for point, connector in connectors
+            if connector.unit is not None
+        }
 
     # ---- parameters
 
@@ -114,7 +132,9 @@ class Flat:
     # ---- names
 
     def _report_names(self) -> None:
-        changed = [f"{'.'.join(place)} as {name}" for place, name in self.names.items() if place != (name,)]
+        changed = [
+            f"{'.'.join(place)} as {name}" for place, name in self.names.items() if place != (name,)
+        ]
         if changed:
             _log.warning("components with other names than in the file: %s", ", ".join(changed))
 
@@ -128,7 +148,9 @@ def _sent(parameter: Parameter, hops: tuple[Hop, ...]) -> Parameter:
 
 def _owner(group: Group, name: str) -> str | None:
     """The element that a dotted name begins with; of several the longest."""
-    return max((child for child in group.children if name.startswith(f"{child}.")), key=len, default=None)
+    return max(
+        (child for child in group.children if name.startswith(f"{child}.")), key=len, default=None
+    )
 
 
 def _elements(element: Element) -> Iterator[Element]:
@@ -150,8 +172,12 @@ def _edges(top: Group) -> Iterator[Edge]:
 
 
 def _names(places: list[Place]) -> dict[Place, str]:
-    """A C identifier for every component: its own name, or all names on the way to it joined; unique."""
-    names: dict[Place, str] = {place: place[0] for place in places if len(place) == 1 and _is_identifier(place[0])}
+    """A C identifier for every component: its own name, or all names on the way to it joined;
+    unique.
+    """
+    names: dict[Place, str] = {
+        place: place[0] for place in places if len(place) == 1 and _is_identifier(place[0])
+    }
     for place in places:
         if place not in names:
             wish = _identifier("_".join(place))

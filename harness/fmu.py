@@ -1,7 +1,7 @@
 """One loaded FMU: prepared buffers, the verbs of the schedule, save and restore.
 
-FMPy loads the library and instantiates; here are the calls of the macro step with arguments that are built once. The C
-executor makes the same calls with the same buffers.
+FMPy loads the library and instantiates; here are the calls of the macro step with arguments that
+are built once. The C executor makes the same calls with the same buffers.
 """
 
 from __future__ import annotations
@@ -75,7 +75,9 @@ class Unit:
             slave.instantiate(callbacks=messages.callbacks(), loggingOn=False)
         except Exception as error:  # FMPy raises bare Exceptions, ctypes its own
             reason = messages.take_error(self.name) or " ".join(str(error).split())
-            raise FmuError(f"{self.name}: {self.node.interface.path.name} cannot be loaded: {reason}") from error
+            raise FmuError(
+                f"{self.name}: {self.node.interface.path.name} cannot be loaded: {reason}"
+            ) from error
         self._listen(slave)
         return slave
 
@@ -85,12 +87,18 @@ class Unit:
         unpack(self.node.interface.path, folder)
         places = (folder / name for name in binaries(self.node.interface))
         if (library := next((place for place in places if place.is_file()), None)) is None:
-            raise FmuError(f"{self.name}: {self.node.interface.path.name} holds no binary for this platform")
+            raise FmuError(
+                f"{self.name}: {self.node.interface.path.name} holds no binary for this platform"
+            )
         return library
 
     def _listen(self, slave: Slave) -> None:
-        """Let errors and warnings through, and nothing else; an FMU that cannot do that is left silent."""
-        categories = [c.name for c in self.node.interface.model.logCategories if c.name in ERROR_CATEGORIES]
+        """Let errors and warnings through, and nothing else; an FMU that cannot do that is left
+        silent.
+        """
+        categories = [
+            c.name for c in self.node.interface.model.logCategories if c.name in ERROR_CATEGORIES
+        ]
         if categories:
             with contextlib.suppress(FMICallException):
                 slave.setDebugLogging(True, categories)
@@ -102,11 +110,15 @@ class Unit:
 
     def _set(self, setting: Setting, time: float) -> None:
         variable, value = setting
-        setter = {"Real": "setReal", "Boolean": "setBoolean", "String": "setString"}.get(variable.type, "setInteger")
+        setter = {"Real": "setReal", "Boolean": "setBoolean", "String": "setString"}.get(
+            variable.type, "setInteger"
+        )
         try:
             getattr(self.slave, setter)([variable.reference], [value])
         except FMICallException as error:
-            raise self._failure(error.status, f"{setter} refused {value}", time, variable.name) from error
+            raise self._failure(
+                error.status, f"{setter} refused {value}", time, variable.name
+            ) from error
 
     def enter_initialization(self, start: float, stop: float) -> None:
         """fmi2SetupExperiment and fmi2EnterInitializationMode."""
@@ -119,7 +131,9 @@ class Unit:
         self._stepping = True
 
     def close(self) -> None:
-        """Terminate and free the instance as far as its last status allows, and unload the library."""
+        """Terminate and free the instance as far as its last status allows, and unload the
+        library.
+        """
         messages.report_warnings(self.name)
         if self._status == FATAL:
             return
@@ -133,16 +147,22 @@ class Unit:
     # ---- the macro step
 
     def act(self, verb: Verb, bus: NDArray[np.float64], time: float, step: float) -> None:
-        """Do one verb; time: communication point [s]; step: macro step [s]; RunError if the FMU fails."""
+        """Do one verb; time: communication point [s]; step: macro step [s]; RunError if the FMU
+        fails.
+        """
         if verb is Verb.STEP:
-            self.judge(verb, self.do_step(self.handle, time, self.every * step, self.no_rollback), time)
+            self.judge(
+                verb, self.do_step(self.handle, time, self.every * step, self.no_rollback), time
+            )
         for transfer in self.transfers[verb]:
             self.judge(verb, transfer.write(bus) if verb is Verb.SET else transfer.read(bus), time)
             if verb is Verb.GET:
                 self.judge_outputs(transfer, time)
 
     def propagate_inputs(self, bus: NDArray[np.float64], time: float) -> None:
-        """Set the inputs in initialization mode, as far as what drives them has been computed yet."""
+        """Set the inputs in initialization mode, as far as what drives them has been computed
+        yet.
+        """
         for transfer in self.transfers[Verb.SET]:
             if np.isfinite(bus[transfer.slots]).all():
                 self.judge(Verb.SET, transfer.write(bus), time)
@@ -155,7 +175,11 @@ class Unit:
     def judge(self, verb: Verb, status: int, time: float) -> None:
         """RunError if an FMI call has failed."""
         if status not in (OK, WARNING):
-            doing = {Verb.SET: "setting inputs failed", Verb.STEP: "step failed", Verb.GET: "reading outputs failed"}
+            doing = {
+                Verb.SET: "setting inputs failed",
+                Verb.STEP: "step failed",
+                Verb.GET: "reading outputs failed",
+            }
             raise self._failure(status, doing[verb], time)
 
     def check_outputs(self, time: float) -> None:
@@ -197,7 +221,12 @@ class Unit:
         if status not in (OK, WARNING):
             raise self._failure(status, f"{function} failed", time)
 
-    def _failure(self, status: int, doing: str, time: float, variable: str | None = None) -> RunError:
+    def _failure(
+        self, status: int, doing: str, time: float, variable: str | None = None
+    ) -> RunError:
         self._status = status
-        reason = messages.take_error(self.name) or f"{STATUS.get(status, f'status {status}')}, without a message"
+        reason = (
+            messages.take_error(self.name)
+            or f"{STATUS.get(status, f'status {status}')}, without a message"
+        )
         return RunError(self.name, time, f"{doing}: {reason}", variable)

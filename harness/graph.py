@@ -1,7 +1,8 @@
-"""From a System and the descriptions of its FMUs to the bus: one slot per output scalar, and who reads which slot.
+"""From a System and the descriptions of its FMUs to the bus: one slot per output scalar, and who
+reads which slot.
 
-The bus carries numbers (Real, Integer, Boolean, Enumeration); String outputs have no slot. All problems are reported
-at once.
+The bus carries numbers (Real, Integer, Boolean, Enumeration); String outputs have no slot. All
+problems are reported at once.
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ _log = logging.getLogger("harness")
 
 
 class Slot(NamedTuple):
-    """One place of the bus: the output it holds (`component.variable[i]`), its unit ("" if undeclared) and meaning."""
+    """One place of the bus: the output it holds (`component.variable[i]`), its unit ("" if
+    undeclared) and meaning.
+    """
 
     name: str
     unit: str
@@ -31,7 +34,9 @@ class Slot(NamedTuple):
 
 
 class Wire(NamedTuple):
-    """A variable of a unit and the slot it is written to (outputs) or read from (inputs), changed on the way."""
+    """A variable of a unit and the slot it is written to (outputs) or read from (inputs), changed
+    on the way.
+    """
 
     variable: Variable
     slot: int
@@ -47,7 +52,9 @@ class Setting(NamedTuple):
 
 @dataclass(frozen=True)
 class Node:
-    """One component with its FMU: what it reads from the bus, what it writes to it, what is set before."""
+    """One component with its FMU: what it reads from the bus, what it writes to it, what is set
+    before.
+    """
 
     component: Component
     interface: Interface
@@ -58,7 +65,9 @@ class Node:
 
 @dataclass(frozen=True)
 class Graph:
-    """The system ready to be loaded: nodes in execution order, slots of the bus (contiguous per node)."""
+    """The system ready to be loaded: nodes in execution order, slots of the bus (contiguous per
+    node).
+    """
 
     nodes: tuple[Node, ...]
     slots: tuple[Slot, ...]
@@ -67,18 +76,22 @@ class Graph:
 def build_graph(system: System) -> Graph:
     """Check a system against its FMUs and lay out the bus.
 
-    Raises FmuError if an FMU cannot be read, else StructureError with every problem: components or variables that do
-    not exist (with close matches), wrong causality, unequal units or types, doubly driven or open inputs, unknown or
-    ill-typed parameters, schedule.
+    Raises FmuError if an FMU cannot be read, else StructureError with every problem: components or
+    variables that do not exist (with close matches), wrong causality, unequal units or types,
+    doubly driven or open inputs, unknown or ill-typed parameters, schedule.
     """
     interfaces = read_interfaces(system)
     if found := list(problems(system, interfaces)):
         raise StructureError(found)
     ports = [Port(name, v) for name, interface in interfaces.items() for v in interface.outputs()]
     slot_of = {port: slot for slot, port in enumerate(ports)}
-    slots = tuple(_slot(port, interfaces[port.component].variables[port.variable]) for port in ports)
+    slots = tuple(
+        _slot(port, interfaces[port.component].variables[port.variable]) for port in ports
+    )
     driven = {c.target: (slot_of[c.source], way(c, interfaces)) for c in system.connections}
-    return Graph(tuple(_node(c, interfaces[c.name], slot_of, driven) for c in system.components), slots)
+    return Graph(
+        tuple(_node(c, interfaces[c.name], slot_of, driven) for c in system.components), slots
+    )
 
 
 def read_interfaces(system: System) -> dict[str, Interface]:
@@ -99,14 +112,19 @@ def _slot(port: Port, variable: Variable) -> Slot:
 
 
 def _node(
-    component: Component, interface: Interface, slot_of: dict[Port, int], driven: dict[Port, tuple[int, Affine]]
+    component: Component,
+    interface: Interface,
+    slot_of: dict[Port, int],
+    driven: dict[Port, tuple[int, Affine]],
 ) -> Node:
     name = component.name
     inputs = interface.named("input").values()
     return Node(
         component,
         interface,
-        inputs=tuple(Wire(v, *driven[Port(name, v.name)]) for v in inputs if Port(name, v.name) in driven),
+        inputs=tuple(
+            Wire(v, *driven[Port(name, v.name)]) for v in inputs if Port(name, v.name) in driven
+        ),
         outputs=tuple(Wire(v, slot_of[Port(name, v.name)]) for v in interface.outputs().values()),
         settings=tuple(_settings(component, interface)),
     )
@@ -115,7 +133,9 @@ def _node(
 def _settings(component: Component, interface: Interface) -> Iterator[Setting]:
     for name, parameter in component.parameters.items():
         if name in interface.variables:
-            yield Setting(interface.variables[name], final(parameter, interface.variables[name], interface))
+            yield Setting(
+                interface.variables[name], final(parameter, interface.variables[name], interface)
+            )
 
 
 def constants(graph: Graph) -> Iterator[tuple[Slot, float]]:
@@ -146,10 +166,14 @@ def _component_problems(components: Sequence[Component]) -> Iterator[str]:
     names = [c.name for c in components]
     if not names:
         yield "the system has no components"
-    yield from (f"{name}: there are two components of this name" for name in names if names.count(name) > 1)
+    yield from (
+        f"{name}: there are two components of this name" for name in names if names.count(name) > 1
+    )
 
 
-def _connection_problems(connection: Connection, interfaces: Mapping[str, Interface]) -> Iterator[str]:
+def _connection_problems(
+    connection: Connection, interfaces: Mapping[str, Interface]
+) -> Iterator[str]:
     source, source_problem = _end(connection.source, "output", interfaces)
     target, target_problem = _end(connection.target, "input", interfaces)
     yield from (problem for problem in (source_problem, target_problem) if problem)
@@ -158,16 +182,27 @@ def _connection_problems(connection: Connection, interfaces: Mapping[str, Interf
         yield from _unit_problem(connection, interfaces)
 
 
-def _end(port: Port, causality: str, interfaces: Mapping[str, Interface]) -> tuple[Variable | None, str | None]:
+def _end(
+    port: Port, causality: str, interfaces: Mapping[str, Interface]
+) -> tuple[Variable | None, str | None]:
     """The variable at one end of a connection, or what is wrong with it."""
     if port.component not in interfaces:
-        return None, f"{port}: there is no component '{port.component}'{did_you_mean(port.component, interfaces)}"
+        return (
+            None,
+            f"{port}: there is no component '{port.component}'{did_you_mean(port.component, interfaces)}",
+        )
     interface = interfaces[port.component]
     variable = interface.variables.get(port.variable)
     if variable is None:
-        return None, f"{port}: there is no such {causality}{did_you_mean(port.variable, interface.named(causality))}"
+        return (
+            None,
+            f"{port}: there is no such {causality}{did_you_mean(port.variable, interface.named(causality))}",
+        )
     if variable.causality != causality:
-        return None, f"{port}: is connected as {causality}, but its causality is {variable.causality}"
+        return (
+            None,
+            f"{port}: is connected as {causality}, but its causality is {variable.causality}",
+        )
     return variable, None
 
 
@@ -233,7 +268,9 @@ def _open_inputs(system: System, interfaces: Mapping[str, Interface]) -> Iterato
 def _parameter_problems(component: Component, interface: Interface) -> Iterator[str]:
     for name, parameter in component.parameters.items():
         if name not in interface.variables and parameter.optional:
-            _log.warning("%s.%s: %s does not have it, ignored", component.name, name, interface.path.name)
+            _log.warning(
+                "%s.%s: %s does not have it, ignored", component.name, name, interface.path.name
+            )
         elif problem := _parameter_problem(name, parameter, interface):
             yield f"{component.name}.{name}: {problem}"
 
@@ -250,5 +287,9 @@ def _parameter_problem(name: str, parameter: Parameter, interface: Interface) ->
         final(parameter, variable, interface)
     except ValueError as error:
         other = parameter.unit is not None and not units_agree(parameter.unit, variable.unit)
-        return f"is given in {parameter.unit}, but its unit is {variable.unit} ({error})" if other else str(error)
+        return (
+            f"is given in {parameter.unit}, but its unit is {variable.unit} ({error})"
+            if other
+            else str(error)
+        )
     return None

@@ -1,4 +1,6 @@
-"""What an FMU says about itself: variables and units, read from modelDescription.xml by FMPy without any FMI call."""
+"""What an FMU says about itself: variables and units, read from modelDescription.xml by FMPy
+without any FMI call.
+"""
 
 from __future__ import annotations
 
@@ -25,9 +27,11 @@ BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad", "factor", "offset")
 
 @dataclass(frozen=True)
 class Variable:
-    """One scalar variable; unit: None if undeclared; settable: may be given a value before initialization.
+    """One scalar variable; unit: None if undeclared; settable: may be given a value before
+    initialization.
 
-    items: values by name of an enumeration; type_name: name of its type; start: None if it has none or is a String.
+    items: values by name of an enumeration; type_name: name of its type; start: None if it has none
+    or is a String.
     """
 
     name: str
@@ -44,7 +48,9 @@ class Variable:
 
 @dataclass(frozen=True)
 class Interface:
-    """Variables by name in the order of the file; units: base units by name; model: FMPy's description."""
+    """Variables by name in the order of the file; units: base units by name; model: FMPy's
+    description.
+    """
 
     path: Path
     variables: Mapping[str, Variable]
@@ -64,12 +70,16 @@ class Interface:
         return {name: v for name, v in self.named("output").items() if v.type != "String"}
 
     def settable(self) -> dict[str, Variable]:
-        """Variables that may be given a value before initialization: parameters, inputs, start values of states."""
+        """Variables that may be given a value before initialization: parameters, inputs, start
+        values of states.
+        """
         return {name: v for name, v in self.variables.items() if v.settable}
 
 
 def read_interface(path: Path) -> Interface:
-    """Interface of a .fmu; FmuError if it is missing, damaged, invalid, or not FMI 2.0 co-simulation."""
+    """Interface of a .fmu; FmuError if it is missing, damaged, invalid, or not FMI 2.0
+    co-simulation.
+    """
     if not path.is_file():
         raise FmuError(f"{path.name}: no such FMU")
     stamp = path.stat()
@@ -80,23 +90,37 @@ def read_interface(path: Path) -> Interface:
 def _read(path: Path, _modified: int, _size: int) -> Interface:
     model = _description(path)
     if model.fmiVersion != "2.0" or model.coSimulation is None:
-        raise FmuError(f"{path.name}: only FMI 2.0 co-simulation FMUs can be run, this one is FMI {model.fmiVersion}")
+        raise FmuError(
+            f"{path.name}: only FMI 2.0 co-simulation FMUs can be run, this one is FMI {model.fmiVersion}"
+        )
     variables = {v.name: _variable(v) for v in model.modelVariables}
-    units = {u.name: _base_unit(u.baseUnit) for u in model.unitDefinitions if u.baseUnit is not None}
+    units = {
+        u.name: _base_unit(u.baseUnit) for u in model.unitDefinitions if u.baseUnit is not None
+    }
     return Interface(path, variables, units, model)
 
 
 def _description(path: Path) -> FmpyObject:
-    """FMPy's reading of modelDescription.xml, every failure as an FmuError; entities are refused before it reads."""
+    """FMPy's reading of modelDescription.xml, every failure as an FmuError; entities are refused
+    before it reads.
+    """
     try:
         if has_doctype(read_entry(path, "modelDescription.xml")):
-            raise FmuError(f"{path.name}: modelDescription.xml has a document type declaration, which is not allowed")
+            raise FmuError(
+                f"{path.name}: modelDescription.xml has a document type declaration, which is not allowed"
+            )
         return read_model_description(str(path), validate=True)
     except ValidationError as error:
-        raise FmuError("\n".join(f"{path.name}: {problem}" for problem in error.problems)) from error
+        raise FmuError(
+            "\n".join(f"{path.name}: {problem}" for problem in error.problems)
+        ) from error
     except ArchiveError as error:
         cause = error.__cause__
-        reason = f"damaged or not a zip archive ({cause})" if cause else str(error).removeprefix(f"{path}: ")
+        reason = (
+            f"damaged or not a zip archive ({cause})"
+            if cause
+            else str(error).removeprefix(f"{path}: ")
+        )
         raise FmuError(f"{path.name}: {reason}") from error
     except FmuError:
         raise
@@ -111,7 +135,9 @@ def _variable(v: FmpyObject) -> Variable:
     values = {item.name: int(item.value) for item in items}
     name = "" if v.declaredType is None else v.declaredType.name
     text = v.description or ""
-    return Variable(v.name, v.valueReference, v.type, v.causality, unit, text, settable, values, name, _start(v))
+    return Variable(
+        v.name, v.valueReference, v.type, v.causality, unit, text, settable, values, name, _start(v)
+    )
 
 
 def _start(v: FmpyObject) -> float | None:
@@ -126,7 +152,9 @@ def _base_unit(base: FmpyObject) -> dict[str, float]:
 
 
 def binaries(interface: Interface) -> tuple[str, ...]:
-    """Places inside the archive where FMI 2.0 looks for the binary of this platform (the second since FMI 2.0.5)."""
+    """Places inside the archive where FMI 2.0 looks for the binary of this platform (the second
+    since FMI 2.0.5).
+    """
     file = interface.model.coSimulation.modelIdentifier + sharedLibraryExtension
     return f"binaries/{platform}/{file}", f"binaries/{platform_tuple}/{file}"
 
@@ -138,5 +166,7 @@ def has_binary(interface: Interface) -> bool:
 
 
 def units_agree(a: str | None, b: str | None) -> bool:
-    """Units are equal, or one end declares none; systems of the project want that, files of other tools need not."""
+    """Units are equal, or one end declares none; systems of the project want that, files of other
+    tools need not.
+    """
     return a is None or b is None or a == b

@@ -1,9 +1,12 @@
-"""Linear model of one FMU about an operating point, by central differences over one step of the FMU itself.
+"""Linear model of one FMU about an operating point, by central differences over one step of the FMU
+itself.
 
-    x(t+h) = A x(t) + B u(t),   y(t+h) = C x(t+h) + D u(t)       deviations from the operating point, u held
+    x(t+h) = A x(t) + B u(t),   y(t+h) = C x(t+h) + D u(t)       deviations from the operating
+    point, u held
 
-The states of an FMU are those of its outputs whose start value is a parameter: `wheel_speed` starts at `wheel_speed_0`,
-`r_SN_N` at `r_0_N`. The FMU is restarted at the operating point with them moved, so nothing but FMI is needed.
+The states of an FMU are those of its outputs whose start value is a parameter: `wheel_speed` starts
+at `wheel_speed_0`, `r_SN_N` at `r_0_N`. The FMU is restarted at the operating point with them
+moved, so nothing but FMI is needed.
 """
 
 from __future__ import annotations
@@ -31,7 +34,9 @@ RELATIVE_STATE, RELATIVE_INPUT = 1e-4, 1e-2
 
 @dataclass(frozen=True)
 class LinearModel:
-    """A (n, n), B (n, m), C (p, n), D (p, m) at time t [s] for the step h [s], with names, units, operating point."""
+    """A (n, n), B (n, m), C (p, n), D (p, m) at time t [s] for the step h [s], with names, units,
+    operating point.
+    """
 
     A: Array
     B: Array
@@ -46,21 +51,38 @@ class LinearModel:
     point: Mapping[str, float]
 
     def save(self, path: Path) -> None:
-        """Write an .npz: matrices, t, h, and for x, u, y the arrays NAME_names, NAME_units, NAME_0."""
+        """Write an .npz: matrices, t, h, and for x, u, y the arrays NAME_names, NAME_units,
+        NAME_0.
+        """
         groups = {"x": self.states, "u": self.inputs, "y": self.outputs}
         texts = {f"{key}_names": np.array(names, dtype=str) for key, names in groups.items()}
-        units = {f"{key}_units": np.array([self.units[n] for n in names], dtype=str) for key, names in groups.items()}
-        points = {f"{key}_0": np.array([self.point[n] for n in names]) for key, names in groups.items()}
-        matrices = {"A": self.A, "B": self.B, "C": self.C, "D": self.D, "t": np.array(self.t), "h": np.array(self.h)}
+        units = {
+            f"{key}_units": np.array([self.units[n] for n in names], dtype=str)
+            for key, names in groups.items()
+        }
+        points = {
+            f"{key}_0": np.array([self.point[n] for n in names]) for key, names in groups.items()
+        }
+        matrices = {
+            "A": self.A,
+            "B": self.B,
+            "C": self.C,
+            "D": self.D,
+            "t": np.array(self.t),
+            "h": np.array(self.h),
+        }
         everything: dict[str, Any] = {**matrices, **texts, **units, **points}
         np.savez(path, **everything)
 
 
-def linearize(fmu: Path, at: float = 0.0, step: float = 0.1, values: Mapping[str, Any] | None = None) -> LinearModel:
+def linearize(
+    fmu: Path, at: float = 0.0, step: float = 0.1, values: Mapping[str, Any] | None = None
+) -> LinearModel:
     """Linear model of an FMU after running alone for `at` seconds.
 
-    at: operating point [s], a multiple of step; step: h [s]; values: parameters and held inputs by name, vectors as
-    lists. Raises UsageError for unknown names or a time that is no multiple of the step, FmuError, RunError.
+    at: operating point [s], a multiple of step; step: h [s]; values: parameters and held inputs by
+    name, vectors as lists. Raises UsageError for unknown names or a time that is no multiple of the
+    step, FmuError, RunError.
     """
     if step <= 0 or at < 0 or abs(at / step - round(at / step)) > 1e-9 * max(1.0, at / step):
         raise UsageError(
@@ -126,7 +148,9 @@ class _Bench:
             )
             slave.instantiate(callbacks=messages.callbacks(), loggingOn=False)
         except Exception as error:
-            raise FmuError(f"{self.interface.path.name} cannot be loaded: {' '.join(str(error).split())}") from error
+            raise FmuError(
+                f"{self.interface.path.name} cannot be loaded: {' '.join(str(error).split())}"
+            ) from error
         return slave
 
     def __exit__(self, *_: object) -> None:
@@ -147,7 +171,9 @@ class _Bench:
             return np.array(self._slave.getReal([self._reference(n) for n in self.outputs]))
         except Exception as error:
             name = self.interface.model.modelName
-            raise RunError(name, start, messages.take_error(name) or " ".join(str(error).split())) from error
+            raise RunError(
+                name, start, messages.take_error(name) or " ".join(str(error).split())
+            ) from error
 
     def _reference(self, name: str) -> int:
         return self.interface.variables[name].reference
@@ -183,20 +209,33 @@ class _Differences:
         again = self.bench.run(self._restart(self.state), self.at, 0, self.h)
         for name, value in zip(self.bench.outputs, again, strict=True):
             if name in self.state and abs(value - self.state[name]) > 1e-9 * max(1.0, abs(value)):
-                raise RunError(self.bench.interface.model.modelName, self.at, "it cannot be restarted here", name)
+                raise RunError(
+                    self.bench.interface.model.modelName,
+                    self.at,
+                    "it cannot be restarted here",
+                    name,
+                )
 
     def _after(self, state: Mapping[str, float], inputs: Mapping[str, float]) -> Array:
         return self.bench.run({**self._restart(state), **inputs}, self.at, 1, self.h)
 
-    def columns(self, values: Mapping[str, float], relative: float, moves_state: bool) -> Iterator[Array]:
-        """Derivatives of the outputs after one step by each value: differences at d and d/2, extrapolated."""
+    def columns(
+        self, values: Mapping[str, float], relative: float, moves_state: bool
+    ) -> Iterator[Array]:
+        """Derivatives of the outputs after one step by each value: differences at d and d/2,
+        extrapolated.
+        """
         for name, value in values.items():
             distance = relative * max(1.0, _size(name, values))
-            coarse, fine = (self._slope(name, value, d, moves_state) for d in (distance, distance / 2))
+            coarse, fine = (
+                self._slope(name, value, d, moves_state) for d in (distance, distance / 2)
+            )
             yield (4 * fine - coarse) / 3
 
     def _slope(self, name: str, value: float, distance: float, moves_state: bool) -> Array:
-        """Central difference; at a lower bound of the variable the one-sided one, also of second order."""
+        """Central difference; at a lower bound of the variable the one-sided one, also of second
+        order.
+        """
 
         def after(moved: float) -> Array:
             state = {**self.state, name: moved} if moves_state else self.state
@@ -210,19 +249,37 @@ class _Differences:
     def model(self) -> LinearModel:
         """All matrices; y(t+h) is split into C x(t+h) + D u."""
         bench = self.bench
-        by_state = _matrix(self.columns(self.state, RELATIVE_STATE, True), len(bench.outputs), len(self.state))
-        by_input = _matrix(self.columns(self.inputs, RELATIVE_INPUT, False), len(bench.outputs), len(self.inputs))
+        by_state = _matrix(
+            self.columns(self.state, RELATIVE_STATE, True), len(bench.outputs), len(self.state)
+        )
+        by_input = _matrix(
+            self.columns(self.inputs, RELATIVE_INPUT, False), len(bench.outputs), len(self.inputs)
+        )
         rows = [bench.outputs.index(name) for name in self.state]
         a, b = by_state[rows], by_input[rows]
         c: Array = np.asarray(np.linalg.solve(a.T, by_state.T).T) if rows else by_state
         units = {v.name: v.unit or "" for v in bench.interface.variables.values()}
         names = tuple(self.state), tuple(self.inputs), tuple(bench.outputs)
-        return LinearModel(a, b, c, by_input - c @ b, self.at, self.h, *names, units, {**self.inputs, **self.outputs})
+        return LinearModel(
+            a,
+            b,
+            c,
+            by_input - c @ b,
+            self.at,
+            self.h,
+            *names,
+            units,
+            {**self.inputs, **self.outputs},
+        )
 
 
 def _size(name: str, values: Mapping[str, float]) -> float:
     """Length of the vector that a scalar belongs to."""
-    return float(np.linalg.norm([v for n, v in values.items() if base(n) == base(name) and index(n)] or [values[name]]))
+    return float(
+        np.linalg.norm(
+            [v for n, v in values.items() if base(n) == base(name) and index(n)] or [values[name]]
+        )
+    )
 
 
 def _matrix(columns: Iterator[Array], height: int, width: int) -> Array:

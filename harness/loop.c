@@ -1,7 +1,8 @@
 /* loop.c - the schedule of schedule.py, executed in C over the functions of the loaded FMUs.
  *
- * The same calls in the same order with the same buffers as the Python executor, so the results agree bit for bit.
- * Python lays out the calls (executors.py has the same structs); nothing here allocates or knows Python. */
+ * The same calls in the same order with the same buffers as the Python executor, so the results
+ * agree bit for bit. Python lays out the calls (executors.py has the same structs); nothing here
+ * allocates or knows Python. */
 #include <math.h>
 #include <stddef.h>
 #include <string.h>
@@ -16,7 +17,14 @@
 #define EXPORT
 #endif
 
-enum { SET_REAL, SET_INTEGER, STEP, GET_REAL, GET_INTEGER, SET_AFFINE }; /* integers carry fmi2Boolean as well */
+enum {
+    SET_REAL,
+    SET_INTEGER,
+    STEP,
+    GET_REAL,
+    GET_INTEGER,
+    SET_AFFINE
+}; /* integers carry fmi2Boolean as well */
 enum { NOT_FINITE = -1 }; /* beside fmi2Status: an output is infinite or NaN */
 
 typedef struct {
@@ -82,7 +90,8 @@ static int get_real(const Call *c, double *bus)
 static int get_integer(const Call *c, double *bus)
 {
     fmi2Integer *value = c->value;
-    int status = (int)((fmi2GetIntegerTYPE *)c->function)(c->component, c->reference, c->count, value);
+    int status =
+        (int)((fmi2GetIntegerTYPE *)c->function)(c->component, c->reference, c->count, value);
     for (size_t i = 0; i < c->count; i++) bus[c->slot[i]] = value[i];
     return status;
 }
@@ -96,18 +105,20 @@ static int perform(const Call *c, const Run *run, long k)
     case GET_REAL: return get_real(c, run->bus);
     case GET_INTEGER: return get_integer(c, run->bus);
     default:
-        return (int)((fmi2DoStepTYPE *)c->function)(c->component, run->start + (double)k * run->step,
-                                                    c->every * run->step, c->no_rollback);
+        return (int)((fmi2DoStepTYPE *)c->function)(
+            c->component, run->start + (double)k * run->step, c->every * run->step, c->no_rollback);
     }
 }
 
 static void record(const Run *run, long done)
 {
     if (done % run->every == 0)
-        memcpy(run->table + (size_t)(done / run->every) * run->slots, run->bus, run->slots * sizeof(double));
+        memcpy(run->table + (size_t)(done / run->every) * run->slots, run->bus,
+               run->slots * sizeof(double));
 }
 
-/* Macro steps first .. last - 1; stops at the first call whose status is neither fmi2OK nor fmi2Warning. */
+/* Macro steps first .. last - 1; stops at the first call whose status is neither fmi2OK nor
+ * fmi2Warning. */
 EXPORT Stop execute(const Call *calls, size_t count, const Run *run, long first, long last)
 {
     for (long k = first; k < last; k++) {

@@ -22,7 +22,9 @@ from harness.scratch import PrivateFolder
 from harness.system import System
 
 MAX_ROUNDS = 200
-"""Rounds of initial propagation; a loop of two units and gain 1/2 has settled to the last bit after half of them."""
+"""Rounds of initial propagation; a loop of two units and gain 1/2 has settled to the last bit after
+half of them.
+"""
 
 CHUNK_SECONDS = 0.1
 """Wall-clock time between two looks at the keyboard and two updates of the progress bar."""
@@ -49,7 +51,9 @@ class Simulation:
     """
 
     def __init__(self, system: System, *, executor: str = "c", every: int = 1) -> None:
-        """Check the system; nothing is loaded before `with`. Raises StructureError, FmuError or UsageError."""
+        """Check the system; nothing is loaded before `with`. Raises StructureError, FmuError or
+        UsageError.
+        """
         if executor not in EXECUTORS:
             raise UsageError(f"there is no executor {executor}, only {' and '.join(EXECUTORS)}")
         self.system = system
@@ -72,7 +76,9 @@ class Simulation:
             for node in self.graph.nodes:
                 self.units.append(Unit(node, self._folder.path))
             plan = schedule(self.system.experiment.algorithm, self.units)
-            self._executor = EXECUTORS[self._executor_name](plan, self.bus, self.recorder, self.clock)
+            self._executor = EXECUTORS[self._executor_name](
+                plan, self.bus, self.recorder, self.clock
+            )
         except BaseException:
             self.close()
             raise
@@ -90,7 +96,8 @@ class Simulation:
     # ---- initialization
 
     def initialize(self) -> None:
-        """Set parameters, propagate initial values until nothing changes, record the row at the start time.
+        """Set parameters, propagate initial values until nothing changes, record the row at the
+        start time.
 
         Raises RunError: a refused parameter, a failing FMU, or an output that is not finite.
         """
@@ -110,8 +117,8 @@ class Simulation:
     def _settle(self, start: float) -> None:
         """Rounds of GET and SET until nothing changes; a chain of n units needs n + 1.
 
-        Where flight software reads back its own command there is a loop. If it does not settle, its last values are
-        taken. `settled` keeps for every slot the round in which it changed last.
+        Where flight software reads back its own command there is a loop. If it does not settle, its
+        last values are taken. `settled` keeps for every slot the round in which it changed last.
         """
         for count in range(1, MAX_ROUNDS + 1):
             changed = self._round(start)
@@ -120,10 +127,14 @@ class Simulation:
                 return
         names = [slot.name for slot, moves in zip(self.graph.slots, changed, strict=True) if moves]
         shown = ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
-        _log.warning("%s: initial values do not settle (an algebraic loop): %s", self.system.name, shown)
+        _log.warning(
+            "%s: initial values do not settle (an algebraic loop): %s", self.system.name, shown
+        )
 
     def _round(self, start: float) -> NDArray[np.bool_]:
-        """One round of initial propagation; returns which slots it has changed (NaN counts as a value)."""
+        """One round of initial propagation; returns which slots it has changed (NaN counts as a
+        value).
+        """
         before = self.bus.copy()
         for unit in self.units:
             unit.propagate_outputs(self.bus, start)
@@ -144,10 +155,11 @@ class Simulation:
         return self.clock.time(self.step)
 
     def advance(self, to: int | None = None, progress: Callable[[int], None] | None = None) -> None:
-        """Perform macro steps until `to` are complete (default: all), initialising first if that was not done.
+        """Perform macro steps until `to` are complete (default: all), initialising first if that
+        was not done.
 
-        progress: called now and then with the number of complete steps. Raises RunError (InterruptionError on Ctrl-C)
-        whose `partial` holds everything recorded.
+        progress: called now and then with the number of complete steps. Raises RunError
+        (InterruptionError on Ctrl-C) whose `partial` holds everything recorded.
         """
         try:
             if not self.units:
@@ -177,7 +189,9 @@ class Simulation:
     # ---- rollback
 
     def save(self) -> Snapshot:
-        """State of the whole system; RunError if an FMU cannot save its own. Release it with free()."""
+        """State of the whole system; RunError if an FMU cannot save its own. Release it with
+        free().
+        """
         states = tuple(unit.save(self.time) for unit in self.units)
         return Snapshot(self.step, self.bus.copy(), states)
 
@@ -201,18 +215,43 @@ class Simulation:
         The table is not copied: stepping on after restore() overwrites its later rows.
         """
         names, units, descriptions = _columns(self.graph.slots)
-        time = np.asarray(self.clock.start + self.recorder.macro_steps * self.clock.step, dtype=np.float64)
+        time = np.asarray(
+            self.clock.start + self.recorder.macro_steps * self.clock.step, dtype=np.float64
+        )
         complete = self.step == self.steps
         rows = self.recorder.rows
-        return Result(self.system.name, time, names, units, rows, descriptions, complete, message, self._parameters())
+        return Result(
+            self.system.name,
+            time,
+            names,
+            units,
+            rows,
+            descriptions,
+            complete,
+            message,
+            self._parameters(),
+        )
 
     def _parameters(self) -> Result:
         """All parameters as a table of one row."""
-        slots, values = zip(*constants(self.graph), strict=True) if any(constants(self.graph)) else ((), ())
+        slots, values = (
+            zip(*constants(self.graph), strict=True) if any(constants(self.graph)) else ((), ())
+        )
         names, units, descriptions = _columns(slots)
-        return Result(self.system.name, np.array([self.clock.start]), names, units, np.array([values]), descriptions)
+        return Result(
+            self.system.name,
+            np.array([self.clock.start]),
+            names,
+            units,
+            np.array([values]),
+            descriptions,
+        )
 
 
 def _columns(slots: Sequence[Slot]) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
     """Names, units and descriptions."""
-    return tuple(s.name for s in slots), tuple(s.unit for s in slots), tuple(s.description for s in slots)
+    return (
+        tuple(s.name for s in slots),
+        tuple(s.unit for s in slots),
+        tuple(s.description for s in slots),
+    )

@@ -1,6 +1,8 @@
-"""Figures by which runs are compared: errors against the reference of the guidance, safety, and what it has cost.
+"""Figures by which runs are compared: errors against the reference of the guidance, safety, and
+what it has cost.
 
-A figure is measured if the result holds what it needs, so systems without a reference simply have fewer of them.
+A figure is measured if the result holds what it needs, so systems without a reference simply have
+fewer of them.
 """
 
 from __future__ import annotations
@@ -26,7 +28,9 @@ STEADY = 0.2
 
 @dataclass(frozen=True)
 class Measure:
-    """One figure: heading, unit, variables and parameters that it needs, and the function of the result."""
+    """One figure: heading, unit, variables and parameters that it needs, and the function of the
+    result.
+    """
 
     name: str
     unit: str
@@ -35,9 +39,13 @@ class Measure:
     parameters: tuple[str, ...] = ()
 
     def __call__(self, result: Result) -> float:
-        """The figure; NaN if the result does not hold what it needs, or the figure does not exist."""
+        """The figure; NaN if the result does not hold what it needs, or the figure does not
+        exist.
+        """
         known = () if result.parameters is None else result.parameters
-        if any(name not in result for name in self.needs) or any(name not in known for name in self.parameters):
+        if any(name not in result for name in self.needs) or any(
+            name not in known for name in self.parameters
+        ):
             return float("nan")
         return float(self.value(result))
 
@@ -51,7 +59,9 @@ ATTITUDE_START = "servicer.t_att"
 
 
 def settling_time(time: Array, error: Array) -> float:
-    """Time [s] after which an error (rows,) stays within 2 % of its largest value; NaN if it never does."""
+    """Time [s] after which an error (rows,) stays within 2 % of its largest value; NaN if it never
+    does.
+    """
     outside = np.flatnonzero(error > BAND * np.max(error))
     first_inside = outside[-1] + 1 if len(outside) else 0
     return float(time[first_inside] - time[0]) if first_inside < len(time) else float("nan")
@@ -93,13 +103,16 @@ TORQUE_IMPULSE = "propulsion.torque_impulse"
 def _torque_impulse(result: Result) -> float:
     """Integral of the torque of thrusters and wheels on the body, summed over the axes [N m s].
 
-    As the propulsion counts it, else from the torques of the rows; the wheels always from the speeds of the rows.
+    As the propulsion counts it, else from the torques of the rows; the wheels always from the
+    speeds of the rows.
     """
     if TORQUE_IMPULSE in result:
         thrusters = result[TORQUE_IMPULSE][-1] - result[TORQUE_IMPULSE][0]
     else:
         thrusters = np.abs(result["propulsion.M_S"][1:]) * np.diff(result.time)[:, None]
-    wheels = np.abs(np.diff(result["servicer.wheel_speed"], axis=0) @ result.parameter("servicer.A_w").T)
+    wheels = np.abs(
+        np.diff(result["servicer.wheel_speed"], axis=0) @ result.parameter("servicer.A_w").T
+    )
     return float(np.sum(thrusters) + np.sum(wheels))
 
 
@@ -112,5 +125,11 @@ MEASURES = (
     Measure("attitude error", "deg", ATTITUDE, _attitude_steady, (ATTITUDE_START,)),
     Measure("least range", "m", POSITION[:2], lambda r: float(np.min(range_(r)))),
     Measure("delta-v", "m/s", ("propulsion.impulse", "servicer.mass"), _delta_v),
-    Measure("torque impulse", "N m s", ("propulsion.M_S", "servicer.wheel_speed"), _torque_impulse, ("servicer.A_w",)),
+    Measure(
+        "torque impulse",
+        "N m s",
+        ("propulsion.M_S", "servicer.wheel_speed"),
+        _torque_impulse,
+        ("servicer.A_w",),
+    ),
 )

@@ -1,7 +1,7 @@
 """What the FMUs say through the logger callback of FMI.
 
-FMPy formats the variadic messages in a small C library that knows one Python function per process, so there is one
-log for all instances. An FMU's message is fetched right after its call has failed.
+FMPy formats the variadic messages in a small C library that knows one Python function per process,
+so there is one log for all instances. An FMU's message is fetched right after its call has failed.
 """
 
 from __future__ import annotations
@@ -29,7 +29,11 @@ _last_warning: dict[str, str] = {}
 
 
 def _receive(
-    _environment: object, instance: bytes | None, status: int, _category: bytes | None, message: bytes | None
+    _environment: object,
+    instance: bytes | None,
+    status: int,
+    _category: bytes | None,
+    message: bytes | None,
 ) -> None:
     name, text = _text(instance), " ".join(_text(message).split())
     if status >= DISCARD:
@@ -57,16 +61,26 @@ def callbacks() -> ctypes.Structure:
 
 
 def take_error(instance: str) -> str | None:
-    """The newest error message of an instance (or of an FMU that does not give its name), which is then forgotten."""
+    """The newest error message of an instance (or of an FMU that does not give its name), which is
+    then forgotten.
+    """
     candidates = [text for name, text in _errors if name in (instance, "")]
     _errors.clear()
     return candidates[-1] if candidates else None
 
 
 def report_warnings(instance: str) -> None:
-    """Pass on how often an instance has warned, and its last warning, as one line of Python's logging."""
+    """Pass on how often an instance has warned, and its last warning, as one line of Python's
+    logging.
+    """
     if count := _warnings.pop(instance, 0):
-        _log.warning("%s: %d warning%s, the last: %s", instance, count, "s" * (count > 1), _last_warning.pop(instance))
+        _log.warning(
+            "%s: %d warning%s, the last: %s",
+            instance,
+            count,
+            "s" * (count > 1),
+            _last_warning.pop(instance),
+        )
 
 
 def forget(instance: str) -> None:

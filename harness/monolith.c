@@ -1,6 +1,8 @@
-/* monolith.c - what the master is measured against: the same models without FMI in one program, and a bare loop over FMUs.
+/* monolith.c - what the master is measured against: the same models without FMI in one program, and
+ * a bare loop over FMUs.
  *
- * Both are plain Gauss-Seidel with one macro step for all, nothing is recorded and no status is handled in passing. */
+ * Both are plain Gauss-Seidel with one macro step for all, nothing is recorded and no status is
+ * handled in passing. */
 #include "fmi2FunctionTypes.h"
 #include "interface.h"
 
@@ -39,7 +41,10 @@ double *variable(const ModelInterface *model, void *memory, unsigned reference)
     return s.row ? place(memory, s) : NULL;
 }
 
-void initialize_model(const ModelInterface *model, void *memory, double t) { model->initialize(memory, t); }
+void initialize_model(const ModelInterface *model, void *memory, double t)
+{
+    model->initialize(memory, t);
+}
 
 typedef struct {
     const double *from;
@@ -69,7 +74,8 @@ typedef struct {
     fmi2GetRealTYPE *get;
     const fmi2ValueReference *inputs, *outputs;
     size_t input_count, output_count;
-    const double *const *sources; /* where each input comes from: a place in the output buffer of a slave */
+    const double *const
+        *sources; /* where each input comes from: a place in the output buffer of a slave */
     double *input_values, *output_values;
 } Slave;
 

@@ -1,7 +1,9 @@
-"""The yardsticks in monolith.c: a system as one C program without FMI, and a bare C loop over its FMUs.
+"""The yardsticks in monolith.c: a system as one C program without FMI, and a bare C loop over its
+FMUs.
 
-Both know Gauss-Seidel with one macro step for all and Real variables only, record nothing and check nothing in passing.
-`harness bench` measures against them; the tests compare their numbers with the master's.
+Both know Gauss-Seidel with one macro step for all and Real variables only, record nothing and check
+nothing in passing. `harness bench` measures against them; the tests compare their numbers with the
+master's.
 """
 
 from __future__ import annotations
@@ -44,7 +46,10 @@ class _Slave(ctypes.Structure):
     """Layout of struct Slave of monolith.c."""
 
     _fields_ = [
-        *((name, ctypes.c_void_p) for name in ("component", "set", "step", "get", "inputs", "outputs")),
+        *(
+            (name, ctypes.c_void_p)
+            for name in ("component", "set", "step", "get", "inputs", "outputs")
+        ),
         ("input_count", ctypes.c_size_t),
         ("output_count", ctypes.c_size_t),
         *((name, ctypes.c_void_p) for name in ("sources", "input_values", "output_values")),
@@ -69,8 +74,14 @@ def library() -> Any:
     lib.variable.restype, lib.variable.argtypes = pointer, [pointer, pointer, unsigned]
     lib.initialize_model.restype, lib.initialize_model.argtypes = None, [pointer, pointer, double]
     lib.free_model.restype, lib.free_model.argtypes = None, [pointer]
-    lib.run_monolith.restype, lib.run_monolith.argtypes = None, [pointer, size, double, double, long]
-    lib.run_slaves.restype, lib.run_slaves.argtypes = ctypes.c_int, [pointer, size, double, double, long]
+    lib.run_monolith.restype, lib.run_monolith.argtypes = (
+        None,
+        [pointer, size, double, double, long],
+    )
+    lib.run_slaves.restype, lib.run_slaves.argtypes = (
+        ctypes.c_int,
+        [pointer, size, double, double, long],
+    )
     return lib
 
 
@@ -78,7 +89,9 @@ class Monolith:
     """A system of the project's own models as one C program, initialised and ready to run."""
 
     def __init__(self, system: System) -> None:
-        """StructureError if a component is none of the project's models, UsageError if nothing has been built."""
+        """StructureError if a component is none of the project's models, UsageError if nothing has
+        been built.
+        """
         self.graph: Graph = build_graph(system)
         self.start, self.step = system.experiment.start, system.experiment.step or 0.0
         self.steps = 0
@@ -100,7 +113,9 @@ class Monolith:
         model = self._lib.find_model(node.interface.model.modelName.encode())
         if model is None:
             raise StructureError(
-                [f"{node.component.name}: {node.interface.path.name} is not a model of the monolithic program"]
+                [
+                    f"{node.component.name}: {node.interface.path.name} is not a model of the monolithic program"
+                ]
             )
         return int(model)
 
@@ -110,7 +125,9 @@ class Monolith:
     def _settings(self) -> None:
         for i, node in enumerate(self.graph.nodes):
             for variable, value in node.settings:
-                ctypes.c_double.from_address(self._place(i, variable.reference)).value = float(value)
+                ctypes.c_double.from_address(self._place(i, variable.reference)).value = float(
+                    value
+                )
 
     def _output_places(self) -> Iterator[int]:
         for i, node in enumerate(self.graph.nodes):
@@ -119,10 +136,14 @@ class Monolith:
 
     def _copies_of(self, i: int) -> ctypes.Array[_Copy]:
         wires = self.graph.nodes[i].inputs
-        return (_Copy * len(wires))(*(_Copy(self._slots[w.slot], self._place(i, w.variable.reference)) for w in wires))
+        return (_Copy * len(wires))(
+            *(_Copy(self._slots[w.slot], self._place(i, w.variable.reference)) for w in wires)
+        )
 
     def _initialize(self) -> None:
-        """As many rounds as there are parts: every initial value has then travelled through the longest chain."""
+        """As many rounds as there are parts: every initial value has then travelled through the
+        longest chain.
+        """
         for _ in self._models:
             for i, copies in enumerate(self._copies):
                 for copy in copies:
@@ -130,8 +151,12 @@ class Monolith:
                 self._lib.initialize_model(self._models[i], self._memory[i], self.start)
 
     def run(self, steps: int) -> None:
-        """Advance by `steps` macro steps; only from a start at t = 0 may this be called more than once."""
-        self._lib.run_monolith(self._parts, len(self._parts), self.start + self.steps * self.step, self.step, steps)
+        """Advance by `steps` macro steps; only from a start at t = 0 may this be called more than
+        once.
+        """
+        self._lib.run_monolith(
+            self._parts, len(self._parts), self.start + self.steps * self.step, self.step, steps
+        )
         self.steps += steps
 
     def outputs(self) -> NDArray[np.float64]:
@@ -157,7 +182,10 @@ class SlaveLoop:
             self._places |= {int(slot): base + 8 * i for i, slot in enumerate(transfer.slots)}
         self._sources = [self._sources_of(unit) for unit in simulation.units]
         self._slaves = (_Slave * len(simulation.units))(
-            *(_slave(unit, sources) for unit, sources in zip(simulation.units, self._sources, strict=True))
+            *(
+                _slave(unit, sources)
+                for unit, sources in zip(simulation.units, self._sources, strict=True)
+            )
         )
 
     def _sources_of(self, unit: Unit) -> ctypes.Array[ctypes.c_void_p]:
@@ -167,14 +195,19 @@ class SlaveLoop:
     def run(self, steps: int) -> None:
         """Perform macro steps 0 .. steps - 1."""
         clock = self.simulation.clock
-        status = self._lib.run_slaves(self._slaves, len(self._slaves), clock.start, clock.step, steps)
+        status = self._lib.run_slaves(
+            self._slaves, len(self._slaves), clock.start, clock.step, steps
+        )
         if status:
             raise StructureError(["an FMU failed under the bare loop"])
 
 
 def _only(unit: Unit, verb: Verb) -> Transfer:
     """The Real transfer of a unit, empty if it has none."""
-    return next((t for t in unit.transfers[verb] if t.real), Transfer(None, unit.handle, (), ctypes.c_double))
+    return next(
+        (t for t in unit.transfers[verb] if t.real),
+        Transfer(None, unit.handle, (), ctypes.c_double),
+    )
 
 
 def _slave(unit: Unit, sources: ctypes.Array[ctypes.c_void_p]) -> _Slave:

@@ -1,6 +1,8 @@
-"""Changes to a system before it flies: parameter sets and files, single values, other FMUs, latencies, step, stop.
+"""Changes to a system before it flies: parameter sets and files, single values, other FMUs,
+latencies, step, stop.
 
-A change is a replacement of frozen data, so the changed system can be exported exactly as it was flown.
+A change is a replacement of frozen data, so the changed system can be exported exactly as it was
+flown.
 """
 
 from __future__ import annotations
@@ -49,8 +51,9 @@ def apply(  # noqa: PLR0913 - every one is an option of the command line
 ) -> System:
     """Return the system with everything the user wants otherwise; the arguments are those of run().
 
-    Order: named set, swapped FMUs, file of parameters, single values. Raises UsageError for names that do not exist and
-    StructureError for a parameter file with mistakes or a swapped FMU that does not fit.
+    Order: named set, swapped FMUs, file of parameters, single values. Raises UsageError for names
+    that do not exist and StructureError for a parameter file with mistakes or a swapped FMU that
+    does not fit.
     """
     if params is not None and (chosen := str(params)) in set_names(system):
         system, params = choose_set(system, chosen), None
@@ -89,14 +92,19 @@ def choose_set(system: System, name: str) -> System:
     if name == DEFAULT_SET:
         return system
     chosen = next(s for s in system.sets if s.name == name)
-    components = tuple(replace(c, parameters=chosen.parameters.get(c.name, c.parameters)) for c in system.components)
+    components = tuple(
+        replace(c, parameters=chosen.parameters.get(c.name, c.parameters))
+        for c in system.components
+    )
     given = {"stop": chosen.stop, "step": chosen.step}
     changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     return replace(system, components=components, experiment=replace(system.experiment, **changes))
 
 
 def _parameter_file(system: System, path: Path) -> System:
-    """Parameters from a .toml (tables per component and `shared`) or an .ssv (names component.parameter)."""
+    """Parameters from a .toml (tables per component and `shared`) or an .ssv (names
+    component.parameter).
+    """
     readers = {".toml": _read_tables, ".ssv": _read_ssv}
     if path.suffix not in readers:
         names = set_names(system)
@@ -144,15 +152,21 @@ def _delayed(system: System, name: str, steps: Any) -> System:
     """A component publishes so many macro steps later; how many are possible the schedule knows."""
     known = [c.name for c in system.components]
     if name not in known:
-        raise UsageError(f"--latency {name}: {system.name} has no such component{did_you_mean(name, known)}")
+        raise UsageError(
+            f"--latency {name}: {system.name} has no such component{did_you_mean(name, known)}"
+        )
     try:
         count = int(steps)
     except ValueError as error:
         raise UsageError(f"--latency {name}: wants a number of macro steps, not {steps}") from error
-    components = tuple(replace(c, latency=count) if c.name == name else c for c in system.components)
+    components = tuple(
+        replace(c, latency=count) if c.name == name else c for c in system.components
+    )
     return replace(system, components=components)
 
 
 def _with(system: System, values: Assignments) -> System:
-    components = tuple(replace(c, parameters=values.over(c.name, c.parameters)) for c in system.components)
+    components = tuple(
+        replace(c, parameters=values.over(c.name, c.parameters)) for c in system.components
+    )
     return replace(system, components=components)

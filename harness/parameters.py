@@ -1,4 +1,6 @@
-"""Parameter tables as people write them in TOML: one per component, and `shared` for all that know a parameter."""
+"""Parameter tables as people write them in TOML: one per component, and `shared` for all that know
+a parameter.
+"""
 
 from __future__ import annotations
 
@@ -41,28 +43,40 @@ class Assignments:
                 continue
             if component not in self.interfaces or not isinstance(table, Mapping):
                 close = did_you_mean(component, (SHARED, *self.interfaces))
-                self.problems.append(f"{component}: parameters stand in a table per component, and this is none{close}")
+                self.problems.append(
+                    f"{component}: parameters stand in a table per component, and this is none{close}"
+                )
                 continue
             for name, value in leaves(table):
                 self.set(component, name, value)
 
     def _shared(self, table: Mapping[str, Any]) -> None:
         for name, value in leaves(table):
-            owners = [c for c, i in self.interfaces.items() if elements_of(name, i.named("parameter"))]
+            owners = [
+                c for c, i in self.interfaces.items() if elements_of(name, i.named("parameter"))
+            ]
             for component in owners:
                 self.set(component, name, value)
             if not owners:
                 known = {base(p) for i in self.interfaces.values() for p in i.named("parameter")}
-                self.problems.append(f"{SHARED}.{name}: no component has such a parameter{did_you_mean(name, known)}")
+                self.problems.append(
+                    f"{SHARED}.{name}: no component has such a parameter{did_you_mean(name, known)}"
+                )
 
-    def set(self, component: str, name: str, value: Value, known: Collection[str] | None = None) -> None:
-        """Set a scalar, vector or matrix of one component; known: the names allowed (default: whatever can be set)."""
+    def set(
+        self, component: str, name: str, value: Value, known: Collection[str] | None = None
+    ) -> None:
+        """Set a scalar, vector or matrix of one component; known: the names allowed (default:
+        whatever can be set).
+        """
         interface = self.interfaces[component]
         try:
             scalars = assign(name, value, interface.settable() if known is None else known)
             for element, scalar in scalars.items():
                 variable = interface.variables[element]
-                self.parameters[component][element] = Parameter(coerce(scalar, variable.type), variable.unit)
+                self.parameters[component][element] = Parameter(
+                    coerce(scalar, variable.type), variable.unit
+                )
         except ValueError as error:
             self.problems.append(f"{component}.{name}: {error}")
 

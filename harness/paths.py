@@ -1,4 +1,5 @@
-"""Where the built FMUs, systems and the C executor are: inside the installed package, else in build/ beside it.
+"""Where the built FMUs, systems and the C executor are: inside the installed package, else in
+build/ beside it.
 
 The environment variable SERVICING_FMUS_BUILD names another build folder, which then wins over both.
 """

@@ -1,4 +1,6 @@
-"""Pictures of results: the tables of harness/figures drawn by matplotlib, for one run or several in one."""
+"""Pictures of results: the tables of harness/figures drawn by matplotlib, for one run or several in
+one.
+"""
 
 from __future__ import annotations
 
@@ -19,22 +21,31 @@ Canvas = Any
 def plot(result: Result, directory: Path, ending: str = "png") -> list[Path]:
     """Draw every figure whose variables the result holds; returns the files written.
 
-    ending: png, svg or pdf. Raises ResultsError if no figure fits or the directory cannot be written.
+    ending: png, svg or pdf. Raises ResultsError if no figure fits or the directory cannot be
+    written.
     """
     figures = {figure.name: figure for figure in FIGURES if figure.fits(result)}
     if not figures:
         raise ResultsError("the result holds the variables of no known figure")
-    return _write(directory, ending, {name: lambda f=f: paint(f, result) for name, f in figures.items()})  # type: ignore[misc]
+    return _write(
+        directory, ending, {name: lambda f=f: paint(f, result) for name, f in figures.items()}
+    )  # type: ignore[misc]
 
 
 def overlay(results: Mapping[str, Result], directory: Path, ending: str = "png") -> list[Path]:
-    """Draw several runs, by label, into the same figures; returns the files written, none if no figure fits.
+    """Draw several runs, by label, into the same figures; returns the files written, none if no
+    figure fits.
 
-    A run that lacks a variable of a figure is left out of it. Raises ResultsError if the directory cannot be written.
+    A run that lacks a variable of a figure is left out of it. Raises ResultsError if the directory
+    cannot be written.
     """
     fitting = {f: {label: r for label, r in results.items() if f.fits(r)} for f in OVERLAYS}
     colours = {label: f"C{number}" for number, label in enumerate(results)}
-    figures = {f.name: lambda f=f, runs=runs: paint_overlay(f, runs, colours) for f, runs in fitting.items() if runs}
+    figures = {
+        f.name: lambda f=f, runs=runs: paint_overlay(f, runs, colours)
+        for f, runs in fitting.items()
+        if runs
+    }
     return _write(directory, ending, figures)
 
 
@@ -106,8 +117,12 @@ def _draw_curve(axes: Any, result: Result, panel: Panel, curve: Curve) -> None:
 # ---- several runs
 
 
-def paint_overlay(figure: Figure | Overlay, results: Mapping[str, Result], colours: Mapping[str, str]) -> Canvas:
-    """The figure of several runs as matplotlib has it: a colour for each by its label, one legend for all panels."""
+def paint_overlay(
+    figure: Figure | Overlay, results: Mapping[str, Result], colours: Mapping[str, str]
+) -> Canvas:
+    """The figure of several runs as matplotlib has it: a colour for each by its label, one legend
+    for all panels.
+    """
     if isinstance(figure, Overlay):
         canvas = _new_canvas(figure.title, figure.size)
         figure.draw(canvas, results, colours)

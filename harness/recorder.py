@@ -9,10 +9,14 @@ from harness.errors import UsageError
 
 
 class Recorder:
-    """Table of rows x slots; row r is the bus after r * every macro steps. Thinning does not change the physics."""
+    """Table of rows x slots; row r is the bus after r * every macro steps. Thinning does not change
+    the physics.
+    """
 
     def __init__(self, steps: int, slots: int, every: int = 1) -> None:
-        """Reserve room for `steps` macro steps; UsageError if every < 1 or the table does not fit into memory."""
+        """Reserve room for `steps` macro steps; UsageError if every < 1 or the table does not fit
+        into memory.
+        """
         if every < 1:
             raise UsageError(f"--every must be at least 1, not {every}")
         self.every = every

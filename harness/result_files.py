@@ -1,9 +1,11 @@
-"""Results files: .csv (flat columns), .nc (netCDF4: vectors, units, long names) and .mat (one struct per component).
+"""Results files: .csv (flat columns), .nc (netCDF4: vectors, units, long names) and .mat (one
+struct per component).
 
-.nc and .mat keep the parameters of the run too: as variables without time, and in the struct `parameters`.
+.nc and .mat keep the parameters of the run too: as variables without time, and in the struct
+`parameters`.
 
-A run that ended early leaves a file all the same: .nc and .mat say `complete = 0`, a .csv ends with a line
-`# incomplete: reason`.
+A run that ended early leaves a file all the same: .nc and .mat say `complete = 0`, a .csv ends with
+a line `# incomplete: reason`.
 """
 
 from __future__ import annotations
@@ -67,7 +69,9 @@ class ResultFile:
         return path
 
     def write(self, result: Result) -> None:
-        """Write the result; ResultsError if that fails, an earlier file of that name is then left as it was."""
+        """Write the result; ResultsError if that fails, an earlier file of that name is then left
+        as it was.
+        """
         target = self.path if self._special else self._beside()
         try:
             WRITERS[self.path.suffix](result, target)
@@ -118,7 +122,16 @@ def _read_csv(path: Path) -> Result:
     if table.shape[1] != len(names):
         raise ValueError(f"{len(names)} names for {table.shape[1]} columns")
     units = ("",) * (len(names) - 1)
-    return Result(path.stem, table[:, 0], tuple(names[1:]), units, table[:, 1:], (), not reason[1], reason[2].strip())
+    return Result(
+        path.stem,
+        table[:, 0],
+        tuple(names[1:]),
+        units,
+        table[:, 1:],
+        (),
+        not reason[1],
+        reason[2].strip(),
+    )
 
 
 def _last_line(file: TextIO) -> str:
@@ -134,17 +147,31 @@ def _last_line(file: TextIO) -> str:
 def _write_nc(result: Result, path: Path) -> None:
     import xarray
 
-    histories = {name: (("time", *axes), data, about) for name, axes, data, about in _variables(result)}
-    fixed = {name: (axes, data[0], about) for name, axes, data, about in _variables(result.parameters)}
+    histories = {
+        name: (("time", *axes), data, about) for name, axes, data, about in _variables(result)
+    }
+    fixed = {
+        name: (axes, data[0], about) for name, axes, data, about in _variables(result.parameters)
+    }
     variables = fixed | histories
-    attributes = {"system": result.system, "complete": int(result.complete), "message": result.message}
+    attributes = {
+        "system": result.system,
+        "complete": int(result.complete),
+        "message": result.message,
+    }
     time = ("time", result.time, {"units": "s", "long_name": "time"})
     data = xarray.Dataset(variables, coords={"time": time}, attrs=attributes)
-    data.to_netcdf(path, engine="netcdf4", encoding={name: {"_FillValue": None} for name in data.variables})
+    data.to_netcdf(
+        path, engine="netcdf4", encoding={name: {"_FillValue": None} for name in data.variables}
+    )
 
 
-def _variables(result: Result | None) -> Iterator[tuple[str, tuple[str, ...], NDArray[np.float64], dict[str, str]]]:
-    """Vectors with an axis, matrices with row and column, the rest as they are: name, axes, (rows, ...), attributes."""
+def _variables(
+    result: Result | None,
+) -> Iterator[tuple[str, tuple[str, ...], NDArray[np.float64], dict[str, str]]]:
+    """Vectors with an axis, matrices with row and column, the rest as they are: name, axes, (rows,
+    ...), attributes.
+    """
     if result is None:
         return
     whole = {column for columns in result.vectors.values() for column in columns.flat}
@@ -169,15 +196,25 @@ def _read_nc(path: Path) -> Result:
         time = data["time"].to_numpy()
         about = data.attrs
         system = about.get("system", path.stem)
-        histories = {name: (v.to_numpy(), v.attrs) for name, v in variables.items() if "time" in v.dims}
-        fixed = {name: (v.to_numpy()[None], v.attrs) for name, v in variables.items() if "time" not in v.dims}
+        histories = {
+            name: (v.to_numpy(), v.attrs) for name, v in variables.items() if "time" in v.dims
+        }
+        fixed = {
+            name: (v.to_numpy()[None], v.attrs)
+            for name, v in variables.items()
+            if "time" not in v.dims
+        }
     parameters = _table(system, time[:1], fixed) if fixed else None
     complete, message = bool(about.get("complete", 1)), about.get("message", "")
-    return replace(_table(system, time, histories), complete=complete, message=message, parameters=parameters)
+    return replace(
+        _table(system, time, histories), complete=complete, message=message, parameters=parameters
+    )
 
 
 def _table(
-    system: str, time: NDArray[np.float64], variables: Mapping[str, tuple[NDArray[np.float64], Mapping[str, str]]]
+    system: str,
+    time: NDArray[np.float64],
+    variables: Mapping[str, tuple[NDArray[np.float64], Mapping[str, str]]],
 ) -> Result:
     """Variables with their attributes as flat columns."""
     columns, blocks, units, descriptions = [], [np.empty((len(time), 0))], [], []
@@ -187,7 +224,9 @@ def _table(
         blocks.append(values.reshape(len(values), -1))
         units += [about.get("units", "")] * len(names)
         descriptions += [about.get("long_name", "")] * len(names)
-    return Result(system, time, tuple(columns), tuple(units), np.hstack(blocks), tuple(descriptions))
+    return Result(
+        system, time, tuple(columns), tuple(units), np.hstack(blocks), tuple(descriptions)
+    )
 
 
 def _element_names(name: str, shape: tuple[int, ...]) -> list[str]:
@@ -200,7 +239,11 @@ def _element_names(name: str, shape: tuple[int, ...]) -> list[str]:
 def _write_mat(result: Result, path: Path) -> None:
     import scipy.io
 
-    content: dict[str, Any] = {"time": result.time, "system": result.system, "complete": float(result.complete)}
+    content: dict[str, Any] = {
+        "time": result.time,
+        "system": result.system,
+        "complete": float(result.complete),
+    }
     units: dict[str, Any] = {}
     fixed: dict[str, Any] = {}
     for name, _, values, attributes in _variables(result):
@@ -210,7 +253,12 @@ def _write_mat(result: Result, path: Path) -> None:
     for name, _, values, _ in _variables(result.parameters):
         component, variable = _place(fixed, name)
         fixed[component][variable] = values[0]
-    scipy.io.savemat(path, content | {"units": units, "parameters": fixed}, long_field_names=True, oned_as="column")
+    scipy.io.savemat(
+        path,
+        content | {"units": units, "parameters": fixed},
+        long_field_names=True,
+        oned_as="column",
+    )
 
 
 def _place(content: dict[str, Any], name: str) -> tuple[str, str]:
@@ -221,7 +269,9 @@ def _place(content: dict[str, Any], name: str) -> tuple[str, str]:
 
 
 def _legal(name: str, taken: Collection[str]) -> str:
-    """A name that MATLAB accepts (letters, digits, underscores, a letter first, at most 63) and that is not taken."""
+    """A name that MATLAB accepts (letters, digits, underscores, a letter first, at most 63) and
+    that is not taken.
+    """
     legal = re.sub(r"\W", "_", name, flags=re.ASCII)[:60]
     if not legal[:1].isalpha():
         legal = f"x_{legal}"[:60]

@@ -1,4 +1,6 @@
-"""The outcome of a run: a table with names and units, vectors by name, and the files it is kept in."""
+"""The outcome of a run: a table with names and units, vectors by name, and the files it is kept
+in.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +19,10 @@ from harness.values import base, index
 class Result:
     """What a run has left behind.
 
-    time: (rows,) [s]; columns: `component.variable[i]`; units, descriptions: per column ("" if unknown);
-    values: (rows, columns); complete: False if the run ended early, then `message` says why; parameters: all parameters
-    of all components as they were flown, a table of one row (None if unknown: a .csv does not keep them).
+    time: (rows,) [s]; columns: `component.variable[i]`; units, descriptions: per column ("" if
+    unknown); values: (rows, columns); complete: False if the run ended early, then `message` says
+    why; parameters: all parameters of all components as they were flown, a table of one row (None
+    if unknown: a .csv does not keep them).
     """
 
     system: str
@@ -33,13 +36,16 @@ class Result:
     parameters: Result | None = None
 
     def parameter(self, name: str) -> NDArray[np.float64]:
-        """Value of a parameter: (), (n,) for a vector, (m, n) for a matrix; KeyError with close matches."""
+        """Value of a parameter: (), (n,) for a vector, (m, n) for a matrix; KeyError with close
+        matches.
+        """
         if self.parameters is None:
             raise KeyError(f"{name}: the result does not hold the parameters of the run")
         return np.asarray(self.parameters[name][0])
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
-        """History of a variable: (rows,) for a scalar or an element, (rows, n) for a vector, (rows, m, n) for a matrix.
+        """History of a variable: (rows,) for a scalar or an element, (rows, n) for a vector, (rows,
+        m, n) for a matrix.
 
         Raises KeyError with close matches.
         """
@@ -73,15 +79,21 @@ class Result:
 
     @cached_property
     def vectors(self) -> Mapping[str, NDArray[np.intp]]:
-        """Columns of every variable by its name without indices, in an array of the variable's own shape."""
+        """Columns of every variable by its name without indices, in an array of the variable's own
+        shape.
+        """
         groups: dict[str, dict[tuple[int, ...], int]] = {}
         for i, name in enumerate(self.columns):
             groups.setdefault(base(name), {})[index(name)] = i
-        return {name: array for name, group in groups.items() if (array := _array(group)) is not None}
+        return {
+            name: array for name, group in groups.items() if (array := _array(group)) is not None
+        }
 
 
 def _array(group: Mapping[tuple[int, ...], int]) -> NDArray[np.intp] | None:
-    """Columns in the shape of their indices; None if elements are missing, then only single elements have names."""
+    """Columns in the shape of their indices; None if elements are missing, then only single
+    elements have names.
+    """
     dimensions = {len(i) for i in group}
     if len(dimensions) != 1:
         return None

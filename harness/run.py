@@ -1,4 +1,6 @@
-"""System in, result out: the public function, and its three parts for those who want to do something in between."""
+"""System in, result out: the public function, and its three parts for those who want to do
+something in between.
+"""
 
 from __future__ import annotations
 
@@ -32,17 +34,26 @@ def run(  # noqa: PLR0913 - every one is an option of the command line
     """Fly a system and return what was recorded.
 
     system: name of a system of the project, path of an .ssp, or a System;
-    params: name of one of its parameter sets, or a .toml or .ssv file; set: `component.parameter=value` (numbers,
-    lists, lists of lists), as texts or a mapping; swap: `component=fmu` (name or path), likewise; latency:
-    `component=N`, its outputs come N macro steps later; step: macro step [s]; stop: stop time [s], a multiple of it;
-    algorithm: gauss-seidel or jacobi; executor: c or python (same bits); every: record every N-th macro step;
-    progress: show a bar on stderr.
+    params: name of one of its parameter sets, or a .toml or .ssv file; set:
+    `component.parameter=value` (numbers, lists, lists of lists), as texts or a mapping; swap:
+    `component=fmu` (name or path), likewise; latency: `component=N`, its outputs come N macro steps
+    later; step: macro step [s]; stop: stop time [s], a multiple of it; algorithm: gauss-seidel or
+    jacobi; executor: c or python (same bits); every: record every N-th macro step; progress: show a
+    bar on stderr.
 
-    Raises UsageError, ArchiveError, StructureError, FmuError, or RunError, whose `partial` is what was recorded so far.
+    Raises UsageError, ArchiveError, StructureError, FmuError, or RunError, whose `partial` is what
+    was recorded so far.
     """
     with loaded(system) as found:
         changed = apply(
-            found, params=params, set=set, swap=swap, latency=latency, step=step, stop=stop, algorithm=algorithm
+            found,
+            params=params,
+            set=set,
+            swap=swap,
+            latency=latency,
+            step=step,
+            stop=stop,
+            algorithm=algorithm,
         )
         return fly(changed, executor=executor, every=every, progress=progress)
 
@@ -77,7 +88,9 @@ def fly(system: System, *, executor: str = "c", every: int = 1, progress: bool =
 
 @contextmanager
 def progress_bar(title: str, total: int, wanted: bool) -> Iterator[Callable[[int], None] | None]:
-    """A bar on stderr that vanishes at the end, as a function of the number of macro steps done; None if unwanted."""
+    """A bar on stderr that vanishes at the end, as a function of the number of macro steps done;
+    None if unwanted.
+    """
     if not wanted:
         yield None
         return

@@ -1,7 +1,8 @@
 """The master algorithm as data: what to do with whom in which order at every macro step.
 
-A unit with `every = N` is stepped by N macro steps at once, at macro steps k with k % N == 0. `latency = L` publishes
-its outputs L macro steps later than its algorithm would (a computer that needs its time).
+A unit with `every = N` is stepped by N macro steps at once, at macro steps k with k % N == 0.
+`latency = L` publishes its outputs L macro steps later than its algorithm would (a computer that
+needs its time).
 """
 
 from __future__ import annotations
@@ -56,18 +57,26 @@ class Action(NamedTuple, Generic[Unit]):
 
 
 def gauss_seidel(units: Sequence[Unit]) -> list[Action[Unit]]:
-    """One after the other: each reads what the units before it have just published, steps and publishes at once.
+    """One after the other: each reads what the units before it have just published, steps and
+    publishes at once.
 
-    A unit with latency L (at most its period) publishes at the beginning of the macro step L after it was sampled.
+    A unit with latency L (at most its period) publishes at the beginning of the macro step L after
+    it was sampled.
     """
     late = [Action(Verb.GET, u, u.every, u.latency % u.every) for u in units if u.latency]
-    return late + [Action(verb, u, u.every) for u in units for verb in Verb if not (verb is Verb.GET and u.latency)]
+    return late + [
+        Action(verb, u, u.every)
+        for u in units
+        for verb in Verb
+        if not (verb is Verb.GET and u.latency)
+    ]
 
 
 def jacobi(units: Sequence[Unit]) -> list[Action[Unit]]:
     """Everybody reads, everybody steps, everybody publishes when its step is over.
 
-    A unit with latency 1 publishes one macro step later, after the others have read and before its own next step.
+    A unit with latency 1 publishes one macro step later, after the others have read and before its
+    own next step.
     """
     read = [Action(Verb.SET, u, u.every) for u in units]
     late = [Action(Verb.GET, u, u.every) for u in units if u.latency]
@@ -88,7 +97,9 @@ ALGORITHMS = {
 
 
 def problems(algorithm: str, units: Sequence[Periodic]) -> list[str]:
-    """What is wrong with the periods and latencies of the units under an algorithm, one line each."""
+    """What is wrong with the periods and latencies of the units under an algorithm, one line
+    each.
+    """
     if algorithm not in ALGORITHMS:
         return [f"algorithm: there is no {algorithm}, only {' and '.join(ALGORITHMS)}"]
     largest = ALGORITHMS[algorithm].largest_latency
@@ -102,7 +113,9 @@ def problems(algorithm: str, units: Sequence[Periodic]) -> list[str]:
 
 
 def schedule(algorithm: str, units: Sequence[Unit]) -> list[Action[Unit]]:
-    """The list of actions of one macro step; StructureError if a period or latency cannot be expressed."""
+    """The list of actions of one macro step; StructureError if a period or latency cannot be
+    expressed.
+    """
     if found := problems(algorithm, units):
         raise StructureError(found)
     return ALGORITHMS[algorithm].plan(units)
@@ -111,17 +124,25 @@ def schedule(algorithm: str, units: Sequence[Unit]) -> list[Action[Unit]]:
 def macro_steps(experiment: Experiment, periods: Sequence[int] = (1,)) -> int:
     """Number of macro steps of an experiment in which every component takes whole steps of its own.
 
-    periods: `every` of the components. Raises StructureError: no step or stop time, or a stop time that is not a
-    multiple.
+    periods: `every` of the components. Raises StructureError: no step or stop time, or a stop time
+    that is not a multiple.
     """
     start, stop, step = experiment.start, experiment.stop, experiment.step
     if step is None and stop is None:
-        raise StructureError(["the system says neither macro step nor stop time: give them with --step and --stop"])
+        raise StructureError(
+            ["the system says neither macro step nor stop time: give them with --step and --stop"]
+        )
     if step is None or not (step > 0 and math.isfinite(step)):
-        raise StructureError([f"the macro step must be a positive number of seconds, not {step}: give one with --step"])
+        raise StructureError(
+            [
+                f"the macro step must be a positive number of seconds, not {step}: give one with --step"
+            ]
+        )
     if stop is None or not (stop > start and math.isfinite(stop)):
         raise StructureError(
-            [f"the stop time must lie after the start time {start:g} s, not at {stop}: give one with --stop"]
+            [
+                f"the stop time must lie after the start time {start:g} s, not at {stop}: give one with --stop"
+            ]
         )
     cycle = math.lcm(*periods)
     cycles = round((stop - start) / (cycle * step))

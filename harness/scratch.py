@@ -1,8 +1,8 @@
 """Private temporary folders that do not outlive the process, whatever ends it.
 
-Python removes a folder after an error or Ctrl-C. After a crash in an FMU's code or a kill nothing of Python runs any
-more; then a guard removes it: a shell that waits at a pipe which closes with the process. (Windows and machines
-without a shell have no such guard.)
+Python removes a folder after an error or Ctrl-C. After a crash in an FMU's code or a kill nothing
+of Python runs any more; then a guard removes it: a shell that waits at a pipe which closes with the
+process. (Windows and machines without a shell have no such guard.)
 """
 
 from __future__ import annotations
@@ -35,20 +35,30 @@ class PrivateFolder:
         return self.path
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self.close()
 
 
 def _guard(folder: Path) -> subprocess.Popen[bytes] | None:
-    """The process that removes the folder if we cannot; in a session of its own, so that Ctrl-C does not reach it."""
+    """The process that removes the folder if we cannot; in a session of its own, so that Ctrl-C
+    does not reach it.
+    """
     if os.name != "posix":
         return None
     command = ["/bin/sh", "-c", _GUARD, "harness-guard", str(folder)]
     quiet = subprocess.DEVNULL
     try:
         return subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet, start_new_session=True, cwd="/"
+            command,
+            stdin=subprocess.PIPE,
+            stdout=quiet,
+            stderr=quiet,
+            start_new_session=True,
+            cwd="/",
         )
     except OSError:  # a machine without a shell
         return None

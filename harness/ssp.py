@@ -1,7 +1,8 @@
 """From an .ssp file to a System: safe unpacking, schema validation, and no FMI call.
 
-Names are read by namespace, whatever the prefixes. Nested systems are flattened. What cannot be run is refused, not
-ignored: model exchange, signal dictionaries, connections between parameters, tables that transform signals.
+Names are read by namespace, whatever the prefixes. Nested systems are flattened. What cannot be run
+is refused, not ignored: model exchange, signal dictionaries, connections between parameters, tables
+that transform signals.
 """
 
 from __future__ import annotations
@@ -26,9 +27,11 @@ _log = logging.getLogger("harness")
 
 @contextmanager
 def opened(path: Path) -> Iterator[System]:
-    """The system in an .ssp, unpacked to a private temporary folder that is removed at the end of the `with` block.
+    """The system in an .ssp, unpacked to a private temporary folder that is removed at the end of
+    the `with` block.
 
-    Raises ArchiveError (damaged or unsafe archive) or StructureError (all problems of the description).
+    Raises ArchiveError (damaged or unsafe archive) or StructureError (all problems of the
+    description).
     """
     with PrivateFolder() as folder:
         unpack(path, folder)
@@ -51,12 +54,16 @@ def read(folder: Path) -> System:
 
 
 class _Reader:
-    """What the root of SystemStructure.ssd says: time, order, parameter sets; the elements are read elsewhere."""
+    """What the root of SystemStructure.ssd says: time, order, parameter sets; the elements are read
+    elsewhere.
+    """
 
     def __init__(self, folder: Path, root: xml.Element) -> None:
         self.folder = folder
         self.root = root
-        self.run = root.find(f"ssd:Annotations/ssc:Annotation[@type='{xml.RUN_ANNOTATION}']/run:Run", xml.NS)
+        self.run = root.find(
+            f"ssd:Annotations/ssc:Annotation[@type='{xml.RUN_ANNOTATION}']/run:Run", xml.NS
+        )
         self.schedule = {e.get("name"): e for e in self._own("run:Component")}
         self.elements = Elements(folder, root, own=self.run is not None)
         self.problems = self.elements.problems
@@ -73,7 +80,9 @@ class _Reader:
             connections=flat.connections,
             experiment=experiment,
             sets=tuple(self._set(e, components) for e in self._own("run:ParameterSet")),
-            alternatives=tuple(self._alternative(e, components) for e in self._own("run:Alternative")),
+            alternatives=tuple(
+                self._alternative(e, components) for e in self._own("run:Alternative")
+            ),
             strict=self.run is not None and self.run.get("strict") == "true",
             declared=flat.declared(),
         )
@@ -83,7 +92,9 @@ class _Reader:
         return [] if self.run is None else list(self.run.iterfind(path, xml.NS))
 
     def _experiment(self) -> Experiment:
-        """Time span of the file; the step is OSP's, the algorithm ours, without ours Jacobi, which needs no order."""
+        """Time span of the file; the step is OSP's, the algorithm ours, without ours Jacobi, which
+        needs no order.
+        """
         default = self.root.find("ssd:DefaultExperiment", xml.NS)
         step = self.root.find("ssd:DefaultExperiment//osp:FixedStepAlgorithm", xml.NS)
         return Experiment(
@@ -95,7 +106,12 @@ class _Reader:
 
     def _component(self, leaf: Leaf, flat: Flat, experiment: Experiment) -> Component:
         name = flat.names[leaf.place]
-        return Component(name, leaf.fmu, flat.parameters[leaf.place], *self._schedule(name, leaf.hint, experiment))
+        return Component(
+            name,
+            leaf.fmu,
+            flat.parameters[leaf.place],
+            *self._schedule(name, leaf.hint, experiment),
+        )
 
     def _schedule(self, name: str, hint: float | None, experiment: Experiment) -> tuple[int, int]:
         """Period and latency from our annotation, else every from OSP's hint of a longer step."""
@@ -103,21 +119,31 @@ class _Reader:
         if own is not None:
             return round(self._number(own, "every") or 1), round(self._number(own, "latency") or 0)
         if hint and not experiment.step:
-            _log.warning("%s: its step of %g s is not used, the file does not say the macro step", name, hint)
+            _log.warning(
+                "%s: its step of %g s is not used, the file does not say the macro step", name, hint
+            )
         return max(1, round(hint / experiment.step)) if hint and experiment.step else 1, 0
 
     def _set(self, element: xml.Element, components: tuple[Component, ...]) -> ParameterSet:
-        """A set that our annotation lists but nothing binds: one .ssv per component that has parameters."""
+        """A set that our annotation lists but nothing binds: one .ssv per component that has
+        parameters.
+        """
         name = element.get("name", "")
         parameters = self._files(f"resources/sets/{name}", components)
         if not parameters:
-            self.problems.append(f"parameter set {name}: is listed, but none of its files is in the archive")
+            self.problems.append(
+                f"parameter set {name}: is listed, but none of its files is in the archive"
+            )
         stop, step = self._number(element, "stop"), self._number(element, "step")
         return ParameterSet(name, element.get("description", ""), parameters, stop, step)
 
     def _alternative(self, element: xml.Element, components: tuple[Component, ...]) -> Alternative:
         fmu = element.get("fmu", "")
-        return Alternative(element.get("component", ""), fmu, self._files(f"resources/alternatives/{fmu}", components))
+        return Alternative(
+            element.get("component", ""),
+            fmu,
+            self._files(f"resources/alternatives/{fmu}", components),
+        )
 
     def _files(self, place: str, components: tuple[Component, ...]) -> dict[str, Parameters]:
         """Parameters by component from the .ssv files of a folder of the archive."""

@@ -1,4 +1,6 @@
-"""Reading of ssd:System and ssd:Component elements, with everything bound to them, into a tree of plain data."""
+"""Reading of ssd:System and ssd:Component elements, with everything bound to them, into a tree of
+plain data.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +53,9 @@ class Elements:
                 self.problems.append(f"{_label(here)}: signal dictionaries are not supported")
                 children[name] = Leaf(here)
             else:
-                children[name] = self.group(child, here) if kind == "System" else self._leaf(child, here)
+                children[name] = (
+                    self.group(child, here) if kind == "System" else self._leaf(child, here)
+                )
         return children
 
     def _leaf(self, element: xml.Element, place: Place) -> Leaf:
@@ -63,7 +67,13 @@ class Elements:
         fmu = self.file(element.get("source"), label)
         hint = element.find("ssd:Annotations/ssc:Annotation/osp:StepSizeHint", xml.NS)
         bindings = self._bindings(element, label, fmu)
-        return Leaf(place, self._connectors(element, place), bindings, fmu, xml.number(hint, "value", self.problems))
+        return Leaf(
+            place,
+            self._connectors(element, place),
+            bindings,
+            fmu,
+            xml.number(hint, "value", self.problems),
+        )
 
     def _connectors(self, element: xml.Element, place: Place) -> dict[str, Connector]:
         connectors = {}
@@ -71,7 +81,9 @@ class Elements:
             unit = e.find("ssc:Real", xml.NS)
             unit = None if unit is None else unit.get("unit")
             if unit is not None and unit not in self.units:
-                self.problems.append(f"{Point(place, e.get('name'))}: the file does not define its unit {unit}")
+                self.problems.append(
+                    f"{Point(place, e.get('name'))}: the file does not define its unit {unit}"
+                )
             connectors[e.get("name")] = Connector(e.get("kind"), self.units.get(unit))
         return connectors
 
@@ -89,18 +101,26 @@ class Elements:
                 end_gives = not start_gives
             if start_gives == end_gives:
                 both = "give" if start_gives else "take"
-                self.problems.append(f"{start} to {end}: is a connection between two that {both} a value")
+                self.problems.append(
+                    f"{start} to {end}: is a connection between two that {both} a value"
+                )
             elif start_gives:
                 yield Edge(start, end, self._hop(e, end, group))
             else:
                 yield Edge(end, start, self._hop(e, start, group))
 
-    def _end(self, element: xml.Element, side: str, group: Group) -> tuple[Point, bool | None] | None:
-        """A connector and whether it gives a value to the connection (None: not said); None if it is not there."""
+    def _end(
+        self, element: xml.Element, side: str, group: Group
+    ) -> tuple[Point, bool | None] | None:
+        """A connector and whether it gives a value to the connection (None: not said); None if it
+        is not there.
+        """
         name, connector = element.get(f"{side}Element"), element.get(f"{side}Connector")
         if name is not None and name not in group.children:
             close = did_you_mean(name, group.children)
-            self.problems.append(f"{_label((*group.place, name))}.{connector}: there is no component '{name}'{close}")
+            self.problems.append(
+                f"{_label((*group.place, name))}.{connector}: there is no component '{name}'{close}"
+            )
             return None
         owner = group if name is None else group.children[name]
         point = Point(owner.place, connector)
@@ -116,7 +136,9 @@ class Elements:
     def _hop(self, element: xml.Element, target: Point, group: Group) -> Hop:
         for kind in ("a Boolean", "an Integer", "an Enumeration"):
             if element.find(f"ssc:{kind.split()[1]}MappingTransformation", xml.NS) is not None:
-                self.problems.append(f"{target}: {kind}MappingTransformation of a signal is not supported")
+                self.problems.append(
+                    f"{target}: {kind}MappingTransformation of a signal is not supported"
+                )
         owner = group if target.place == group.place else group.children[target.place[-1]]
         unit = owner.connectors[target.connector].unit if isinstance(owner, Group) else None
         try:
@@ -127,7 +149,9 @@ class Elements:
 
     # ---- parameters
 
-    def _bindings(self, element: xml.Element, label: str, fmu: Path | None = None) -> dict[str, Parameter]:
+    def _bindings(
+        self, element: xml.Element, label: str, fmu: Path | None = None
+    ) -> dict[str, Parameter]:
         """All parameter sets bound to an element, later ones winning."""
         parameters: dict[str, Parameter] = {}
         for binding in element.iterfind("ssd:ParameterBindings/ssd:ParameterBinding", xml.NS):
@@ -135,7 +159,10 @@ class Elements:
                 parameters |= self._bound(binding, label, fmu)
             except StructureError as error:
                 self.problems += [f"{label}: {problem}" for problem in error.problems]
-        return {name: replace(parameter, optional=not self.own) for name, parameter in parameters.items()}
+        return {
+            name: replace(parameter, optional=not self.own)
+            for name, parameter in parameters.items()
+        }
 
     def _bound(self, binding: xml.Element, label: str, fmu: Path | None) -> Mapping[str, Parameter]:
         root = self._part(binding, "ssd:ParameterValues/*", (SSV_TYPE, xml.SSV_SCHEMA), label, fmu)
@@ -143,19 +170,25 @@ class Elements:
         found = binding.find("ssd:ParameterMapping", xml.NS)
         if found is None:
             return parameters
-        return mapped(parameters, mapping(self._part(found, "*", (SSM_TYPE, xml.SSM_SCHEMA), label, fmu)))
+        return mapped(
+            parameters, mapping(self._part(found, "*", (SSM_TYPE, xml.SSM_SCHEMA), label, fmu))
+        )
 
     def _part(
         self, element: xml.Element, inline: str, kind: tuple[str, str], label: str, fmu: Path | None
     ) -> xml.Element:
-        """Root of a parameter set or mapping: inside the element, a file of the archive, or a file inside the FMU."""
+        """Root of a parameter set or mapping: inside the element, a file of the archive, or a file
+        inside the FMU.
+        """
         mime, schema = kind
         if element.get("type", mime) != mime:
             raise StructureError([f"{element.get('type')} cannot be read, only {mime}"])
         source = element.get("source")
         if source is None:
             if (found := element.find(inline, xml.NS)) is None:
-                raise StructureError([f"a {element.tag.rpartition('}')[2]} is empty and names no file"])
+                raise StructureError(
+                    [f"a {element.tag.rpartition('}')[2]} is empty and names no file"]
+                )
             return xml.embedded(found, schema)
         if element.get("sourceBase") == "component":
             return self._inside(fmu, source, schema)
@@ -181,7 +214,9 @@ class Elements:
             return self.folder
         path = (self.folder / unquote(name)).resolve()
         if not path.is_relative_to(self.folder.resolve()) or not path.is_file():
-            self.problems.append(f"{label}: {name or 'a file without a name'} is not in the archive")
+            self.problems.append(
+                f"{label}: {name or 'a file without a name'} is not in the archive"
+            )
         return path
 
 

@@ -1,4 +1,6 @@
-"""Parameter sets (.ssv) and parameter mappings (.ssm) of SSP: names, values, units, and what a mapping does to them."""
+"""Parameter sets (.ssv) and parameter mappings (.ssm) of SSP: names, values, units, and what a
+mapping does to them.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ Units = Mapping[str, Unit]
 
 
 class Entry(NamedTuple):
-    """Parameter `source` of a set goes to `target`, changed by a hop or, where it is no number, by a table."""
+    """Parameter `source` of a set goes to `target`, changed by a hop or, where it is no number, by
+    a table.
+    """
 
     source: str
     target: str
@@ -56,7 +60,10 @@ def parameter_set(root: xml.Element, further: Units | None = None) -> dict[str, 
 
 def units_of(root: xml.Element, table: str) -> dict[str, Unit]:
     """Units that a file defines, by name."""
-    return {e.get("name"): Unit(e.get("name"), _base(e[0])) for e in root.iterfind(f"{table}/ssc:Unit", xml.NS)}
+    return {
+        e.get("name"): Unit(e.get("name"), _base(e[0]))
+        for e in root.iterfind(f"{table}/ssc:Unit", xml.NS)
+    }
 
 
 def _base(element: xml.Element) -> dict[str, float]:
@@ -85,7 +92,9 @@ def _scalar(element: xml.Element) -> Scalar:
 
 
 def mapping(root: xml.Element) -> list[Entry]:
-    """Entries of an ssm:ParameterMapping element; StructureError with every transformation that makes no sense."""
+    """Entries of an ssm:ParameterMapping element; StructureError with every transformation that
+    makes no sense.
+    """
     entries, problems = [], []
     for element in root.iterfind("ssm:MappingEntry", xml.NS):
         try:
@@ -99,7 +108,9 @@ def mapping(root: xml.Element) -> list[Entry]:
 
 
 def hop_of(element: xml.Element, unit: Unit | None = None) -> Hop:
-    """What a connection or mapping entry does to a number that ends in `unit`; ValueError if it is not finite."""
+    """What a connection or mapping entry does to a number that ends in `unit`; ValueError if it is
+    not finite.
+    """
     linear = element.find("ssc:LinearTransformation", xml.NS)
     change = Affine()
     if linear is not None:
@@ -111,11 +122,16 @@ def hop_of(element: xml.Element, unit: Unit | None = None) -> Hop:
 
 
 def _table(element: xml.Element) -> dict[str, str] | None:
-    """Table of a Boolean-, Integer- or EnumerationMappingTransformation as texts, None without one."""
+    """Table of a Boolean-, Integer- or EnumerationMappingTransformation as texts, None without
+    one.
+    """
     for kind in ("Boolean", "Integer", "Enumeration"):
         found = element.find(f"ssc:{kind}MappingTransformation", xml.NS)
         if found is not None:
-            return {_key(kind, e.get("source")): _key(kind, e.get("target")) for e in found.iterfind("*")}
+            return {
+                _key(kind, e.get("source")): _key(kind, e.get("target"))
+                for e in found.iterfind("*")
+            }
     return None
 
 
@@ -127,7 +143,8 @@ def _key(kind: str, text: str) -> str:
 
 
 def mapped(parameters: Mapping[str, Parameter], entries: list[Entry]) -> dict[str, Parameter]:
-    """Parameters under the names of their targets; StructureError if one is not there or not in its table.
+    """Parameters under the names of their targets; StructureError if one is not there or not in its
+    table.
 
     What a mapping does not mention is not set; the log says so.
     """
@@ -140,7 +157,9 @@ def mapped(parameters: Mapping[str, Parameter], entries: list[Entry]) -> dict[st
     if problems:
         raise StructureError(problems)
     if unused := [name for name in parameters if name not in {e.source for e in entries}]:
-        _log.warning("parameters that their mapping does not mention are not set: %s", ", ".join(unused))
+        _log.warning(
+            "parameters that their mapping does not mention are not set: %s", ", ".join(unused)
+        )
     return result
 
 
@@ -149,7 +168,11 @@ def _transformed(parameters: Mapping[str, Parameter], entry: Entry) -> Parameter
         raise ValueError("the parameter set has no such parameter")
     parameter = parameters[entry.source]
     if entry.table is None:
-        return parameter if entry.hop == Hop() else replace(parameter, hops=(*parameter.hops, entry.hop))
+        return (
+            parameter
+            if entry.hop == Hop()
+            else replace(parameter, hops=(*parameter.hops, entry.hop))
+        )
     value = parameter.value
     key = str(value).lower() if isinstance(value, bool) else str(value)
     if key not in entry.table:

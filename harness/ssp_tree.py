@@ -1,4 +1,6 @@
-"""A System element of SSP as a tree of plain data, before it is flattened: components, nested systems, connections."""
+"""A System element of SSP as a tree of plain data, before it is flattened: components, nested
+systems, connections.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,9 @@ class Connector(NamedTuple):
 
 
 class Point(NamedTuple):
-    """A connector of an element; of a system it is the same point seen from inside and from outside."""
+    """A connector of an element; of a system it is the same point seen from inside and from
+    outside.
+    """
 
     place: Place
     connector: str
@@ -65,7 +69,9 @@ class Leaf(Element):
 
 @dataclass(frozen=True)
 class Group(Element):
-    """A system: elements by name in the order of the file, and the connections between them and its own connectors."""
+    """A system: elements by name in the order of the file, and the connections between them and its
+    own connectors.
+    """
 
     children: Mapping[str, Element] = field(default_factory=dict)
     edges: tuple[Edge, ...] = ()

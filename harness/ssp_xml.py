@@ -27,7 +27,9 @@ NS = {
     "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
     "run": "urn:io.github.servicing-fmus:run:1",
 }
-"""Namespaces by the prefixes that libcosim and ecos expect literally; `run` is our own annotation."""
+"""Namespaces by the prefixes that libcosim and ecos expect literally; `run` is our own
+annotation.
+"""
 
 SSD_FILE = "SystemStructure.ssd"
 OSP_ANNOTATION = "com.opensimulationplatform"
@@ -39,29 +41,42 @@ SSD_SCHEMA = "SystemStructureDescription.xsd"
 SSV_SCHEMA = "SystemStructureParameterValues.xsd"
 SSM_SCHEMA = "SystemStructureParameterMapping.xsd"
 
-_NUMBERS = {"Real": ("Float64", "Float32"), "Integer": tuple(f"{u}Int{n}" for u in ("", "U") for n in (8, 16, 32, 64))}
+_NUMBERS = {
+    "Real": ("Float64", "Float32"),
+    "Integer": tuple(f"{u}Int{n}" for u in ("", "U") for n in (8, 16, 32, 64)),
+}
 _OLD_NAMES = {
-    f"{{{NS[p]}}}{new}": f"{{{NS[p]}}}{old}" for p in ("ssc", "ssv") for old in _NUMBERS for new in _NUMBERS[old]
+    f"{{{NS[p]}}}{new}": f"{{{NS[p]}}}{old}"
+    for p in ("ssc", "ssv")
+    for old in _NUMBERS
+    for new in _NUMBERS[old]
 }
 """Types that SSP 2.0 has added for FMI 3.0, and what they are for an FMU of FMI 2.0."""
 
 
 def tag(name: str) -> str:
-    """Name that lxml gives to an element written with a prefix: `ssd:System` gives `{http://...}System`."""
+    """Name that lxml gives to an element written with a prefix: `ssd:System` gives
+    `{http://...}System`.
+    """
     prefix, local = name.split(":")
     return f"{{{NS[prefix]}}}{local}"
 
 
 def parse(source: Path | bytes, schema: str, name: str = "") -> Element:
-    """Root element of an XML file, valid against one of the SSP schemas; neither entities nor the network are used.
+    """Root element of an XML file, valid against one of the SSP schemas; neither entities nor the
+    network are used.
 
-    A file of SSP 2.0 is read as far as SSP 1.0 knows its elements. Raises StructureError with every violation of the
-    schema.
+    A file of SSP 2.0 is read as far as SSP 1.0 knows its elements. Raises StructureError with every
+    violation of the schema.
     """
     name = source.name if isinstance(source, Path) else name
     data = source.read_bytes() if isinstance(source, Path) else source
     parser = etree.XMLParser(
-        resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True, remove_pis=True
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        remove_comments=True,
+        remove_pis=True,
     )
     try:
         tree = None if has_doctype(data) else etree.ElementTree(etree.fromstring(data, parser))
@@ -73,22 +88,30 @@ def parse(source: Path | bytes, schema: str, name: str = "") -> Element:
 
 
 def embedded(element: Element, schema: str) -> Element:
-    """An element inside another file as the root of its own, valid against one of the SSP schemas."""
+    """An element inside another file as the root of its own, valid against one of the SSP
+    schemas.
+    """
     root = deepcopy(element)
     return valid(root, schema, etree.QName(root).localname)
 
 
 def valid(root: Element, schema: str, name: str) -> Element:
-    """The root element itself; StructureError with every violation of the schema, by the name of the file."""
+    """The root element itself; StructureError with every violation of the schema, by the name of
+    the file.
+    """
     _as_version_1(root)
     validator = _schema(schema)
     if not validator.validate(root):
-        raise StructureError(f"{name}, line {e.line}: {' '.join(e.message.split())}" for e in validator.error_log)
+        raise StructureError(
+            f"{name}, line {e.line}: {' '.join(e.message.split())}" for e in validator.error_log
+        )
     return root
 
 
 def _as_version_1(root: Element) -> None:
-    """Rewrite what SSP 2.0 says otherwise without meaning more for FMI 2.0, and drop the metadata it has added."""
+    """Rewrite what SSP 2.0 says otherwise without meaning more for FMI 2.0, and drop the metadata
+    it has added.
+    """
     if not root.get("version", "").startswith("2."):
         return
     root.set("version", "1.0")
@@ -104,7 +127,9 @@ def _schema(name: str) -> Schema:
 
 
 def number(element: Element, attribute: str, problems: list[str]) -> float | None:
-    """A finite number in an attribute, None without it; a problem is noted if it is something else."""
+    """A finite number in an attribute, None without it; a problem is noted if it is something
+    else.
+    """
     text = None if element is None else element.get(attribute)
     try:
         value = None if text is None else float(text)
@@ -112,7 +137,9 @@ def number(element: Element, attribute: str, problems: list[str]) -> float | Non
         value = math.nan
     if value is None or math.isfinite(value):
         return value
-    problems.append(f"{etree.QName(element).localname}: {attribute}='{text}' is not a finite number")
+    problems.append(
+        f"{etree.QName(element).localname}: {attribute}='{text}' is not a finite number"
+    )
     return None
 
 

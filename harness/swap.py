@@ -1,4 +1,6 @@
-"""Exchange of one component's FMU for another that has the ports the system needs, wherever it was built."""
+"""Exchange of one component's FMU for another that has the ports the system needs, wherever it was
+built.
+"""
 
 from __future__ import annotations
 
@@ -34,15 +36,18 @@ def find_fmu(name: str | Path) -> Path:
 def exchange(system: System, name: str, fmu: str | Path) -> System:
     """Return the system with another FMU as component `name`.
 
-    Its outputs must include all that others read, with equal units. Its inputs take over the wiring of the same names,
-    further ones are wired to the one output of their name. It keeps the parameters that it shares with its predecessor,
-    and over them come those that the system has for an FMU of its model name; for an FMU unknown to the system the
-    parameters that are dropped are named in a warning. Raises UsageError (unknown component or FMU), FmuError, or
-    StructureError with all that is missing.
+    Its outputs must include all that others read, with equal units. Its inputs take over the wiring
+    of the same names, further ones are wired to the one output of their name. It keeps the
+    parameters that it shares with its predecessor, and over them come those that the system has for
+    an FMU of its model name; for an FMU unknown to the system the parameters that are dropped are
+    named in a warning. Raises UsageError (unknown component or FMU), FmuError, or StructureError
+    with all that is missing.
     """
     known = [c.name for c in system.components]
     if name not in known:
-        raise UsageError(f"--swap {name}: {system.name} has no such component{did_you_mean(name, known)}")
+        raise UsageError(
+            f"--swap {name}: {system.name} has no such component{did_you_mean(name, known)}"
+        )
     path = find_fmu(fmu)
     interfaces = {**read_interfaces(system), name: read_interface(path)}
     connections, problems = _rewired(system, name, interfaces)
@@ -60,7 +65,9 @@ def exchange(system: System, name: str, fmu: str | Path) -> System:
     return replace(changed, connections=tuple(connections), alternatives=rest)
 
 
-def _missing_outputs(system: System, name: str, interfaces: Mapping[str, Interface]) -> Iterator[str]:
+def _missing_outputs(
+    system: System, name: str, interfaces: Mapping[str, Interface]
+) -> Iterator[str]:
     """What others read from the component and the new FMU does not offer."""
     offered = interfaces[name].outputs()
     for source, target, hops in system.connections:
@@ -70,15 +77,22 @@ def _missing_outputs(system: System, name: str, interfaces: Mapping[str, Interfa
         if source.variable not in offered:
             yield f"it has no output {base(source.variable)}, which {reader} needs"
             continue
-        unit, wanted = offered[source.variable].unit, interfaces[target.component].variables[target.variable].unit
+        unit, wanted = (
+            offered[source.variable].unit,
+            interfaces[target.component].variables[target.variable].unit,
+        )
         if not hops and not units_agree(unit, wanted):
             yield f"its output {base(source.variable)} is in {unit}, {reader} wants {wanted}"
 
 
-def _rewired(system: System, name: str, interfaces: Mapping[str, Interface]) -> tuple[list[Connection], list[str]]:
+def _rewired(
+    system: System, name: str, interfaces: Mapping[str, Interface]
+) -> tuple[list[Connection], list[str]]:
     """Connections with the inputs of the new FMU, and what keeps them from being driven."""
     inputs = interfaces[name].named("input")
-    connections = [c for c in system.connections if c.target.component != name or c.target.variable in inputs]
+    connections = [
+        c for c in system.connections if c.target.component != name or c.target.variable in inputs
+    ]
     driven = {c.target for c in connections}
     given = system.component(name).parameters
     problems = []
@@ -96,18 +110,24 @@ def _rewired(system: System, name: str, interfaces: Mapping[str, Interface]) -> 
 def _undriven(port: Port, sources: Sequence[Port]) -> str:
     if not sources:
         return f"its input {base(port.variable)} is driven by no output of that name"
-    return (
-        f"its input {base(port.variable)} is ambiguous: {' and '.join(s.component for s in sources)} have that output"
-    )
+    return f"its input {base(port.variable)} is ambiguous: {' and '.join(s.component for s in sources)} have that output"
 
 
 def _warn_of_dropped(old: Component, path: Path, interface: Interface) -> None:
     known = interface.settable()
-    dropped = list(dict.fromkeys(base(p).partition(".")[0] for p in old.parameters if p not in known))
+    dropped = list(
+        dict.fromkeys(base(p).partition(".")[0] for p in old.parameters if p not in known)
+    )
     if dropped:
         more = f" and {len(dropped) - SHOWN} more" if len(dropped) > SHOWN else ""
         names = ", ".join(dropped[:SHOWN]) + more
-        _log.warning("%s: %s does not have these parameters of %s: %s", old.name, path.name, old.fmu.stem, names)
+        _log.warning(
+            "%s: %s does not have these parameters of %s: %s",
+            old.name,
+            path.name,
+            old.fmu.stem,
+            names,
+        )
 
 
 def _with_fmu(system: System, name: str, path: Path, interface: Interface) -> System:
@@ -116,7 +136,9 @@ def _with_fmu(system: System, name: str, path: Path, interface: Interface) -> Sy
     known = interface.settable()
     new = replace(old, fmu=path, parameters=_kept(old.parameters, known))
     components = tuple(new if c.name == name else c for c in system.components)
-    return replace(system, components=components, sets=tuple(_without(s, name, known) for s in system.sets))
+    return replace(
+        system, components=components, sets=tuple(_without(s, name, known) for s in system.sets)
+    )
 
 
 def _with_parameters(system: System, parameters: Mapping[str, Parameters]) -> System:
@@ -126,7 +148,9 @@ def _with_parameters(system: System, parameters: Mapping[str, Parameters]) -> Sy
         return {**given, **parameters.get(name, {})}
 
     components = tuple(replace(c, parameters=over(c.name, c.parameters)) for c in system.components)
-    sets = tuple(replace(s, parameters={n: over(n, p) for n, p in s.parameters.items()}) for s in system.sets)
+    sets = tuple(
+        replace(s, parameters={n: over(n, p) for n, p in s.parameters.items()}) for s in system.sets
+    )
     return replace(system, components=components, sets=sets)
 
 

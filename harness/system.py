@@ -25,7 +25,9 @@ class Port(NamedTuple):
 
 
 class Connection(NamedTuple):
-    """The output `source` drives the input `target`; hops: what happens on the way (none: units are converted)."""
+    """The output `source` drives the input `target`; hops: what happens on the way (none: units are
+    converted).
+    """
 
     source: Port
     target: Port
@@ -34,10 +36,12 @@ class Connection(NamedTuple):
 
 @dataclass(frozen=True)
 class Parameter:
-    """Value of a parameter, or start value of an input that nobody drives; `unit` as written in the file.
+    """Value of a parameter, or start value of an input that nobody drives; `unit` as written in the
+    file.
 
-    meaning: what that unit is, if the file defines it; hops: what happens to the value before it is set;
-    optional: of a file of another tool, where SSP wants it ignored if its component has no such variable.
+    meaning: what that unit is, if the file defines it; hops: what happens to the value before it is
+    set; optional: of a file of another tool, where SSP wants it ignored if its component has no
+    such variable.
     """
 
     value: Scalar
@@ -55,7 +59,8 @@ Parameters = Mapping[str, Parameter]
 class Component:
     """One FMU in its place.
 
-    every: macro steps per step of this component; latency: macro steps by which its outputs are published later.
+    every: macro steps per step of this component; latency: macro steps by which its outputs are
+    published later.
     """
 
     name: str
@@ -67,7 +72,9 @@ class Component:
 
 @dataclass(frozen=True)
 class Experiment:
-    """Time span and macro step [s] of a run (None: the file does not say) and the order of execution."""
+    """Time span and macro step [s] of a run (None: the file does not say) and the order of
+    execution.
+    """
 
     start: float = 0.0
     stop: float | None = None
@@ -77,7 +84,9 @@ class Experiment:
 
 @dataclass(frozen=True)
 class ParameterSet:
-    """A named alternative to the parameters of all components; stop and step [s] override the experiment if given."""
+    """A named alternative to the parameters of all components; stop and step [s] override the
+    experiment if given.
+    """
 
     name: str
     description: str = ""
@@ -88,7 +97,9 @@ class ParameterSet:
 
 @dataclass(frozen=True)
 class Alternative:
-    """Parameters, by component, that come into force when the FMU named `fmu` takes the place of a component."""
+    """Parameters, by component, that come into force when the FMU named `fmu` takes the place of a
+    component.
+    """
 
     component: str
     fmu: str
@@ -99,8 +110,9 @@ class Alternative:
 class System:
     """Components in execution order, who drives whom, and how to run it.
 
-    strict: an input that is neither driven nor given a value is an error (systems of other tools rely on start values);
-    declared: units that the file claims for variables of components, to be compared with what the FMUs say.
+    strict: an input that is neither driven nor given a value is an error (systems of other tools
+    rely on start values); declared: units that the file claims for variables of components, to be
+    compared with what the FMUs say.
     """
 
     name: str

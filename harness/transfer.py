@@ -1,4 +1,6 @@
-"""Values on their way between the bus and an FMU: the arguments of fmi2SetReal, fmi2GetInteger, ..., built once."""
+"""Values on their way between the bus and an FMU: the arguments of fmi2SetReal, fmi2GetInteger,
+..., built once.
+"""
 
 from __future__ import annotations
 
@@ -21,14 +23,20 @@ ACCESS: dict[str, tuple[tuple[str, ...], type[CValue]]] = {
     "Integer": (("Integer", "Enumeration"), ctypes.c_int),
     "Boolean": (("Boolean",), ctypes.c_int),
 }
-"""Types of variables by the functions fmi2SetX and fmi2GetX that access them, and the C type of their values."""
+"""Types of variables by the functions fmi2SetX and fmi2GetX that access them, and the C type of
+their values.
+"""
 
 
 class Transfer:
     """Values of one FMI type: the arguments of one fmi2GetX or fmi2SetX call."""
 
     def __init__(
-        self, function: CFunction, component: ctypes.c_void_p, wires: Sequence[Wire], ctype: type[CValue]
+        self,
+        function: CFunction,
+        component: ctypes.c_void_p,
+        wires: Sequence[Wire],
+        ctype: type[CValue],
     ) -> None:
         n = len(wires)
         self.function = function
@@ -57,11 +65,24 @@ class Transfer:
 
     def not_finite(self) -> str | None:
         """The first variable whose value is infinite or not a number."""
-        return next((name for name, value in zip(self.names, self.values, strict=True) if not np.isfinite(value)), None)
+        return next(
+            (
+                name
+                for name, value in zip(self.names, self.values, strict=True)
+                if not np.isfinite(value)
+            ),
+            None,
+        )
 
 
-def transfers(verb: str, library: ctypes.CDLL, component: ctypes.c_void_p, wires: Sequence[Wire]) -> Iterator[Transfer]:
-    """One transfer per FMI type that occurs among the wires, and one for what is changed on the way; verb: Set, Get."""
+def transfers(
+    verb: str, library: ctypes.CDLL, component: ctypes.c_void_p, wires: Sequence[Wire]
+) -> Iterator[Transfer]:
+    """One transfer per FMI type that occurs among the wires, and one for what is changed on the
+    way; verb: Set, Get.
+    """
     for (suffix, (types, ctype)), plain in product(ACCESS.items(), (True, False)):
-        if chosen := [w for w in wires if w.variable.type in types and (w.change == IDENTITY) == plain]:
+        if chosen := [
+            w for w in wires if w.variable.type in types and (w.change == IDENTITY) == plain
+        ]:
             yield Transfer(getattr(library, f"fmi2{verb}{suffix}"), component, chosen, ctype)

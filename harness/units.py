@@ -1,7 +1,8 @@
 """Units by their meaning, and what happens to a number on its way from one variable to another.
 
-    SI value = factor * value + offset                  of a BaseUnit with given exponents of the SI units
-    on a hop: first convert units, then value = factor * value + offset                          (SSP 1.0, 5.3.5)
+    SI value = factor * value + offset                  of a BaseUnit with given exponents of the SI
+    units on a hop: first convert units, then value = factor * value + offset
+    (SSP 1.0, 5.3.5)
 
 All hops of a way are composed in rational arithmetic to one Affine and rounded once at the end.
 """
@@ -39,7 +40,8 @@ IDENTITY = Affine()
 
 
 class Hop(NamedTuple):
-    """One connection or mapping: convert to `unit` (None: that of the variable at the end of the way), then transform.
+    """One connection or mapping: convert to `unit` (None: that of the variable at the end of the
+    way), then transform.
 
     convert: False where the file suppresses the conversion of units.
     """
@@ -55,15 +57,20 @@ _Exact = tuple[Fraction, Fraction]
 
 
 def compose(start: Unit | None, hops: Sequence[Hop], end: Unit | None) -> Affine:
-    """All hops from a variable in unit `start` to one in unit `end` as one step; ValueError if units do not fit.
+    """All hops from a variable in unit `start` to one in unit `end` as one step; ValueError if
+    units do not fit.
 
-    The last hop ends at the variable itself; no hops at all stand for a plain connection, which converts units.
+    The last hop ends at the variable itself; no hops at all stand for a plain connection, which
+    converts units.
     """
     factor, offset = Fraction(1), Fraction(0)
     unit = start
     for hop in hops or (PLAIN,):
         here = hop.unit or end
-        for f, o in ((_conversion(unit, here) if hop.convert else (Fraction(1), Fraction(0))), _exact(hop.change)):
+        for f, o in (
+            (_conversion(unit, here) if hop.convert else (Fraction(1), Fraction(0))),
+            _exact(hop.change),
+        ):
             factor, offset = f * factor, f * offset + o
         unit = here or unit
     return Affine(float(factor), float(offset))
@@ -79,16 +86,22 @@ def _fraction(number: float) -> Fraction:
 
 
 def _conversion(a: Unit | None, b: Unit | None) -> _Exact:
-    """Exact conversion of numbers in unit a to numbers in unit b; none where one is unknown or both have one name."""
+    """Exact conversion of numbers in unit a to numbers in unit b; none where one is unknown or both
+    have one name.
+    """
     if a is None or b is None or a.name == b.name:
         return Fraction(1), Fraction(0)
     for unit in (a, b):
         if unit.base is None:
-            raise ValueError(f"{a.name} cannot be converted to {b.name}: {unit.name} is not defined by a BaseUnit")
+            raise ValueError(
+                f"{a.name} cannot be converted to {b.name}: {unit.name} is not defined by a BaseUnit"
+            )
     assert a.base is not None
     assert b.base is not None
     if _dimension(a.base) != _dimension(b.base):
-        raise ValueError(f"{a.name} [{_text(a.base)}] cannot be converted to {b.name} [{_text(b.base)}]")
+        raise ValueError(
+            f"{a.name} [{_text(a.base)}] cannot be converted to {b.name} [{_text(b.base)}]"
+        )
     (fa, oa), (fb, ob) = _scale(a), _scale(b)
     return fa / fb, (oa - ob) / fb
 
@@ -97,7 +110,9 @@ def _scale(unit: Unit) -> _Exact:
     assert unit.base is not None
     factor, offset = unit.base.get("factor", 1.0), unit.base.get("offset", 0.0)
     if not (math.isfinite(factor) and math.isfinite(offset) and factor != 0):
-        raise ValueError(f"{unit.name} has the factor {factor:g} and the offset {offset:g}, nothing can be converted")
+        raise ValueError(
+            f"{unit.name} has the factor {factor:g} and the offset {offset:g}, nothing can be converted"
+        )
     return _fraction(factor), _fraction(offset)
 
 

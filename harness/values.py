@@ -1,7 +1,8 @@
 """Values as people write them, and the scalar variables they stand for.
 
-A vector `rho = [0, 20, 0]` stands for `rho[1]`, `rho[2]`, `rho[3]`; a matrix `J = [[1, 2], [3, 4]]` for `J[1,1]` ...
-`J[2,2]`; a table `M = {bias = 1.0}` for `M.bias`. Systems in TOML, `--set` and `--params` all come through here.
+A vector `rho = [0, 20, 0]` stands for `rho[1]`, `rho[2]`, `rho[3]`; a matrix `J = [[1, 2], [3, 4]]`
+for `J[1,1]` ... `J[2,2]`; a table `M = {bias = 1.0}` for `M.bias`. Systems in TOML, `--set` and
+`--params` all come through here.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ Value: TypeAlias = "Scalar | Sequence[Value]"
 
 
 def parse(text: str) -> Value:
-    """Value of `--set name=text`: a number, a (nested) list or true/false as in TOML; else the text itself."""
+    """Value of `--set name=text`: a number, a (nested) list or true/false as in TOML; else the text
+    itself.
+    """
     try:
         return float(text)
     except ValueError:
@@ -41,7 +44,9 @@ def leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 
 
 def expand(name: str, value: Value) -> dict[str, Scalar]:
-    """Scalar variables of a value: a number is `name`, a list `name[i]`, a list of lists `name[i,j]` (1-based)."""
+    """Scalar variables of a value: a number is `name`, a list `name[i]`, a list of lists
+    `name[i,j]` (1-based).
+    """
     elements = list(_elements(value, ()))
     if not elements:
         raise ValueError("an empty list has no elements")
@@ -61,7 +66,9 @@ def _suffix(index: tuple[int, ...]) -> str:
 
 
 def base(name: str) -> str:
-    """Name of the vector or matrix that a scalar variable is an element of: `J_T[1,2]` gives `J_T`."""
+    """Name of the vector or matrix that a scalar variable is an element of: `J_T[1,2]` gives
+    `J_T`.
+    """
     return name[: name.rindex("[")] if name.endswith("]") and "[" in name else name
 
 
@@ -72,7 +79,9 @@ def index(name: str) -> tuple[int, ...]:
 
 
 def elements_of(port: str, names: Collection[str]) -> list[str]:
-    """Scalar variables that `port` stands for: itself, or all elements of the vector or matrix in order."""
+    """Scalar variables that `port` stands for: itself, or all elements of the vector or matrix in
+    order.
+    """
     if port in names:
         return [port]
     return sorted((name for name in names if base(name) == port), key=index)
@@ -85,7 +94,9 @@ def assign(name: str, value: Value, known: Collection[str]) -> dict[str, Scalar]
     """
     elements = elements_of(name, known)
     if not elements:
-        raise ValueError(f"there is no such variable{did_you_mean(name, {*known, *map(base, known)})}")
+        raise ValueError(
+            f"there is no such variable{did_you_mean(name, {*known, *map(base, known)})}"
+        )
     given = expand(name, value)
     if given.keys() != set(elements):
         raise ValueError(f"it wants {_shape(elements)}, not {_shape(list(given))}")
@@ -103,11 +114,17 @@ def _shape(names: list[str]) -> str:
     if len({len(i) for i in indices}) > 1:
         return "a ragged list"
     sizes = [max(column) for column in zip(*indices, strict=True)]
-    return " x ".join(map(str, sizes)) + " elements" if math.prod(sizes) == len(names) else "a ragged list"
+    return (
+        " x ".join(map(str, sizes)) + " elements"
+        if math.prod(sizes) == len(names)
+        else "a ragged list"
+    )
 
 
 def coerce(value: Scalar, kind: str) -> Scalar:
-    """A value as an FMI type (Real, Integer, Enumeration, Boolean, String) holds it; ValueError if it cannot."""
+    """A value as an FMI type (Real, Integer, Enumeration, Boolean, String) holds it; ValueError if
+    it cannot.
+    """
     if kind == "String":
         return str(value)
     if isinstance(value, str):

@@ -1,4 +1,6 @@
-"""Wiring by name: a signal is called the same wherever it goes, so an input is driven by the one output of its name."""
+"""Wiring by name: a signal is called the same wherever it goes, so an input is driven by the one
+output of its name.
+"""
 
 from __future__ import annotations
 
@@ -25,12 +27,15 @@ class Wiring:
 
 
 def wire(
-    interfaces: Mapping[str, Interface], explicit: Sequence[tuple[str, str]] = (), left_open: Collection[Port] = ()
+    interfaces: Mapping[str, Interface],
+    explicit: Sequence[tuple[str, str]] = (),
+    left_open: Collection[Port] = (),
 ) -> Wiring:
     """Connections of a system.
 
-    interfaces: by component, in execution order; explicit: exceptions (input, output) as `component.variable`, for
-    whole vectors or single elements; left_open: inputs that nobody drives.
+    interfaces: by component, in execution order; explicit: exceptions (input, output) as
+    `component.variable`, for whole vectors or single elements; left_open: inputs that nobody
+    drives.
     """
     wiring = Wiring()
     for target, source in explicit:
@@ -38,7 +43,9 @@ def wire(
     taken = wiring.driven
     for port in left_open:
         if port in taken:
-            wiring.problems.append(f"{port.component}.{base(port.variable)}: is driven and left open")
+            wiring.problems.append(
+                f"{port.component}.{base(port.variable)}: is driven and left open"
+            )
     for port in _inputs(interfaces):
         if port not in taken and port not in left_open:
             _by_name(wiring, interfaces, port)
@@ -57,7 +64,9 @@ def _by_name(wiring: Wiring, interfaces: Mapping[str, Interface], target: Port) 
         wiring.connections.append(Connection(sources[0], target))
     elif sources:
         components = " and ".join(source.component for source in sources)
-        wiring.problems.append(f"{name}: ambiguous, {components} have an output of this name: choose in [connections]")
+        wiring.problems.append(
+            f"{name}: ambiguous, {components} have an output of this name: choose in [connections]"
+        )
     else:
         known = {base(name) for interface in interfaces.values() for name in interface.outputs()}
         close = did_you_mean(base(target.variable), known)
@@ -70,11 +79,15 @@ def drivers(interfaces: Mapping[str, Interface], target: Port) -> list[Port]:
     """Outputs of the other components that are called like an input."""
     others = (component for component in interfaces if component != target.component)
     return [
-        Port(component, target.variable) for component in others if target.variable in interfaces[component].outputs()
+        Port(component, target.variable)
+        for component in others
+        if target.variable in interfaces[component].outputs()
     ]
 
 
-def _explicit(wiring: Wiring, interfaces: Mapping[str, Interface], target: str, source: str) -> None:
+def _explicit(
+    wiring: Wiring, interfaces: Mapping[str, Interface], target: str, source: str
+) -> None:
     try:
         targets = ports(interfaces, target, "input")
         sources = ports(interfaces, source, "output")
@@ -82,18 +95,24 @@ def _explicit(wiring: Wiring, interfaces: Mapping[str, Interface], target: str, 
         wiring.problems.append(str(error))
         return
     if len(targets) != len(sources):
-        wiring.problems.append(f"{target}: has {len(targets)} elements, {source} has {len(sources)}")
+        wiring.problems.append(
+            f"{target}: has {len(targets)} elements, {source} has {len(sources)}"
+        )
     already = wiring.driven
     wiring.problems += [f"{target}: is driven twice" for port in targets if port in already][:1]
     wiring.connections += [Connection(s, t) for s, t in zip(sources, targets, strict=False)]
 
 
 def ports(interfaces: Mapping[str, Interface], name: str, causality: str) -> list[Port]:
-    """Scalar ports that `component.variable` stands for; ValueError with close matches if there are none."""
+    """Scalar ports that `component.variable` stands for; ValueError with close matches if there are
+    none.
+    """
     component, variable = split(name, interfaces)
     known = interfaces[component].named(causality)
     if not (elements := elements_of(variable, known)):
-        raise ValueError(f"{name}: there is no such {causality}{did_you_mean(variable, {*known, *map(base, known)})}")
+        raise ValueError(
+            f"{name}: there is no such {causality}{did_you_mean(variable, {*known, *map(base, known)})}"
+        )
     return [Port(component, element) for element in elements]
 
 
@@ -101,7 +120,11 @@ def split(name: str, components: Collection[str]) -> tuple[str, str]:
     """Component and variable of `component.variable`; ValueError if there is no such component."""
     component, dot, variable = name.partition(".")
     if not dot:
-        raise ValueError(f"{name}: wants a component in front, as in {next(iter(components), 'component')}.{name}")
+        raise ValueError(
+            f"{name}: wants a component in front, as in {next(iter(components), 'component')}.{name}"
+        )
     if component not in components:
-        raise ValueError(f"{name}: there is no component '{component}'{did_you_mean(component, components)}")
+        raise ValueError(
+            f"{name}: there is no component '{component}'{did_you_mean(component, components)}"
+        )
     return component, variable

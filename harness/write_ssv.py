@@ -1,4 +1,6 @@
-"""Parameter sets as .ssv files, one per component, and tables of units as .ssd and .ssv have them."""
+"""Parameter sets as .ssv files, one per component, and tables of units as .ssd and .ssv have
+them.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ def ssv(set_name: str, parameters: Parameters, interface: Interface, units: Unit
 
 
 def bare_ssv(set_name: str, parameters: Parameters) -> bytes:
-    """Parameters for an FMU that is not in the archive: numbers in the units of its own variables."""
+    """Parameters for an FMU that is not in the archive: numbers in the units of its own
+    variables.
+    """
     root = etree.Element(tag("ssv:ParameterSet"), nsmap={"ssv": NS["ssv"], "ssc": NS["ssc"]})
     attributes(root, version="1.0", name=set_name, generationTool=TOOL)
     table = child(root, "ssv:Parameters")
@@ -43,7 +47,9 @@ def _parameter(table: Element, interface: Interface, variable: Variable, given: 
     """One parameter as it reaches the FMU: in its unit, an enumeration by the name of the item."""
     number = final(given, variable, interface)
     written = next((item for item, value in variable.items.items() if value == number), number)
-    value = child(child(table, "ssv:Parameter", name=variable.name), f"ssv:{variable.type}", value=written)
+    value = child(
+        child(table, "ssv:Parameter", name=variable.name), f"ssv:{variable.type}", value=written
+    )
     if variable.type == "Real" and variable.unit in interface.units:
         attributes(value, unit=variable.unit)
 
@@ -53,5 +59,9 @@ def unit_table(root: Element, name: str, units: Units, used: Iterable[str | None
     names = sorted({unit for unit in used if unit in units and unit is not None})
     table = child(root, name) if names else None
     for unit in names:
-        parts = {part: value for part, value in units[unit].items() if value != (1 if part == "factor" else 0)}
+        parts = {
+            part: value
+            for part, value in units[unit].items()
+            if value != (1 if part == "factor" else 0)
+        }
         child(child(table, "ssc:Unit", name=unit), "ssc:BaseUnit", **parts)

@@ -1,15 +1,19 @@
-/* adaptive_controller.c - adaptive control of position (unknown mass) and attitude (unknown inertia of body and wheels).
+/* adaptive_controller.c - adaptive control of position (unknown mass) and attitude (unknown inertia
+ * of body and wheels).
  *
  * Translation, Hill components:   e1 = rho - rho*,  e2 = drho - drho*,  Psi = f_rel - ddrho*
- *   F = -m_hat (K e1 + P e2 + Psi),     dm_hat/dt = Gamma e2 . (Psi + K e1)                                        (12)
- * Attitude, servicer components:  epsilon = MRP of S relative to D,  dw = omega - wd,  wd = C_SD omega_d,  wdd = C_SD alpha_d
- *   A_hat dOmega = G(epsilon)^T K epsilon / 4 + P dw - J_hat wdd - wd x (A_hat Omega + J_hat wd)                    (19)
+ *   (12) F = -m_hat (K e1 + P e2 + Psi),     dm_hat/dt = Gamma e2 . (Psi + K e1)
+ * Attitude, servicer components:  epsilon = MRP of S relative to D,  dw = omega - wd,
+ *   wd = C_SD omega_d,  wdd = C_SD alpha_d
+ *   (19) A_hat dOmega = G(epsilon)^T K epsilon / 4 + P dw - J_hat wdd - wd x (A_hat Omega + J_hat wd)
  *   deta_hat/dt  = Gamma W^T dw,   W = -[ X(wd,wd) + Y(wdd),  X(wd,Omega) + Y(dOmega) ]
  *   eta = [J11 J12 J13 J22 J23 J33 A11 A12 A13 A22 A23 A33],   Y(b) s = S b,   X(a,b) s = a x (S b)
  *
- * Without wheels (use_wheels = 0) the right-hand side of (19) with opposite sign is the commanded torque. Sampled: the
- * command uses the estimates before their explicit Euler update, the published estimates are those after it.
- * Source: Zhu & Yang 2009, equations (8) to (21); corrections and options: docs/models.md A.4.4, A.5, A.7. */
+ * Without wheels (use_wheels = 0) the right-hand side of (19) with opposite sign is the commanded
+ * torque. Sampled: the command uses the estimates before their explicit Euler update, the published
+ * estimates are those after it.
+ * Source: Zhu & Yang 2009, equations (8) to (21); corrections and options: docs/models.md A.4.4,
+ * A.5, A.7. */
 #include "body_rows.h"
 #include "orbit.h"
 #include "reference_rows.h"
@@ -24,7 +28,8 @@ typedef struct {
     double Gamma_m, m_hat_0;
     vec3 K_att, P_att;
     Eta Gamma_eta, eta_hat_0;
-    double Gamma_scale, use_wheels, t_att, projection, m_hat_range, eta_hat_range, J_offdiag_max, A_offdiag_max;
+    double Gamma_scale, use_wheels, t_att, projection, m_hat_range, eta_hat_range, J_offdiag_max,
+        A_offdiag_max;
     double damping_in_regressor, sample_period;
 } Parameters;
 typedef struct {
@@ -57,7 +62,8 @@ static const Model start = {
           .m_hat_0 = 95,
           .K_att = {2, 2, 2},
           .P_att = {10, 10, 10},
-          .Gamma_eta = {{{80000, 4000, 4000, 80000, 4000, 80000}}, {{4000, 2000, 2000, 4000, 1600, 1600}}},
+          .Gamma_eta = {{{80000, 4000, 4000, 80000, 4000, 80000}},
+                        {{4000, 2000, 2000, 4000, 1600, 1600}}},
           .eta_hat_0 = {{{180, 0, 0, 240, 0, 160}}, {{14, 0, 0, 16, 0, 12}}},
           .Gamma_scale = 1,
           .use_wheels = 1,
@@ -76,18 +82,25 @@ static const Variable variables[] = {
     NONNEGATIVE(P_rho, "1/s", "velocity gain, per Hill axis"),
     NONNEGATIVE(Gamma_m, "kg.s2/m2", "adaptation gain of the mass estimate"),
     POSITIVE(m_hat_0, "kg", "start value of the mass estimate"),
-    NONNEGATIVE(K_att, "N.m", "attitude gain, per body axis; equal on all axes keeps the Lyapunov function continuous"),
+    NONNEGATIVE(
+        K_att, "N.m",
+        "attitude gain, per body axis; equal on all axes keeps the Lyapunov function continuous"),
     NONNEGATIVE(P_att, "N.m.s", "rate gain, per body axis"),
-    NONNEGATIVE(Gamma_eta, "kg.m2.s2", "adaptation gains of the inertia estimates, order of eta_hat"),
+    NONNEGATIVE(Gamma_eta, "kg.m2.s2",
+                "adaptation gains of the inertia estimates, order of eta_hat"),
     PARAMETER(eta_hat_0, "kg.m2", "start value: J11 J12 J13 J22 J23 J33 A11 A12 A13 A22 A23 A33"),
     NONNEGATIVE(Gamma_scale, "1", "factor on Gamma_eta"),
     SWITCH(use_wheels, "1: torque by wheels (wheel_accel_cmd), 0: by thrusters (M_cmd_S)"),
     PARAMETER(t_att, "s", "attitude control and its adaptation rest before this time"),
     SWITCH(projection, "1: estimates are kept in the ranges below"),
-    NONNEGATIVE(m_hat_range, "1", "projection: largest relative change of the mass estimate from its start value"),
-    NONNEGATIVE(eta_hat_range, "1", "projection: largest relative change of the diagonal inertia estimates"),
-    NONNEGATIVE(J_offdiag_max, "kg.m2", "projection: largest change of the off-diagonal body inertia estimates"),
-    NONNEGATIVE(A_offdiag_max, "kg.m2", "projection: largest change of the off-diagonal wheel inertia estimates"),
+    NONNEGATIVE(m_hat_range, "1",
+                "projection: largest relative change of the mass estimate from its start value"),
+    NONNEGATIVE(eta_hat_range, "1",
+                "projection: largest relative change of the diagonal inertia estimates"),
+    NONNEGATIVE(J_offdiag_max, "kg.m2",
+                "projection: largest change of the off-diagonal body inertia estimates"),
+    NONNEGATIVE(A_offdiag_max, "kg.m2",
+                "projection: largest change of the off-diagonal wheel inertia estimates"),
     SWITCH(damping_in_regressor, "1: P e2 also drives the mass estimate"),
     NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call"),
 
@@ -98,7 +111,8 @@ static const Variable variables[] = {
 
     OUTPUT(F_cmd_S, "N", "commanded force, servicer axes"),
     OUTPUT(M_cmd_S, "N.m", "commanded torque, servicer axes (0 with use_wheels)"),
-    OUTPUT(wheel_accel_cmd, "rad/s2", "commanded wheel acceleration relative to the body (0 without use_wheels)"),
+    OUTPUT(wheel_accel_cmd, "rad/s2",
+           "commanded wheel acceleration relative to the body (0 without use_wheels)"),
     OUTPUT(m_hat, "kg", "estimated mass"),
     OUTPUT(eta_hat, "kg.m2", "estimated inertias: J11 J12 J13 J22 J23 J33 A11 A12 A13 A22 A23 A33"),
     OUTPUT(e1_H, "m", "position error rho - rho_ref, Hill axes"),
@@ -110,7 +124,8 @@ static const Variable variables[] = {
 
 static mat3 full(Symmetric s)
 {
-    return rows(vec(s.v[0], s.v[1], s.v[2]), vec(s.v[1], s.v[3], s.v[4]), vec(s.v[2], s.v[4], s.v[5]));
+    return rows(vec(s.v[0], s.v[1], s.v[2]), vec(s.v[1], s.v[3], s.v[4]),
+                vec(s.v[2], s.v[4], s.v[5]));
 }
 
 static void check(const Parameters *p, Problems *problems)
@@ -122,19 +137,23 @@ static void check(const Parameters *p, Problems *problems)
 
 /* ---- translation ---- */
 
-/* (8), A.4.4: relative acceleration of free motion in the Hill frame; r_t: orbit radius of the target */
+/* (8), A.4.4: relative acceleration of free motion in the Hill frame; r_t: orbit radius of the
+ * target */
 static vec3 relative_acceleration(double mu, double r_t, const HillFrame *H, vec3 rho, vec3 drho)
 {
     vec3 chaser = add(vec(r_t, 0, 0), rho);
-    double r_c = norm(chaser), k = mu > 0 ? mu / (r_c * r_c * r_c) : 0, k_t = mu > 0 ? mu / (r_t * r_t) : 0;
+    double r_c = norm(chaser), k = mu > 0 ? mu / (r_c * r_c * r_c) : 0,
+           k_t = mu > 0 ? mu / (r_t * r_t) : 0;
     return sub(sub(vec(k_t, 0, 0), scale(k, chaser)), transport(H, rho, drho));
 }
 
 /* (12), A.5.1 */
-static void control_translation(const Parameters *p, const Input *u, State *x, Output *y, double period)
+static void control_translation(const Parameters *p, const Input *u, State *x, Output *y,
+                                double period)
 {
     HillFrame H = hill_frame(p->mu, u->T.r, u->T.v);
-    vec3 rho = mul(H.C_HN, sub(u->S.r, u->T.r)), drho = rate_in_frame(&H, rho, mul(H.C_HN, sub(u->S.v, u->T.v)));
+    vec3 rho = mul(H.C_HN, sub(u->S.r, u->T.r)),
+         drho = rate_in_frame(&H, rho, mul(H.C_HN, sub(u->S.v, u->T.v)));
     vec3 ref = mul(H.C_HN, u->ref.rho), dref = rate_in_frame(&H, ref, mul(H.C_HN, u->ref.drho));
     vec3 ddref = sub(mul(H.C_HN, u->ref.ddrho), transport(&H, ref, dref));
 
@@ -152,11 +171,12 @@ static void control_translation(const Parameters *p, const Input *u, State *x, O
 
 /* ---- attitude ---- */
 
-/* Y(b)^T d and X(a,b)^T d: what a unit of each element of the symmetric matrix S adds to d.(S b) and d.(a x S b) */
+/* Y(b)^T d and X(a,b)^T d: what a unit of each element of the symmetric matrix S adds to d.(S b)
+ * and d.(a x S b) */
 static Symmetric Y_transposed(vec3 b, vec3 d)
 {
-    return (Symmetric){
-        {b.x * d.x, b.y * d.x + b.x * d.y, b.z * d.x + b.x * d.z, b.y * d.y, b.z * d.y + b.y * d.z, b.z * d.z}};
+    return (Symmetric){{b.x * d.x, b.y * d.x + b.x * d.y, b.z * d.x + b.x * d.z, b.y * d.y,
+                        b.z * d.y + b.y * d.z, b.z * d.z}};
 }
 static Symmetric X_transposed(vec3 a, vec3 b, vec3 d)
 {
@@ -170,20 +190,25 @@ static Symmetric sum_symmetric(Symmetric a, Symmetric b)
 }
 
 /* eta_hat += period Gamma W^T dw */
-static void adapt(const Parameters *p, Symmetric *estimate, const Symmetric *gain, Symmetric minus_W_dw, double period)
+static void adapt(const Parameters *p, Symmetric *estimate, const Symmetric *gain,
+                  Symmetric minus_W_dw, double period)
 {
-    for (int i = 0; i < 6; i++) estimate->v[i] -= period * p->Gamma_scale * gain->v[i] * minus_W_dw.v[i];
+    for (int i = 0; i < 6; i++)
+        estimate->v[i] -= period * p->Gamma_scale * gain->v[i] * minus_W_dw.v[i];
 }
 
 /* (19), A.5.2 */
-static void control_attitude(const Parameters *p, const Input *u, State *x, Output *y, double period)
+static void control_attitude(const Parameters *p, const Input *u, State *x, Output *y,
+                             double period)
 {
-    quat q_SN = canonical(u->S.q), q_DN = canonical(u->ref.q), q_SD = product(conjugate(q_DN), q_SN);
+    quat q_SN = canonical(u->S.q), q_DN = canonical(u->ref.q),
+         q_SD = product(conjugate(q_DN), q_SN);
     mat3 C_SD = dcm_of_quat(q_SD), J_hat = full(x->eta_hat.J), A_hat = full(x->eta_hat.A);
     vec3 wd = mul(C_SD, u->ref.omega), wdd = mul(C_SD, u->ref.alpha), Omega = u->wheel_speed;
     vec3 epsilon = mrp_of_quat(q_SD), dw = sub(u->S.omega, wd);
 
-    vec3 feedback = add(scale(0.25, mrp_G_transposed(epsilon, times(p->K_att, epsilon))), times(p->P_att, dw));
+    vec3 feedback =
+        add(scale(0.25, mrp_G_transposed(epsilon, times(p->K_att, epsilon))), times(p->P_att, dw));
     vec3 momentum = add(mul(A_hat, Omega), mul(J_hat, wd));
     vec3 wheel_torque = sub(sub(feedback, mul(J_hat, wdd)), cross(wd, momentum));
 
@@ -193,7 +218,8 @@ static void control_attitude(const Parameters *p, const Input *u, State *x, Outp
     y->M_cmd_S = p->use_wheels ? vec(0, 0, 0) : neg(wheel_torque);
 
     Symmetric W_J = sum_symmetric(X_transposed(wd, wd, dw), Y_transposed(wdd, dw));
-    Symmetric W_A = sum_symmetric(X_transposed(wd, Omega, dw), Y_transposed(y->wheel_accel_cmd, dw));
+    Symmetric W_A =
+        sum_symmetric(X_transposed(wd, Omega, dw), Y_transposed(y->wheel_accel_cmd, dw));
     adapt(p, &x->eta_hat.J, &p->Gamma_eta.J, W_J, period);
     adapt(p, &x->eta_hat.A, &p->Gamma_eta.A, W_A, period);
 }
@@ -220,7 +246,8 @@ static void project(const Parameters *p, State *x)
 }
 
 /* ---- one sample ---- */
-static void control(const Parameters *p, const Input *u, State *x, Output *y, double t, double period)
+static void control(const Parameters *p, const Input *u, State *x, Output *y, double t,
+                    double period)
 {
     State resting = *x; /* before t_att the attitude law is evaluated for its errors only */
     control_translation(p, u, x, y, period);
@@ -245,4 +272,5 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
     y->eta_hat = x->eta_hat;
 }
 
-FMU_MODEL("adaptive_controller", "Adaptive control of position with unknown mass and attitude with unknown inertia");
+FMU_MODEL("adaptive_controller",
+          "Adaptive control of position with unknown mass and attitude with unknown inertia");

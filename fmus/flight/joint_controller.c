@@ -2,8 +2,10 @@
  *
  *   tau_j = Kp_j (q_ref_j - q_j) - Kd_j dq_j,   |tau_j| <= torque_max_j
  *
- * With Kp = Kd = 0 the joints are free. From lock_from on they are locked, if use_lock is set, and the torque is zero.
- * Sampled controller: one sample reads the inputs once and holds torque and lock. Source: docs/models.md D.5. */
+ * With Kp = Kd = 0 the joints are free. From lock_from on they are locked, if use_lock is set, and
+ * the torque is zero.
+ * Sampled controller: one sample reads the inputs once and holds torque and lock. Source:
+ * docs/models.md D.5. */
 #include "fmu.h"
 #include "time_grid.h"
 #include "vec3.h"
@@ -25,7 +27,9 @@ typedef struct {
 } Model;
 
 static const Model start = {
-    .p = {.joint_angle_ref = {1.0471975511965976, -0.6981317007977318}, .Kp = {2, 1}, .Kd = {60, 20}},
+    .p = {.joint_angle_ref = {1.0471975511965976, -0.6981317007977318},
+          .Kp = {2, 1},
+          .Kd = {60, 20}},
 };
 
 static const Variable variables[] = {
@@ -56,18 +60,23 @@ static void control(const Parameters *p, const Input *u, State *x, Output *y, do
     x->locked = p->use_lock != 0 && reached(t, p->lock_from);
     y->joint_lock = x->locked;
     for (int j = 0; j < JOINTS; j++) {
-        double wanted = p->Kp[j] * (p->joint_angle_ref[j] - u->joint_angle[j]) - p->Kd[j] * u->joint_rate[j];
+        double wanted =
+            p->Kp[j] * (p->joint_angle_ref[j] - u->joint_angle[j]) - p->Kd[j] * u->joint_rate[j];
         double tau = limited(wanted, p->torque_max[j]);
         y->joint_torque[j] = x->locked ? 0 : tau;
         y->saturated[j] = !x->locked && tau != wanted;
     }
 }
 
-static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t) { control(p, u, x, y, t); }
+static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    control(p, u, x, y, t);
+}
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
-    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s)) control(p, u, x, y, s.t);
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
+        control(p, u, x, y, s.t);
 }
 
 FMU_MODEL("joint_controller", "Proportional and derivative control of two joints, and their lock");

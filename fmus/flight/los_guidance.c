@@ -1,15 +1,17 @@
-/* los_guidance.c - hovering in front of a feature of a rotating target, camera axis on the target, solar panels to the
- * Sun.
+/* los_guidance.c - hovering in front of a feature of a rotating target, camera axis on the target,
+ * solar panels to the Sun.
  *
  *   rho_ref = rho_f R(q_TN) p_T                         R: target components to N components
- *   D:  x = r/|r|,   y = chi x x / |chi x x|,   z = x x y,     r = r_TN - r_SN: actual line of sight, chi: to the Sun
+ *   D:  x = r/|r|,   y = chi x x / |chi x x|,   z = x x y,
+ *           r = r_TN - r_SN: actual line of sight, chi: to the Sun
  *
- * with first and second derivatives as seen in N. The target turns torque-free, or under gravity gradient if
- * use_gravity_gradient. The relative acceleration behind alpha_DN_D is differential gravity minus the last command,
- * without manoeuvres of the target, which the servicer does not know. The sign of y never changes in flight, nor does
- * that of q_DN from sample to sample. Where the Sun stands within guard_angle of the line of sight, the last y is held,
- * made normal to x.
- * Flags: attitude_guard; los_guard near the poles of the LOS angles or below range_limit. A range of zero is refused.
+ * with first and second derivatives as seen in N. The target turns torque-free, or under gravity
+ * gradient if use_gravity_gradient. The relative acceleration behind alpha_DN_D is differential
+ * gravity minus the last command, without manoeuvres of the target, which the servicer does not
+ * know. The sign of y never changes in flight, nor does that of q_DN from sample to sample. Where
+ * the Sun stands within guard_angle of the line of sight, the last y is held, made normal to x.
+ * Flags: attitude_guard; los_guard near the poles of the LOS angles or below range_limit. A range
+ * of zero is refused.
  * Source: Yin, Luo, Wei & Yuan 2017, equations (2) and (5); docs/models.md C.1, C.2. */
 #include "body_rows.h"
 #include "line_of_sight.h"
@@ -67,9 +69,11 @@ static const Variable variables[] = {
     PARAMETER(p_T, "1", "unit vector from the target to the feature, target axes"),
     PARAMETER(sun_N, "1", "direction to the Sun, N axes, of any length"),
     POSITIVE(rho_f, "m", "distance to hover at"),
-    POSITIVE(force_scale, "kg", "newton per m/s2 of command: turns F_cmd_S into the expected acceleration"),
+    POSITIVE(force_scale, "kg",
+             "newton per m/s2 of command: turns F_cmd_S into the expected acceleration"),
     PARAMETER(up_axis, "1", UP_AXIS_TEXT),
-    POSITIVE(guard_angle, "rad", "smallest angle between line of sight and Sun before the panel axis is held"),
+    POSITIVE(guard_angle, "rad",
+             "smallest angle between line of sight and Sun before the panel axis is held"),
     POSITIVE(elevation_limit, "rad", "los_guard: largest elevation, actual or desired"),
     NONNEGATIVE(range_limit, "m", "los_guard: smallest range"),
     NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call"),
@@ -79,14 +83,18 @@ static const Variable variables[] = {
     INPUT(F_cmd_S, "N", "force commanded last, servicer axes"),
 
     REFERENCE_ROWS(OUTPUT_ROW, y, ref),
-    ROW_AS(OUTPUT_ROW, y, "range", range, 1, "m", "distance between the centres of mass", POSITIVE_VALUE),
+    ROW_AS(OUTPUT_ROW, y, "range", range, 1, "m", "distance between the centres of mass",
+           POSITIVE_VALUE),
     LOS_OUTPUTS("los", los.x, "m", "rad", "line of sight from servicer to target"),
     LOS_OUTPUTS("dlos", los.d, "m/s", "rad/s", "rate of the line of sight"),
     LOS_OUTPUTS("los_ref", los_ref.x, "m", "rad", "desired line of sight"),
     LOS_OUTPUTS("dlos_ref", los_ref.d, "m/s", "rad/s", "rate of the desired line of sight"),
-    LOS_OUTPUTS("ddlos_ref", los_ref.dd, "m/s2", "rad/s2", "acceleration of the desired line of sight"),
+    LOS_OUTPUTS("ddlos_ref", los_ref.dd, "m/s2", "rad/s2",
+                "acceleration of the desired line of sight"),
     ANGLE_OUTPUT(beta_t, "angle between the relative position and the feature axis of the target"),
-    ANGLE_OUTPUT(beta_p, "angle between the camera axis (+X of the servicer) and the direction to the target"),
+    ANGLE_OUTPUT(
+        beta_p,
+        "angle between the camera axis (+X of the servicer) and the direction to the target"),
     ALARM(attitude_guard, "1: line of sight near the Sun, panel axis held"),
     ALARM(los_guard, "1: elevation above elevation_limit or range below range_limit"),
 };
@@ -95,29 +103,36 @@ static void check(const Parameters *p, Problems *problems)
 {
     check_inertia(problems, "J_T", p->J_T);
     check_up_axis(problems, p->up_axis);
-    if (fabs(norm(p->p_T) - 1) > 1e-9) refuse(problems, "p_T", norm(p->p_T), "must be a unit vector");
+    if (fabs(norm(p->p_T) - 1) > 1e-9)
+        refuse(problems, "p_T", norm(p->p_T), "must be a unit vector");
     if (!(norm(p->sun_N) > 0)) refuse(problems, "sun_N", norm(p->sun_N), "must have a direction");
-    if (p->guard_angle >= 1.5) refuse(problems, "guard_angle", p->guard_angle, "must be below 1.5 rad");
+    if (p->guard_angle >= 1.5)
+        refuse(problems, "guard_angle", p->guard_angle, "must be below 1.5 rad");
 }
 
 /* section 2: n' = w x n, n'' = dw x n + w x n' */
 static Motion reference_position(const Parameters *p, const Body *T)
 {
     mat3 C_TN = dcm_of_quat(canonical(T->q));
-    vec3 torque = p->use_gravity_gradient ? gravity_gradient(p->mu, mul(C_TN, T->r), p->J_T) : vec(0, 0, 0);
+    vec3 torque =
+        p->use_gravity_gradient ? gravity_gradient(p->mu, mul(C_TN, T->r), p->J_T) : vec(0, 0, 0);
     vec3 dw_T = solve(p->J_T, sub(torque, cross(T->omega, mul(p->J_T, T->omega))));
     vec3 n = scale(p->rho_f, p->p_T), dn = cross(T->omega, n);
-    return (Motion){tmul(C_TN, n), tmul(C_TN, dn), tmul(C_TN, add(cross(dw_T, n), cross(T->omega, dn)))};
+    return (Motion){tmul(C_TN, n), tmul(C_TN, dn),
+                    tmul(C_TN, add(cross(dw_T, n), cross(T->omega, dn)))};
 }
 
 /* vector from servicer to target; its acceleration as far as the servicer knows it */
 static Motion line_to_target(const Parameters *p, const Input *u, vec3 F_cmd_S)
 {
-    vec3 rho = sub(u->S.r, u->T.r), a_S = scale(1 / p->force_scale, tmul(dcm_of_quat(canonical(u->S.q)), F_cmd_S));
-    return (Motion){neg(rho), sub(u->T.v, u->S.v), neg(add(differential_gravity(p->mu, u->T.r, rho), a_S))};
+    vec3 rho = sub(u->S.r, u->T.r),
+         a_S = scale(1 / p->force_scale, tmul(dcm_of_quat(canonical(u->S.q)), F_cmd_S));
+    return (Motion){neg(rho), sub(u->T.v, u->S.v),
+                    neg(add(differential_gravity(p->mu, u->T.r, rho), a_S))};
 }
 
-/* divisions are by at least 0.1 m; at range 0 the result is refused anyway, any direction keeps the other outputs finite */
+/* divisions are by at least 0.1 m; at range 0 the result is refused anyway, any direction keeps the
+ * other outputs finite */
 static Motion direction(Motion r)
 {
     double range = norm(r.x);
@@ -160,7 +175,8 @@ static void reference_attitude(const Parameters *p, Motion r, State *held, Outpu
     y->ref.alpha = frame_acceleration(i, j, k);
 }
 
-static void publish_line_of_sight(const Parameters *p, const Input *u, Motion r, Motion ref, Output *y)
+static void publish_line_of_sight(const Parameters *p, const Input *u, Motion r, Motion ref,
+                                  Output *y)
 {
     y->range = norm(r.x);
     y->los = line_of_sight(p->up_axis, r).q;
@@ -181,7 +197,8 @@ static void guide(const Parameters *p, const Input *u, State *x, Output *y, vec3
     reference_attitude(p, r, x, y);
 }
 
-/* nothing has been commanded yet, so start values that travel from software to software close no loop */
+/* nothing has been commanded yet, so start values that travel from software to software close no
+ * loop */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     State first = {0};
@@ -192,7 +209,9 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
-    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s)) guide(p, u, x, y, u->F_cmd_S);
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
+        guide(p, u, x, y, u->F_cmd_S);
 }
 
-FMU_MODEL("los_guidance", "Guidance for hovering in front of a feature of a rotating target, panels to the Sun");
+FMU_MODEL("los_guidance",
+          "Guidance for hovering in front of a feature of a rotating target, panels to the Sun");

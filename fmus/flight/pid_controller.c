@@ -1,11 +1,13 @@
-/* pid_controller.c - three-axis PID control of line of sight and attitude, the baseline without a model.
+/* pid_controller.c - three-axis PID control of line of sight and attitude, the baseline without a
+ * model.
  *
- * Position, per LOS channel:   u = -(Kp e + Ki I + Kd de/dt),   a_L = Sigma u,   F_cmd = force_scale C_SL a_L
- * Attitude, per body axis:     M = -(Kp e + Ki I + Kd w),       e: vector part of q_SD, w: rate error
- * Anti-windup by back-calculation:   dI/dt = e + (u - sat(u))/(Ki T_aw)
+ * Position, per LOS channel:   u = -(Kp e + Ki I + Kd de/dt),   a_L = Sigma u,   F_cmd =
+ * force_scale C_SL a_L Attitude, per body axis:     M = -(Kp e + Ki I + Kd w),       e: vector part
+ * of q_SD, w: rate error Anti-windup by back-calculation:   dI/dt = e + (u - sat(u))/(Ki T_aw)
  *
- * Sampled: explicit Euler, I is updated after its use. The back-calculation of one sample goes no further than to the
- * limit (T_aw counts as no less than the period), since beyond it explicit Euler would overshoot and then diverge.
+ * Sampled: explicit Euler, I is updated after its use. The back-calculation of one sample goes no
+ * further than to the limit (T_aw counts as no less than the period), since beyond it explicit
+ * Euler would overshoot and then diverge.
  * Equations: docs/models.md C.5; the usual back-calculation gain is 1/(Ki T_aw). */
 #include "tracking.h"
 
@@ -38,16 +40,20 @@ static const Model start = {
     .u = TRACKING_START,
 };
 
-#define GAIN_ROW(member, gain, unit, text) \
-    ROW_AS(PARAMETER_ROW, p, #member "." #gain, member.gain, 1, unit, #member ": " text, NONNEGATIVE_VALUE)
-#define GAIN_ROWS(member, p_unit, i_unit, d_unit, per)                                                        \
-    GAIN_ROW(member, Kp, p_unit, "proportional gain" per), GAIN_ROW(member, Ki, i_unit, "integral gain" per), \
-        GAIN_ROW(member, Kd, d_unit, "rate gain" per),                                                        \
-        GAIN_ROW(member, T_aw, "s", "time in which the integral gives way to a limit; 0 = no anti-windup")
+#define GAIN_ROW(member, gain, unit, text)                                               \
+    ROW_AS(PARAMETER_ROW, p, #member "." #gain, member.gain, 1, unit, #member ": " text, \
+           NONNEGATIVE_VALUE)
+#define GAIN_ROWS(member, p_unit, i_unit, d_unit, per)     \
+    GAIN_ROW(member, Kp, p_unit, "proportional gain" per), \
+        GAIN_ROW(member, Ki, i_unit, "integral gain" per), \
+        GAIN_ROW(member, Kd, d_unit, "rate gain" per),     \
+        GAIN_ROW(member, T_aw, "s",                        \
+                 "time in which the integral gives way to a limit; 0 = no anti-windup")
 
 static const Variable variables[] = {
     TRACKING_PARAMETERS(tracking),
-    POSITIVE(wheel_scale, "kg.m2", "newton metre per rad/s2 of wheel acceleration, used with use_wheels"),
+    POSITIVE(wheel_scale, "kg.m2",
+             "newton metre per rad/s2 of wheel acceleration, used with use_wheels"),
     GAIN_ROWS(range, "1/s2", "1/s3", "1/s", ""),
     GAIN_ROWS(elevation, "m/s2", "m/s3", "m/s", ", per rad"),
     GAIN_ROWS(azimuth, "m/s2", "m/s3", "m/s", ", per rad"),
@@ -57,10 +63,14 @@ static const Variable variables[] = {
 
     TRACKING_OUTPUTS(common),
     LOS_OUTPUTS("integral", integral.position, "m.s", "rad.s", "integral of the error"),
-    TRACKING_OUTPUT("integral_att", integral.attitude, "s", "integral of the vector part of q_SD", ANY_VALUE),
+    TRACKING_OUTPUT("integral_att", integral.attitude, "s", "integral of the vector part of q_SD",
+                    ANY_VALUE),
 };
 
-static void check(const Parameters *p, Problems *problems) { check_up_axis(problems, p->tracking.up_axis); }
+static void check(const Parameters *p, Problems *problems)
+{
+    check_up_axis(problems, p->tracking.up_axis);
+}
 
 /* ---- three axes at once ---- */
 typedef struct { vec3 Kp, Ki, Kd, T_aw; } Gains3;
@@ -91,7 +101,8 @@ static vec3 integrated(const Gains3 *k, vec3 integral, vec3 e, vec3 excess, doub
 }
 
 /* Sigma changes signs only, and the limits are symmetric: u - sat(u) = Sigma (a_L - sat(a_L)) */
-static void control_position(const Parameters *p, const TrackingError *e, vec3 *integral, double period, Output *y)
+static void control_position(const Parameters *p, const TrackingError *e, vec3 *integral,
+                             double period, Output *y)
 {
     Gains3 k = gains(&p->range, &p->elevation, &p->azimuth);
     vec3 u = pid(&k, e->x1, *integral, e->x2);
@@ -99,8 +110,8 @@ static void control_position(const Parameters *p, const TrackingError *e, vec3 *
     *integral = integrated(&k, *integral, e->x1, sub(u, Sigma(y->common.a_cmd_L)), period);
 }
 
-static void control_attitude(const Parameters *p, const TrackingError *e, vec3 *integral, double t, double period,
-                             Output *y)
+static void control_attitude(const Parameters *p, const TrackingError *e, vec3 *integral, double t,
+                             double period, Output *y)
 {
     Gains3 k = gains(&p->attitude, &p->attitude, &p->attitude);
     vec3 q = vector_part(e->q_SD), M = pid(&k, q, *integral, e->w);
@@ -109,7 +120,8 @@ static void control_attitude(const Parameters *p, const TrackingError *e, vec3 *
     *integral = integrated(&k, *integral, q, sub(M, limited3(M, p->tracking.M_max)), period);
 }
 
-static void control(const Parameters *p, const Input *u, State *x, Output *y, double t, double period)
+static void control(const Parameters *p, const Input *u, State *x, Output *y, double t,
+                    double period)
 {
     Input in = tracking_in(u);
     TrackingError e = tracking_error(p->tracking.up_axis, &in);
@@ -117,7 +129,8 @@ static void control(const Parameters *p, const Input *u, State *x, Output *y, do
 
     publish_errors(&e, &y->common);
     control_position(p, &e, &x->position, period, y);
-    control_attitude(p, &e, attitude_rests(&p->tracking, t) ? &resting : &x->attitude, t, period, y);
+    control_attitude(p, &e, attitude_rests(&p->tracking, t) ? &resting : &x->attitude, t, period,
+                     y);
     y->integral = *x;
 }
 

@@ -1,19 +1,27 @@
-/* ppc_controller.c - low-complexity prescribed performance control of line of sight and attitude, without a model.
+/* ppc_controller.c - low-complexity prescribed performance control of line of sight and attitude,
+ * without a model.
  *
- * Each channel i (range, elevation, azimuth; three of attitude) keeps its generalised state inside a shrinking funnel:
- *   z = x1 + lambda x2,   L alpha < z < U alpha,   alpha(t) = (alpha_0 - alpha_inf) exp(-beta (t - t_0)) + alpha_inf
+ * Each channel i (range, elevation, azimuth; three of attitude) keeps its generalised state inside
+ * a shrinking funnel:
+ *   z = x1 + lambda x2,   L alpha < z < U alpha,
+ *           alpha(t) = (alpha_0 - alpha_inf) exp(-beta (t - t_0)) + alpha_inf
  *   (L, U) = (-delta, 1) if z(t_0) >= 0, else (-1, delta)
- *   theta = z/alpha,   s = ln((theta - L)/(U - theta)),   r = (U - L)/((theta - L)(U - theta) alpha) = ds/dz
+ *   theta = z/alpha,   s = ln((theta - L)/(U - theta)),
+ *           r = (U - L)/((theta - L)(U - theta) alpha) = ds/dz
  *   kappa = sum eta s^2,     u = -k p(r) eta s/(1 - kappa)
- *     law 0, as printed: p = r;   law 1: p = 1/r;   law 2: p = (alpha (U - L)/4)^2 r, small-signal gain always k eta
- * Position:  x1, x2 in LOS coordinates, servicer acceleration a_L = Sigma u, F_cmd = force_scale C_SL a_L
- * Attitude:  x1 = e, x2 = T(q_SD) w/2, torque M = T(q_SD)^T u; the proof needs equal constants on all three channels
+ *     law 0, as printed: p = r;   law 1: p = 1/r;
+ *             law 2: p = (alpha (U - L)/4)^2 r, small-signal gain always k eta
+ * Position:  x1, x2 in LOS coordinates, servicer acceleration a_L = Sigma u, F_cmd = force_scale
+ * C_SL a_L
+ * Attitude:  x1 = e, x2 = T(q_SD) w/2, torque M = T(q_SD)^T u; the proof needs equal constants on
+ * all three channels
  *
- * Without saturation, in continuous time, with 0 < lambda beta < 1 and kappa(t_0) < 1, no channel ever leaves its
- * funnel and kappa stays below 1. Sampled or saturated, theta is kept 1e-3 (U - L) inside its bounds and kappa below
- * 0.98, so the law stays finite for every input and brings the state back; `violation` tells. A sample period T should
- * keep lambda g k eta T < 1 (law 0: 16 k eta/((U - L) alpha)^2 for k eta), g = 1, 1/rho, 1/(rho cos eps).
- * A start that breaks kappa(t_0) < 1 or lies outside the funnel is refused in the first step: start_margin must be > 0.
+ * Without saturation, in continuous time, with 0 < lambda beta < 1 and kappa(t_0) < 1, no channel
+ * ever leaves its funnel and kappa stays below 1. Sampled or saturated, theta is kept 1e-3 (U - L)
+ * inside its bounds and kappa below 0.98, so the law stays finite for every input and brings the
+ * state back; `violation` tells. A sample period T should keep lambda g k eta T < 1 (law 0: 16 k
+ * eta/((U - L) alpha)^2 for k eta), g = 1, 1/rho, 1/(rho cos eps). A start that breaks kappa(t_0) <
+ * 1 or lies outside the funnel is refused in the first step: start_margin must be > 0.
  * Source: Yin, Luo, Wei & Yuan 2017, equations (8) to (20); docs/models.md C.4. */
 #include "tracking.h"
 
@@ -51,40 +59,71 @@ static const Model start = {
           .wheel_scale = 10,
           .law = 2,
           .law_att = 2,
-          .range = {.k = 15, .eta = 0.1, .lambda = 4.3, .alpha_0 = 600, .alpha_inf = 0.5, .beta = 0.2, .delta = 1},
-          .elevation = {.k = 300, .eta = 0.1, .lambda = 4, .alpha_0 = 0.8, .alpha_inf = 0.03, .beta = 0.2, .delta = 1},
-          .azimuth = {.k = 300, .eta = 0.1, .lambda = 4, .alpha_0 = 0.8, .alpha_inf = 0.03, .beta = 0.2, .delta = 1},
-          .attitude =
-              {.k = 800, .eta = 0.1, .lambda = 1.5, .alpha_0 = 1.5, .alpha_inf = 0.01, .beta = 0.25, .delta = 1}},
+          .range = {.k = 15,
+                    .eta = 0.1,
+                    .lambda = 4.3,
+                    .alpha_0 = 600,
+                    .alpha_inf = 0.5,
+                    .beta = 0.2,
+                    .delta = 1},
+          .elevation = {.k = 300,
+                        .eta = 0.1,
+                        .lambda = 4,
+                        .alpha_0 = 0.8,
+                        .alpha_inf = 0.03,
+                        .beta = 0.2,
+                        .delta = 1},
+          .azimuth = {.k = 300,
+                      .eta = 0.1,
+                      .lambda = 4,
+                      .alpha_0 = 0.8,
+                      .alpha_inf = 0.03,
+                      .beta = 0.2,
+                      .delta = 1},
+          .attitude = {.k = 800,
+                       .eta = 0.1,
+                       .lambda = 1.5,
+                       .alpha_0 = 1.5,
+                       .alpha_inf = 0.01,
+                       .beta = 0.25,
+                       .delta = 1}},
     .u = TRACKING_START,
 };
 
-#define CHANNEL_ROW(member, constant, unit, text) \
-    ROW_AS(PARAMETER_ROW, p, #member "." #constant, member.constant, 1, unit, #member ": " text, POSITIVE_VALUE)
-#define CHANNEL_ROWS(member, unit, gain_unit)                                                                 \
-    CHANNEL_ROW(member, k, gain_unit, "gain; angles in rad; law 0: times the square of the unit of alpha_0"), \
-        CHANNEL_ROW(member, eta, "1", "weight of the mapped state"),                                          \
-        CHANNEL_ROW(member, lambda, "s", "weight of the rate in the generalised state"),                      \
-        CHANNEL_ROW(member, alpha_0, unit, "bound at the start"),                                             \
-        CHANNEL_ROW(member, alpha_inf, unit, "bound in the end"),                                             \
-        CHANNEL_ROW(member, beta, "1/s", "convergence rate of the bound"),                                    \
+#define CHANNEL_ROW(member, constant, unit, text)                                                \
+    ROW_AS(PARAMETER_ROW, p, #member "." #constant, member.constant, 1, unit, #member ": " text, \
+           POSITIVE_VALUE)
+#define CHANNEL_ROWS(member, unit, gain_unit)                                            \
+    CHANNEL_ROW(member, k, gain_unit,                                                    \
+                "gain; angles in rad; law 0: times the square of the unit of alpha_0"),  \
+        CHANNEL_ROW(member, eta, "1", "weight of the mapped state"),                     \
+        CHANNEL_ROW(member, lambda, "s", "weight of the rate in the generalised state"), \
+        CHANNEL_ROW(member, alpha_0, unit, "bound at the start"),                        \
+        CHANNEL_ROW(member, alpha_inf, unit, "bound in the end"),                        \
+        CHANNEL_ROW(member, beta, "1/s", "convergence rate of the bound"),               \
         CHANNEL_ROW(member, delta, "1", "overshoot allowed, as part of the bound, in (0, 1]")
 
-#define TELEMETRY_ROWS(member, suffix, whose)                                                                          \
-    TRACKING_OUTPUT("theta" suffix, member.theta, "1", whose ": generalised state over its bound", ANY_VALUE),         \
-        TRACKING_OUTPUT("s" suffix, member.s, "1", whose ": mapped state", ANY_VALUE),                                 \
-        TRACKING_OUTPUT("kappa" suffix, member.kappa, "1", whose ": barrier, below 1 by design", NONNEGATIVE_VALUE),   \
-        TRACKING_OUTPUT("violation" suffix, member.violation, "1", whose ": 1: outside the funnel or kappa >= 1",      \
-                        ALARM_VALUE),                                                                                  \
-        TRACKING_OUTPUT("start_margin" suffix, member.start_margin, "1",                                               \
-                        whose ": the start must lie inside the funnel with kappa < 1; 1 - kappa(t_0) or the distance " \
-                              "to the nearer bound, whichever is less",                                                \
+#define TELEMETRY_ROWS(member, suffix, whose)                                                      \
+    TRACKING_OUTPUT("theta" suffix, member.theta, "1", whose ": generalised state over its bound", \
+                    ANY_VALUE),                                                                    \
+        TRACKING_OUTPUT("s" suffix, member.s, "1", whose ": mapped state", ANY_VALUE),             \
+        TRACKING_OUTPUT("kappa" suffix, member.kappa, "1", whose ": barrier, below 1 by design",   \
+                        NONNEGATIVE_VALUE),                                                        \
+        TRACKING_OUTPUT("violation" suffix, member.violation, "1",                                 \
+                        whose ": 1: outside the funnel or kappa >= 1", ALARM_VALUE),               \
+        TRACKING_OUTPUT("start_margin" suffix, member.start_margin, "1",                           \
+                        whose ": the start must lie inside the funnel with kappa < 1; 1 - "        \
+                              "kappa(t_0) or the distance "                                        \
+                              "to the nearer bound, whichever is less",                            \
                         POSITIVE_VALUE)
 
 static const Variable variables[] = {
     TRACKING_PARAMETERS(tracking),
-    POSITIVE(wheel_scale, "kg.m2", "newton metre per rad/s2 of wheel acceleration, used with use_wheels"),
-    PARAMETER(law, "1", "gain law of the position: 0 = R Q s, 1 = R^-1 Q s, 2 = R Q s with gain scaled by the bound"),
+    POSITIVE(wheel_scale, "kg.m2",
+             "newton metre per rad/s2 of wheel acceleration, used with use_wheels"),
+    PARAMETER(law, "1",
+              "gain law of the position: 0 = R Q s, 1 = R^-1 Q s, 2 = R Q s with gain scaled by "
+              "the bound"),
     PARAMETER(law_att, "1", "gain law of the attitude; 1 has no proof there"),
     CHANNEL_ROWS(range, "m", "1/s2"),
     CHANNEL_ROWS(elevation, "rad", "m/s2"),
@@ -98,19 +137,24 @@ static const Variable variables[] = {
     LOS_OUTPUTS("alpha", position.alpha, "m", "rad", "bound of the generalised state"),
     TELEMETRY_ROWS(position, "", "position"),
     TRACKING_OUTPUT("z_att", attitude.z, "1", "attitude: generalised state", ANY_VALUE),
-    TRACKING_OUTPUT("alpha_att", attitude.alpha, "1", "attitude: bound of the generalised state", ANY_VALUE),
+    TRACKING_OUTPUT("alpha_att", attitude.alpha, "1", "attitude: bound of the generalised state",
+                    ANY_VALUE),
     TELEMETRY_ROWS(attitude, "_att", "attitude"),
 };
 
 static void check_channel(Problems *problems, const char *names[3], const Channel *c)
 {
-    if (c->lambda * c->beta >= 1) refuse(problems, names[0], c->lambda * c->beta, "must be below 1");
+    if (c->lambda * c->beta >= 1)
+        refuse(problems, names[0], c->lambda * c->beta, "must be below 1");
     if (c->delta > 1) refuse(problems, names[1], c->delta, "must be in (0, 1]");
-    if (c->alpha_0 < c->alpha_inf) refuse(problems, names[2], c->alpha_0, "must not be below alpha_inf");
+    if (c->alpha_0 < c->alpha_inf)
+        refuse(problems, names[2], c->alpha_0, "must not be below alpha_inf");
 }
 
-#define CHANNEL_NAMES(member) {#member ".lambda * " #member ".beta", #member ".delta", #member ".alpha_0"}
-#define CHECK_CHANNEL(member) check_channel(problems, (const char *[])CHANNEL_NAMES(member), &p->member)
+#define CHANNEL_NAMES(member) \
+    {#member ".lambda * " #member ".beta", #member ".delta", #member ".alpha_0"}
+#define CHECK_CHANNEL(member) \
+    check_channel(problems, (const char *[])CHANNEL_NAMES(member), &p->member)
 
 static void check_law(Problems *problems, const char *name, double law)
 {
@@ -139,7 +183,10 @@ static double mapped(double theta, double L, double U)
     return theta > L && theta < U ? log((theta - L) / (U - theta)) : 0;
 }
 
-static double power(double law, double r, double rho) { return law == 0 ? r : law == 1 ? 1 / r : rho * rho * r; }
+static double power(double law, double r, double rho)
+{
+    return law == 0 ? r : law == 1 ? 1 / r : rho * rho * r;
+}
 
 static Mapped map(const Channel *c, double law, double rising, double z, double age)
 {
@@ -148,17 +195,19 @@ static Mapped map(const Channel *c, double law, double rising, double z, double 
     double theta = z / alpha, inside = clamp(theta, L + 1e-3 * width, U - 1e-3 * width);
     double r = width / ((inside - L) * (U - inside) * alpha);
     double gain = c->k * c->eta * power(law, r, alpha * width / 4);
-    return (Mapped){theta, mapped(inside, L, U), alpha, gain, fmin(theta - L, U - theta), mapped(theta, L, U)};
+    return (Mapped){theta, mapped(inside, L, U),       alpha,
+                    gain,  fmin(theta - L, U - theta), mapped(theta, L, U)};
 }
 
-/* ---- three channels: the control u and its telemetry; the side of a channel is decided once, at the start ---- */
+/* ---- three channels: the control u and its telemetry; its side is decided at the start ---- */
 static void begin(Funnel *x, vec3 z, double t)
 {
     if (x->begun) return;
     *x = (Funnel){1, t, vec(z.x >= 0, z.y >= 0, z.z >= 0), 0};
 }
 
-static vec3 barrier(const Channel *const c[3], double law, Funnel *x, vec3 z, double t, Telemetry *y)
+static vec3 barrier(const Channel *const c[3], double law, Funnel *x, vec3 z, double t,
+                    Telemetry *y)
 {
     int first = !x->begun;
     begin(x, z, t);
@@ -168,17 +217,20 @@ static vec3 barrier(const Channel *const c[3], double law, Funnel *x, vec3 z, do
     double kappa = c[0]->eta * a.s * a.s + c[1]->eta * b.s * b.s + c[2]->eta * d.s * d.s;
     double inside = fmin(a.margin, fmin(b.margin, d.margin));
     if (first) { /* (18) is judged by theta as it is, not as it is kept inside */
-        vec3 s = vec(a.unkept_s, b.unkept_s, d.unkept_s), eta = vec(c[0]->eta, c[1]->eta, c[2]->eta);
+        vec3 s = vec(a.unkept_s, b.unkept_s, d.unkept_s),
+             eta = vec(c[0]->eta, c[1]->eta, c[2]->eta);
         x->margin = fmin(1 - dot(s, times(eta, s)), inside);
     }
 
-    *y = (Telemetry){z,     vec(a.theta, b.theta, d.theta), vec(a.s, b.s, d.s), vec(a.alpha, b.alpha, d.alpha),
-                     kappa, fmin(1 - kappa, inside) <= 0,   x->margin};
+    *y = (Telemetry){
+        z,     vec(a.theta, b.theta, d.theta), vec(a.s, b.s, d.s), vec(a.alpha, b.alpha, d.alpha),
+        kappa, fmin(1 - kappa, inside) <= 0,   x->margin};
     return scale(-1 / (1 - fmin(kappa, 0.98)), vec(a.gain * a.s, b.gain * b.s, d.gain * d.s));
 }
 
 /* (12) to (19) */
-static void control_position(const Parameters *p, const TrackingError *e, Funnel *x, double t, Output *y)
+static void control_position(const Parameters *p, const TrackingError *e, Funnel *x, double t,
+                             Output *y)
 {
     const Channel *channels[3] = {&p->range, &p->elevation, &p->azimuth};
     vec3 z = add(e->x1, times(vec(p->range.lambda, p->elevation.lambda, p->azimuth.lambda), e->x2));
@@ -186,7 +238,8 @@ static void control_position(const Parameters *p, const TrackingError *e, Funnel
 }
 
 /* (20), with the transpose that makes the gain T J^-1 T^T of the loop positive definite */
-static vec3 attitude_torque(const Parameters *p, const TrackingError *e, Funnel *x, double t, Telemetry *y)
+static vec3 attitude_torque(const Parameters *p, const TrackingError *e, Funnel *x, double t,
+                            Telemetry *y)
 {
     const Channel *channels[3] = {&p->attitude, &p->attitude, &p->attitude};
     vec3 z = add(vector_part(e->q_SD), scale(p->attitude.lambda / 2, T_times(e->q_SD, e->w)));
@@ -194,7 +247,8 @@ static vec3 attitude_torque(const Parameters *p, const TrackingError *e, Funnel 
 }
 
 /* before t_att the funnel of the attitude stands as if it began now, and nothing is commanded */
-static void control_attitude(const Parameters *p, const TrackingError *e, Funnel *x, double t, Output *y)
+static void control_attitude(const Parameters *p, const TrackingError *e, Funnel *x, double t,
+                             Output *y)
 {
     Funnel resting = *x;
     int rests = attitude_rests(&p->tracking, t);
@@ -213,7 +267,8 @@ static void control(const Parameters *p, const Input *u, State *x, Output *y, do
     control_attitude(p, &e, &x->attitude, t, y);
 }
 
-/* While start values travel through a system the inputs may be anything: nothing is judged before the first step. */
+/* While start values travel through a system the inputs may be anything: nothing is judged before
+ * the first step. */
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     State first = {0};
@@ -225,7 +280,9 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     double period = p->tracking.sample_period;
-    for (Sample s = first_sample(t, h, period); s.left > 0; s = next_sample(s)) control(p, u, x, y, s.t);
+    for (Sample s = first_sample(t, h, period); s.left > 0; s = next_sample(s))
+        control(p, u, x, y, s.t);
 }
 
-FMU_MODEL("ppc_controller", "Model-free prescribed performance control of line of sight and attitude");
+FMU_MODEL("ppc_controller",
+          "Model-free prescribed performance control of line of sight and attitude");

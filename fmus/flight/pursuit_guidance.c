@@ -1,15 +1,21 @@
-/* pursuit_guidance.c - pursuit of a drifting target with a body-fixed thrust axis X: where to point, how fast to go.
+/* pursuit_guidance.c - pursuit of a drifting target with a body-fixed thrust axis X: where to
+ * point, how fast to go.
  *
- *   d      direction that X shall have: line of sight dr = r_T - r_S, or the velocity error before and during a burn
+ *   d      direction that X shall have: line of sight dr = r_T - r_S,
+ *           or the velocity error before and during a burn
  *   L      transition quaternion S -> D: two turns (att 0) or the shortest arc (att 1)
- *   omega  = 2 k_q [L1 L2 L3], at most omega_max: required rate, along the axis of L, so the same in S and D components
- *   law 0  v_req = 2, 0.5 or 1 times |v_T| by range, along X                                  drho_ref = v_req X - v_T
- *   law 1  s = clip(k_r (range - zeta1), -|v_T|, 2 |v_T|),  e_v = v_T + s dr/range - v_S      drho_ref = s dr/range
+ *   omega  = 2 k_q [L1 L2 L3], at most omega_max: required rate, along the axis of L,
+ *           so the same in S and D components
+ *   law 0  v_req = 2, 0.5 or 1 times |v_T| by range, along X
+ *           drho_ref = v_req X - v_T
+ *   law 1  s = clip(k_r (range - zeta1), -|v_T|, 2 |v_T|),  e_v = v_T + s dr/range - v_S
+ *           drho_ref = s dr/range
  *          and the modes COAST (thrust off), ALIGN (turn X to the velocity error), BURN (thrust on)
  *
- * The controller needs (v_T + drho_ref - v_S) . X only. |v_T| is relative to the frame of the law: N in deep space, else
- * one that moves with a point on a circular orbit. rho_ref is the hold point on the line of sight, not the integral of
- * drho_ref, and the rate is a command, not the derivative of q_DN.
+ * The controller needs (v_T + drho_ref - v_S) . X only. |v_T| is relative to the frame of the law:
+ * N in deep space, else one that moves with a point on a circular orbit. rho_ref is the hold point
+ * on the line of sight, not the integral of drho_ref, and the rate is a command, not the derivative
+ * of q_DN.
  * Source: Kozlova & Fomichev 2023 as corrected in docs/models.md B.8; law 1 and att 1: B.4. */
 #include "body_rows.h"
 #include "reference_rows.h"
@@ -61,18 +67,21 @@ static const Model start = {
           .t_burn_min = 0.5,
           .main_thrust = 5,
           .brake_thrust = 4},
-    .u = {.T = {.r = {500, -100, 0}, .v = {0, 0.008, 0.006}, .q = {1, 0, 0, 0}}, .S = {.q = {1, 0, 0, 0}}},
+    .u = {.T = {.r = {500, -100, 0}, .v = {0, 0.008, 0.006}, .q = {1, 0, 0, 0}},
+          .S = {.q = {1, 0, 0, 0}}},
 };
 
 static const Variable variables[] = {
-    SWITCH(law, "speed law: 0 scalar along X (deep space only), 1 vector with coast, align and burn"),
+    SWITCH(law,
+           "speed law: 0 scalar along X (deep space only), 1 vector with coast, align and burn"),
     SWITCH(att, "required attitude: 0 two turns as in the paper, 1 shortest arc"),
     POSITIVE(k_q, "1/s", "gain from the transition quaternion to the required rate"),
     NONNEGATIVE(omega_max, "rad/s", "largest required rate; 0 = no limit"),
     NONNEGATIVE(zeta1, "m", "range to hold"),
     NONNEGATIVE(zeta2, "m", "scalar law: below this range the speed of the target"),
     NONNEGATIVE(zhys, "m", "scalar law: hysteresis about zeta1"),
-    SWITCH(text_speed, "scalar law below zeta1: 0 half the speed of the target (formula), 1 its full speed (text)"),
+    SWITCH(text_speed, "scalar law below zeta1: 0 half the speed of the target (formula), 1 its "
+                       "full speed (text)"),
     NONNEGATIVE(k_r, "1/s", "vector law: gain from range error to closing speed"),
     NONNEGATIVE(rho1, "m/s", "vector law: below this velocity error a burn is given up"),
     POSITIVE(rho2, "m/s", "vector law: from this velocity error on a burn is prepared"),
@@ -80,11 +89,13 @@ static const Variable variables[] = {
     POSITIVE(omega_fire, "rad/s", "vector law: ignition below this angular rate"),
     NONNEGATIVE(t_burn_min, "s", "vector law: a burn lasts longer than this"),
     POSITIVE(main_thrust, "N", "vector law: nominal thrust along +X; 1 % of it is burning"),
-    POSITIVE(brake_thrust, "N", "vector law: nominal thrust along -X, all brakes; 1 % of it is burning"),
+    POSITIVE(brake_thrust, "N",
+             "vector law: nominal thrust along -X, all brakes; 1 % of it is burning"),
     NONNEGATIVE(mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),
-    NONNEGATIVE(frame_radius, "m",
-                "when mu > 0 the speed of the target counts relative to a point on a circular orbit of "
-                "this radius in the xy plane of N, on +x at t = 0"),
+    NONNEGATIVE(
+        frame_radius, "m",
+        "when mu > 0 the speed of the target counts relative to a point on a circular orbit of "
+        "this radius in the xy plane of N, on +x at t = 0"),
     NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call"),
 
     BODY_INPUTS("T", T, "target"),
@@ -96,10 +107,12 @@ static const Variable variables[] = {
     FLAG(translate, "1: translational thrust permitted"),
     NONNEGATIVE_OUTPUT(mode, "1", "0 coast, 1 align, 2 burn (scalar law: always 2)"),
     NONNEGATIVE_OUTPUT(range, "m", "distance between the centres of mass"),
-    OUTPUT(q_DS, "1", "transition quaternion from the present to the required attitude, scalar first"),
+    OUTPUT(q_DS, "1",
+           "transition quaternion from the present to the required attitude, scalar first"),
     OUTPUT(e_v_N, "m/s", "required less present velocity, N axes"),
     OUTPUT(v_req, "m/s", "required speed: along X (scalar law), of closing (vector law)"),
-    ANGLE_OUTPUT(pointing_angle, "angle between the X axis of the servicer and the direction to the target"),
+    ANGLE_OUTPUT(pointing_angle,
+                 "angle between the X axis of the servicer and the direction to the target"),
 };
 
 static void check(const Parameters *p, Problems *problems)
@@ -107,9 +120,11 @@ static void check(const Parameters *p, Problems *problems)
     if (p->rho1 >= p->rho2) refuse(problems, "rho1", p->rho1, "must be below rho2");
     if (p->zeta2 >= p->zeta1) refuse(problems, "zeta2", p->zeta2, "must be below zeta1");
     if (p->zhys > p->zeta1) refuse(problems, "zhys", p->zhys, "must not be above zeta1");
-    if (p->alpha_fire >= 1.5) refuse(problems, "alpha_fire", p->alpha_fire, "must be below 1.5 rad");
+    if (p->alpha_fire >= 1.5)
+        refuse(problems, "alpha_fire", p->alpha_fire, "must be below 1.5 rad");
     if (p->mu > 0 && p->law == 0) refuse(problems, "law", p->law, "must be 1 when mu > 0");
-    if (p->mu > 0 && p->frame_radius == 0) refuse(problems, "frame_radius", 0, "must be > 0 when mu > 0");
+    if (p->mu > 0 && p->frame_radius == 0)
+        refuse(problems, "frame_radius", 0, "must be > 0 when mu > 0");
 }
 
 /* velocity of the frame of the law: n R [-sin nt, cos nt, 0], n^2 = mu/R^3 */
@@ -128,22 +143,26 @@ static vec3 direction(vec3 a, vec3 otherwise) /* unit vector; at zero length the
 
 /* ---- attitude ---- */
 
-/* B.4.1: rows of A are the required axes in N; g: angle from X to d, b: from the XY plane to the plane of X and d */
+/* B.4.1: rows of A are the required axes in N; g: angle from X to d, b: from the XY plane to the
+ * plane of X and d */
 static quat two_turns(quat q_SN, vec3 d)
 {
     double q = sqrt(d.y * d.y + d.z * d.z), cb = q > 0 ? d.y / q : 1, sb = q > 0 ? d.z / q : 0;
     mat3 A = rows(d, vec(-q, d.x * cb, d.x * sb), vec(0, -sb, cb));
-    return canonical(product(conjugate(q_SN), quat_of_dcm(A))); /* half a turn with L1 > 0: what the motion selects */
+    return canonical(product(
+        conjugate(q_SN), quat_of_dcm(A))); /* half a turn with L1 > 0: what the motion selects */
 }
 
-/* B.4.2: turn X to b, d in S axes: [c, 0, -b3/(2c), b2/(2c)], c = sqrt((1 + b1)/2); b = -X: half a turn about Y.
- * Backward, where 1 + b1 cancels: sine k of half the angle, c = s/(2k), s = |(b2, b3)| */
+/* B.4.2: turn X to b, d in S axes: [c, 0, -b3/(2c), b2/(2c)], c = sqrt((1 + b1)/2); b = -X: half a
+ * turn about Y. Backward, where 1 + b1 cancels: sine k of half the angle, c = s/(2k), s = |(b2,
+ * b3)| */
 static quat shortest_arc(quat q_SN, vec3 d)
 {
     vec3 b = mul(dcm_of_quat(q_SN), d);
     double s = sqrt(b.y * b.y + b.z * b.z), k = sqrt((1 - b.x) / 2), c = sqrt(fmax(0, 1 + b.x) / 2);
     if (b.x >= 0) return canonical((quat){c, 0, -b.z / (2 * c), b.y / (2 * c)});
-    return s > 0 ? canonical((quat){s / (2 * k), 0, -b.z / s * k, b.y / s * k}) : (quat){0, 0, 1, 0};
+    return s > 0 ? canonical((quat){s / (2 * k), 0, -b.z / s * k, b.y / s * k})
+                 : (quat){0, 0, 1, 0};
 }
 
 /* B.4: along the axis of L, limited */
@@ -177,11 +196,14 @@ static double scalar_speed(const Parameters *p, State *x, double range, double v
 /* B.4.5: state of the engines before this sample's command */
 static int firing(const Parameters *p, const Input *u)
 {
-    return u->translation_firing > 0 || u->F_S.x > 0.01 * p->main_thrust || -u->F_S.x > 0.01 * p->brake_thrust;
+    return u->translation_firing > 0 || u->F_S.x > 0.01 * p->main_thrust ||
+           -u->F_S.x > 0.01 * p->brake_thrust;
 }
 
-/* B.4.5: the transitions are tested in this order within one sample; returns the direction that X shall have */
-static vec3 advance_mode(const Parameters *p, const Input *u, State *x, vec3 sight, vec3 e_v, vec3 X, double t)
+/* B.4.5: the transitions are tested in this order within one sample; returns the direction that X
+ * shall have */
+static vec3 advance_mode(const Parameters *p, const Input *u, State *x, vec3 sight, vec3 e_v,
+                         vec3 X, double t)
 {
     vec3 d = sight;
     double error = norm(e_v);
@@ -198,7 +220,8 @@ static vec3 advance_mode(const Parameters *p, const Input *u, State *x, vec3 sig
     }
     if (x->mode == BURN) {
         d = x->d_burn;
-        if (!reached(x->t_burn + p->t_burn_min, t) && !firing(p, u) && fabs(dot(e_v, X)) < p->rho2) {
+        if (!reached(x->t_burn + p->t_burn_min, t) && !firing(p, u) &&
+            fabs(dot(e_v, X)) < p->rho2) {
             x->mode = COAST;
             d = sight;
         }
@@ -207,10 +230,12 @@ static vec3 advance_mode(const Parameters *p, const Input *u, State *x, vec3 sig
 }
 
 /* v_S = v_T + drho_ref is wanted: along X only (scalar law), or in all three axes */
-static vec3 require_velocity(const Parameters *p, const Input *u, State *x, Output *y, vec3 sight, vec3 X, double t)
+static vec3 require_velocity(const Parameters *p, const Input *u, State *x, Output *y, vec3 sight,
+                             vec3 X, double t)
 {
     double v_T = norm(sub(u->T.v, frame_velocity(p, t)));
-    y->v_req = p->law ? clamp(p->k_r * (y->range - p->zeta1), -v_T, 2 * v_T) : scalar_speed(p, x, y->range, v_T);
+    y->v_req = p->law ? clamp(p->k_r * (y->range - p->zeta1), -v_T, 2 * v_T)
+                      : scalar_speed(p, x, y->range, v_T);
     y->ref.drho = p->law ? scale(y->v_req, sight) : sub(scale(y->v_req, X), u->T.v);
     y->e_v_N = add(sub(u->T.v, u->S.v), y->ref.drho);
     if (p->law) return advance_mode(p, u, x, sight, y->e_v_N, X, t);
@@ -241,7 +266,9 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
-    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s)) guide(p, u, x, y, s.t);
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
+        guide(p, u, x, y, s.t);
 }
 
-FMU_MODEL("pursuit_guidance", "Pursuit guidance for a body-fixed thrust axis: pointing, speed, coast, align and burn");
+FMU_MODEL("pursuit_guidance",
+          "Pursuit guidance for a body-fixed thrust axis: pointing, speed, coast, align and burn");

@@ -1,13 +1,18 @@
-/* relay_controller.c - relays with hysteresis for 13 engines: rates by 8, speed along X by main engine and brakes.
+/* relay_controller.c - relays with hysteresis for 13 engines: rates by 8, speed along X by main
+ * engine and brakes.
  *
  *   sigma_v = Kp_v e + Kd_v de/dt,   e = (v_T + drho_ref - v_S) . X          0 while translate is 0
- *             law 0: de/dt = -d(v_S . X)/dt, because the steps of the required speed are not to be differentiated
- *   sigma_w = Kp_w dw + Kd_w ddw/dt,   dw = C_SD omega_D - omega_S        per axis; differences over a sample, 0 at first
+ *             law 0: de/dt = -d(v_S . X)/dt,
+ *                     because the steps of the required speed are not to be differentiated
+ *   sigma_w = Kp_w dw + Kd_w ddw/dt,   dw = C_SD omega_D - omega_S
+ *           per axis; differences over a sample, 0 at first
  *
- * One-sided relays: on where s >= s_on, off where s < s_off (translation: s <= s_off), else as before; s = +-sigma:
- *   P6 P8 / P5 P7   +-sigma_wx      P4 / P2   +-sigma_wy      P1 / P3   +-sigma_wz      (xi2 on, xi1 off)
- *   main P'5 / brakes P'1..P'4   +-sigma_v                                              (rho2 on, rho1 off)
- * Order of the throttles: P1..P8, P'1..P'4, P'5. The remaining inputs belong to every controller and are not used.
+ * One-sided relays: on where s >= s_on, off where s < s_off (translation: s <= s_off), else as
+ * before; s = +-sigma:
+ *   P6 P8 / P5 P7   +-sigma_wx    P4 / P2   +-sigma_wy      P1 / P3   +-sigma_wz  (xi2 on, xi1 off)
+ *   main P'5 / brakes P'1..P'4   +-sigma_v   (rho2 on, rho1 off)
+ * Order of the throttles: P1..P8, P'1..P'4, P'5. The remaining inputs belong to every controller
+ * and are not used.
  * Source: Kozlova & Fomichev 2023 as corrected in docs/models.md B.5, B.8. */
 #include "body_rows.h"
 #include "reference_rows.h"
@@ -27,8 +32,12 @@ typedef struct {
     Reference ref;
     double translate;
 } Input;
-typedef struct { double started, e[4], on[ENGINES]; } State; /* e: what was differentiated at the last sample; relays */
-typedef struct { double throttle[THRUSTERS], translation_firing, sigma_w[3], sigma_v, domega_S[3], e_v; } Output;
+typedef struct {
+    double started, e[4], on[ENGINES];
+} State; /* e: what was differentiated at the last sample; relays */
+typedef struct {
+    double throttle[THRUSTERS], translation_firing, sigma_w[3], sigma_v, domega_S[3], e_v;
+} Output;
 typedef struct {
     Parameters p;
     Input u;
@@ -59,7 +68,8 @@ static const Model start = {
 };
 
 static const Variable variables[] = {
-    SWITCH(law, "speed law of the guidance: 0 scalar (differentiates the own speed), 1 vector (the whole error)"),
+    SWITCH(law, "speed law of the guidance: 0 scalar (differentiates the own speed), 1 vector (the "
+                "whole error)"),
     NONNEGATIVE(Kp_v, "1", "gain of the speed error"),
     NONNEGATIVE(Kd_v, "s", "gain of its derivative"),
     NONNEGATIVE(rho1, "m/s", "translation goes off at this switching function"),
@@ -110,7 +120,8 @@ static void switch_rotation(const Parameters *p, const Input *u, State *x, Outpu
     }
 }
 
-static void switch_translation(const Parameters *p, const Input *u, State *x, Output *y, double period)
+static void switch_translation(const Parameters *p, const Input *u, State *x, Output *y,
+                               double period)
 {
     vec3 X = dcm_of_quat(canonical(u->S.q)).row[0];
     y->e_v = dot(add(sub(u->T.v, u->S.v), u->ref.drho), X);
@@ -131,7 +142,8 @@ static double relay_of_engine(const Parameters *p, const Output *y, int i, doubl
 {
     int channel = engines[i].channel;
     if (channel == SPEED) return relay(engines[i].sign * y->sigma_v, p->rho2, p->rho1, 1, before);
-    return relay(engines[i].sign * y->sigma_w[channel], p->xi2[channel], p->xi1[channel], 0, before);
+    return relay(engines[i].sign * y->sigma_w[channel], p->xi2[channel], p->xi1[channel], 0,
+                 before);
 }
 
 static void control(const Parameters *p, const Input *u, State *x, Output *y, double period)
@@ -156,7 +168,9 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
-    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s)) control(p, u, x, y, s.period);
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
+        control(p, u, x, y, s.period);
 }
 
-FMU_MODEL("relay_controller", "Relays with hysteresis for 13 engines: angular rate and speed along the thrust axis");
+FMU_MODEL("relay_controller",
+          "Relays with hysteresis for 13 engines: angular rate and speed along the thrust axis");

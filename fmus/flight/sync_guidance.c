@@ -1,12 +1,13 @@
-/* sync_guidance.c - synchronised approach: reference position on the grasp axis of a tumbling target, reference attitude
- * that looks back along it.
+/* sync_guidance.c - synchronised approach: reference position on the grasp axis of a tumbling
+ * target, reference attitude that looks back along it.
  *
  *   rho* = L(t) C_HT p_T,     L = rho_M - (rho_M - rho_0) exp(-beta t)
  *   D:  i = -C_HT p_T,   u = i x z_H,   k = u/|u|,   j = k x i
  *
- * with all derivatives, published as seen in N. Where the grasp axis comes within guard_angle of the orbit normal, k stays
- * where it was at the last sample outside, turned perpendicular to i. The software knows the model of the target (inertia, gravity
- * gradient, Keplerian orbit rate), not its disturbances unless know_M_dist.
+ * with all derivatives, published as seen in N. Where the grasp axis comes within guard_angle of
+ * the orbit normal, k stays where it was at the last sample outside, turned perpendicular to i. The
+ * software knows the model of the target (inertia, gravity gradient, Keplerian orbit rate), not its
+ * disturbances unless know_M_dist.
  * Source: Zhu & Yang 2009, equations (5) to (7) and (10); derivatives: docs/models.md A.4. */
 #include "body_rows.h"
 #include "motion.h"
@@ -58,8 +59,9 @@ static const Variable variables[] = {
     NONNEGATIVE(beta, "1/s", "rate of approach"),
     SWITCH(know_M_dist, "1: the disturbance torque M_dist_T on the target is known"),
     SWITCH(use_gravity_gradient, "1: the software models the gravity gradient on the target"),
-    POSITIVE(guard_angle, "rad",
-             "smallest angle between grasp axis and orbit normal before the roll reference is held"),
+    POSITIVE(
+        guard_angle, "rad",
+        "smallest angle between grasp axis and orbit normal before the roll reference is held"),
     NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call"),
     SINUSOID_ROWS(M_dist_T, "N.m", "disturbance torque on the target, used with know_M_dist"),
 
@@ -72,15 +74,18 @@ static const Variable variables[] = {
     OUTPUT(rho_ref_H, "m", "reference position, Hill axes"),
     NONNEGATIVE_OUTPUT(range, "m", "distance between the centres of mass"),
     ANGLE_OUTPUT(beta_t, "angle between the relative position and the grasp axis of the target"),
-    ANGLE_OUTPUT(beta_p, "angle between the arm axis (+X of the servicer) and the direction to the target"),
+    ANGLE_OUTPUT(beta_p,
+                 "angle between the arm axis (+X of the servicer) and the direction to the target"),
     FLAG(attitude_guard, "1: grasp axis near the orbit normal, roll reference held"),
 };
 
 static void check(const Parameters *p, Problems *problems)
 {
     check_inertia(problems, "J_T", p->J_T);
-    if (fabs(norm(p->p_T) - 1) > 1e-9) refuse(problems, "p_T", norm(p->p_T), "must be a unit vector");
-    if (p->guard_angle >= 1.5) refuse(problems, "guard_angle", p->guard_angle, "must be below 1.5 rad");
+    if (fabs(norm(p->p_T) - 1) > 1e-9)
+        refuse(problems, "p_T", norm(p->p_T), "must be a unit vector");
+    if (p->guard_angle >= 1.5)
+        refuse(problems, "guard_angle", p->guard_angle, "must be below 1.5 rad");
 }
 
 /* A.4.3: grasp axis in H, derivatives as seen in H, from the target model */
@@ -88,14 +93,16 @@ static Motion grasp_axis(const Parameters *p, const Body *T, const HillFrame *H,
 {
     mat3 C_TN = dcm_of_quat(canonical(T->q)), C_TH = matmul_t(C_TN, H->C_HN);
     vec3 torque = p->know_M_dist ? sinusoid(&p->M_dist_T, t, t) : vec(0, 0, 0);
-    if (p->use_gravity_gradient) torque = add(torque, gravity_gradient(p->mu, mul(C_TN, T->r), p->J_T));
+    if (p->use_gravity_gradient)
+        torque = add(torque, gravity_gradient(p->mu, mul(C_TN, T->r), p->J_T));
     vec3 domega = solve(p->J_T, sub(torque, cross(T->omega, mul(p->J_T, T->omega))));
 
     vec3 wH_T = mul(C_TH, H->w_H); /* w: angular velocity of T relative to H in T components */
     vec3 w = sub(T->omega, wH_T);
     vec3 dw = add(sub(domega, mul(C_TH, H->dw_H)), cross(w, wH_T));
     vec3 dp = cross(w, p->p_T);
-    return (Motion){tmul(C_TH, p->p_T), tmul(C_TH, dp), tmul(C_TH, add(cross(dw, p->p_T), cross(w, dp)))};
+    return (Motion){tmul(C_TH, p->p_T), tmul(C_TH, dp),
+                    tmul(C_TH, add(cross(dw, p->p_T), cross(w, dp)))};
 }
 
 /* (10): reference position and its derivatives as seen in H */
@@ -126,7 +133,8 @@ static void publish_attitude(const HillFrame *H, Motion i, Motion j, Motion k, R
 }
 
 /* A.4.5: in the guard u = k_held - (k_held.i) i, k_held constant in H */
-static void reference_attitude(const Parameters *p, const HillFrame *H, Motion axis, vec3 *held, Output *y)
+static void reference_attitude(const Parameters *p, const HillFrame *H, Motion axis, vec3 *held,
+                               Output *y)
 {
     Motion i = neg_motion(axis), u = roll_vector(i);
     y->attitude_guard = norm(u.x) < sin(p->guard_angle);
@@ -174,7 +182,9 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
-    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s)) guide(p, u, x, y, s.t);
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
+        guide(p, u, x, y, s.t);
 }
 
-FMU_MODEL("sync_guidance", "Guidance for the synchronised approach to the grasp point of a tumbling target");
+FMU_MODEL("sync_guidance",
+          "Guidance for the synchronised approach to the grasp point of a tumbling target");

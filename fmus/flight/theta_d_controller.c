@@ -1,20 +1,24 @@
-/* theta_d_controller.c - theta-D control of line of sight and attitude: nonlinear optimal control by an expansion
- * around a linear quadratic regulator, the baseline with a full model.
+/* theta_d_controller.c - theta-D control of line of sight and attitude: nonlinear optimal control
+ * by an expansion around a linear quadratic regulator, the baseline with a full model.
  *
- *   dx/dt = (A0 + A(x,t)) x + B v,     cost = integral of x^T Q x + v^T R v,     S = B R^-1 B^T,  Ac = A0 - S T0
+ *   dx/dt = (A0 + A(x,t)) x + B v,     cost = integral of x^T Q x + v^T R v,     S = B R^-1 B^T,
+ *           Ac = A0 - S T0
  *   T0:  A0^T T0 + T0 A0 - T0 S T0 + Q = 0
  *   T1:  T1 Ac + Ac^T T1 = -eps_1 (T0 A + A^T T0)
- *   T2:  T2 Ac + Ac^T T2 = -eps_2 (T1 A + A^T T1 - T1 S T1),        eps_i = 1 - k_i exp(-l_i (t - t_0))
+ *   T2:  T2 Ac + Ac^T T2 = -eps_2 (T1 A + A^T T1 - T1 S T1),
+ *           eps_i = 1 - k_i exp(-l_i (t - t_0))
  *   v = -R^-1 B^T (T0 + T1 + T2) x
  *
- * Position: x = (x1, x2) in LOS coordinates, A0 = [0 I; 0 0], B = [0; I], A x = f(x) - f(0) exactly,
- *   u = g^-1 (v - f(0)), f(0): kinematics of the reference, differential gravity, minus the reference acceleration.
+ * Position: x = (x1, x2) in LOS coordinates, A0 = [0 I; 0 0], B = [0; I], A x = f(x) - f(0),
+ *   u = g^-1 (v - f(0)), f(0): kinematics of the reference, differential gravity,
+ *           minus the reference acceleration.
  * Attitude: x = (e, w), A0 = [0 I/2; 0 0], A = [0 (T(q_SD) - I)/2; 0 0], B = [0; J_hat^-1],
  *   M = -R^-1 B^T (..) x + omega x (J_hat omega + A_hat Omega) + J_hat (wdd - w x wd).
- * The costs are squares of acceleration (position) and torque (attitude): so R of range and of attitude has no unit.
- * T0 and the inverse of the Lyapunov operator are computed from the weights at the start.
- * Source: Xin & Balakrishnan 2002 as used by Yin, Luo, Wei & Yuan 2017; docs/models.md C.5, with the terms
- * that a reference of variable range adds. */
+ * The costs are squares of acceleration (position) and torque (attitude): so R of range and of
+ * attitude has no unit. T0 and the inverse of the Lyapunov operator are computed from the weights
+ * at the start.
+ * Source: Xin & Balakrishnan 2002 as used by Yin, Luo, Wei & Yuan 2017; docs/models.md C.5, with
+ * the terms that a reference of variable range adds. */
 #include "riccati.h"
 #include "rigid_body.h"
 #include "tracking.h"
@@ -60,27 +64,33 @@ static const Model start = {
     .u = TRACKING_START,
 };
 
-#define WEIGHT_ROW(member, weight, unit, text) \
-    ROW_AS(PARAMETER_ROW, p, #member "." #weight, member.weight, 1, unit, #member ": weight of " text, POSITIVE_VALUE)
-#define WEIGHT_ROWS(member, error_unit, rate_unit, R_unit, of) \
-    WEIGHT_ROW(member, Q_error, error_unit, "the error" of),   \
-        WEIGHT_ROW(member, Q_rate, rate_unit, "the rate error" of), WEIGHT_ROW(member, R, R_unit, "the control" of)
+#define WEIGHT_ROW(member, weight, unit, text)                            \
+    ROW_AS(PARAMETER_ROW, p, #member "." #weight, member.weight, 1, unit, \
+           #member ": weight of " text, POSITIVE_VALUE)
+#define WEIGHT_ROWS(member, error_unit, rate_unit, R_unit, of)      \
+    WEIGHT_ROW(member, Q_error, error_unit, "the error" of),        \
+        WEIGHT_ROW(member, Q_rate, rate_unit, "the rate error" of), \
+        WEIGHT_ROW(member, R, R_unit, "the control" of)
 #define ANGLE_WEIGHTS(member) WEIGHT_ROWS(member, "m2/s4", "m2/s2", "m2", ", angles in rad")
 
 static const Variable variables[] = {
     TRACKING_PARAMETERS(tracking),
     NONNEGATIVE(mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),
-    MATRIX(J_hat, "kg.m2", "inertia of the servicer as known to the software, wheels locked, body axes"),
+    MATRIX(J_hat, "kg.m2",
+           "inertia of the servicer as known to the software, wheels locked, body axes"),
     MATRIX(A_hat, "kg.m2", "wheel inertia matrix as known to the software"),
     WEIGHT_ROWS(range, "1/s4", "1/s2", "1", ""),
     ANGLE_WEIGHTS(elevation),
     ANGLE_WEIGHTS(azimuth),
     WEIGHT_ROWS(attitude, "N2.m2", "N2.m2.s2", "1", ", angles in rad"),
-    NONNEGATIVE(k_1, "1", "position: part of the first correction suppressed at the start, at most 1"),
-    NONNEGATIVE(k_2, "1", "position: part of the second correction suppressed at the start, at most 1"),
+    NONNEGATIVE(k_1, "1",
+                "position: part of the first correction suppressed at the start, at most 1"),
+    NONNEGATIVE(k_2, "1",
+                "position: part of the second correction suppressed at the start, at most 1"),
     NONNEGATIVE(l_1, "1/s", "position: rate at which the first correction is released"),
     NONNEGATIVE(l_2, "1/s", "position: rate at which the second correction is released"),
-    NONNEGATIVE(k_att, "1", "attitude: part of both corrections suppressed at the start, at most 1"),
+    NONNEGATIVE(k_att, "1",
+                "attitude: part of both corrections suppressed at the start, at most 1"),
     NONNEGATIVE(l_att, "1/s", "attitude: rate at which both corrections are released"),
 
     TRACKING_INPUTS,
@@ -117,7 +127,8 @@ static void set_block(mat6 *m, int row, int column, mat3 b)
 
 static vec3 block_times(const mat6 *m, int row, int column, vec3 a)
 {
-    const double *r0 = &m->at[row][column], *r1 = &m->at[row + 1][column], *r2 = &m->at[row + 2][column];
+    const double *r0 = &m->at[row][column], *r1 = &m->at[row + 1][column],
+                 *r2 = &m->at[row + 2][column];
     return vec(r0[0] * a.x + r0[1] * a.y + r0[2] * a.z, r1[0] * a.x + r1[1] * a.y + r1[2] * a.z,
                r2[0] * a.x + r2[1] * a.y + r2[2] * a.z);
 }
@@ -151,7 +162,10 @@ static vec3 costate(const Expansion *e, mat6 A, double eps_1, double eps_2, Chai
 
 /* ---- position ---- */
 static vec3 per_channel(vec3 a, vec3 b) { return vec(a.x / b.x, a.y / b.y, a.z / b.z); }
-static vec3 position_R(const Parameters *p) { return vec(p->range.R, p->elevation.R, p->azimuth.R); }
+static vec3 position_R(const Parameters *p)
+{
+    return vec(p->range.R, p->elevation.R, p->azimuth.R);
+}
 
 static void expand_position(const Parameters *p, double t, Expansion *x)
 {
@@ -162,11 +176,13 @@ static void expand_position(const Parameters *p, double t, Expansion *x)
 
 static double sin_over(double x) { return fabs(x) < 1e-8 ? 1 : sin(x) / x; }
 
-/* rows 4 to 6 of A: kinematics along the actual motion minus that along the reference, A x = f(x) - f(0) */
+/* rows 4 to 6 of A: kinematics along the actual motion minus that along the reference, A x = f(x) -
+ * f(0) */
 static mat6 kinematic_matrix(const TrackingError *e)
 {
     vec3 d = e->now.q.d, dr = e->ref.q.d;
-    double rho = e->now.rho_safe, rho_r = e->ref.rho_safe, ce = e->now.ce_safe, ce_r = e->ref.ce_safe;
+    double rho = e->now.rho_safe, rho_r = e->ref.rho_safe, ce = e->now.ce_safe,
+           ce_r = e->ref.ce_safe;
     double sum = e->now.q.x.y + e->ref.q.x.y, S = sin_over(e->x1.y), tangent = e->now.se / ce;
     double closing = -2 * dr.x / rho;
 
@@ -192,11 +208,13 @@ static vec3 bias(const Parameters *p, const Input *u, const TrackingError *e)
     return sub(add(kinematics, times(g, Sigma(gravity))), ref.q.dd);
 }
 
-static void control_position(const Parameters *p, const Input *u, const TrackingError *e, const Expansion *x, double t,
-                             Output *y)
+static void control_position(const Parameters *p, const Input *u, const TrackingError *e,
+                             const Expansion *x, double t, Output *y)
 {
-    double age = t - x->t_0, eps_1 = 1 - p->k_1 * exp(-p->l_1 * age), eps_2 = 1 - p->k_2 * exp(-p->l_2 * age);
-    vec3 v = neg(per_channel(costate(x, kinematic_matrix(e), eps_1, eps_2, (Chain){e->x1, e->x2}), position_R(p)));
+    double age = t - x->t_0, eps_1 = 1 - p->k_1 * exp(-p->l_1 * age),
+           eps_2 = 1 - p->k_2 * exp(-p->l_2 * age);
+    vec3 v = neg(per_channel(costate(x, kinematic_matrix(e), eps_1, eps_2, (Chain){e->x1, e->x2}),
+                             position_R(p)));
     vec3 g_inverse = vec(1, e->now.rho_safe, e->now.rho_safe * e->now.ce_safe);
     command_force(&p->tracking, e, times(g_inverse, sub(v, bias(p, u, e))), &y->common);
 }
@@ -207,13 +225,17 @@ static mat3 inverse_of(mat3 m)
     return transpose(rows(solve(m, vec(1, 0, 0)), solve(m, vec(0, 1, 0)), solve(m, vec(0, 0, 1))));
 }
 
-static mat3 scaled3(double k, mat3 m) { return rows(scale(k, m.row[0]), scale(k, m.row[1]), scale(k, m.row[2])); }
+static mat3 scaled3(double k, mat3 m)
+{
+    return rows(scale(k, m.row[0]), scale(k, m.row[1]), scale(k, m.row[2]));
+}
 
 static void expand_attitude(const Parameters *p, double t, Expansion *x)
 {
     mat3 B = inverse_of(p->J_hat);
     double e = p->attitude.Q_error, w = p->attitude.Q_rate;
-    expand(0.5, scaled3(1 / p->attitude.R, matmul_t(B, B)), vec(e, e, e), vec(w, w, w), fmax(t, p->tracking.t_att), x);
+    expand(0.5, scaled3(1 / p->attitude.R, matmul_t(B, B)), vec(e, e, e), vec(w, w, w),
+           fmax(t, p->tracking.t_att), x);
 }
 
 /* A = [0 (T(q) - I)/2; 0 0] */
@@ -221,15 +243,18 @@ static mat6 attitude_matrix(quat q)
 {
     mat6 A = {{{0}}};
     double d = (q.w - 1) / 2;
-    set_block(&A, 0, 3, rows(vec(d, -q.z / 2, q.y / 2), vec(q.z / 2, d, -q.x / 2), vec(-q.y / 2, q.x / 2, d)));
+    set_block(
+        &A, 0, 3,
+        rows(vec(d, -q.z / 2, q.y / 2), vec(q.z / 2, d, -q.x / 2), vec(-q.y / 2, q.x / 2, d)));
     return A;
 }
 
-static void control_attitude(const Parameters *p, const Input *u, const TrackingError *e, const Expansion *x, double t,
-                             Output *y)
+static void control_attitude(const Parameters *p, const Input *u, const TrackingError *e,
+                             const Expansion *x, double t, Output *y)
 {
     double eps = 1 - p->k_att * exp(-p->l_att * fmax(t - x->t_0, 0));
-    vec3 lambda = costate(x, attitude_matrix(e->q_SD), eps, eps, (Chain){vector_part(e->q_SD), e->w});
+    vec3 lambda =
+        costate(x, attitude_matrix(e->q_SD), eps, eps, (Chain){vector_part(e->q_SD), e->w});
     vec3 momentum = add(mul(p->J_hat, u->S.omega), mul(p->A_hat, u->wheel_speed));
     vec3 forward = add(cross(u->S.omega, momentum), mul(p->J_hat, sub(e->wdd, cross(e->w, e->wd))));
     vec3 M = sub(forward, scale(1 / p->attitude.R, solve(p->J_hat, lambda)));
@@ -256,7 +281,9 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     double period = p->tracking.sample_period;
-    for (Sample s = first_sample(t, h, period); s.left > 0; s = next_sample(s)) control(p, u, x, y, s.t);
+    for (Sample s = first_sample(t, h, period); s.left > 0; s = next_sample(s))
+        control(p, u, x, y, s.t);
 }
 
-FMU_MODEL("theta_d_controller", "Theta-D suboptimal control of line of sight and attitude with a full model");
+FMU_MODEL("theta_d_controller",
+          "Theta-D suboptimal control of line of sight and attitude with a full model");

@@ -1,19 +1,23 @@
 /* thruster_allocation.c - throttles of up to 16 thrusters for a commanded force and torque.
  *
- *   min |A x - w|^2 + eps sum (|a_i| x_i)^2,   0 <= x_i <= 1,     w = W [F; M],   a_i = W [P R; (L - D_cm) x P R]
+ *   min |A x - w|^2 + eps sum (|a_i| x_i)^2,   0 <= x_i <= 1,     w = W [F; M],
+ *           a_i = W [P R; (L - D_cm) x P R]
  *
- * The second term chooses among the many x that give the same wrench. With it the solution is unique and continuous in the
- * command, thrusters never work against each other (both could be lowered), and being measured in the thrust it does not
- * depend on how strong a thruster is; with eps = 1e-10 it costs about eps/sigma^2 < 1e-6 of the wrench, sigma the smallest
- * singular value of the columns a_i/|a_i|. Active-set solver after Stark & Parker 1995 (BVLS), at most 100 exchanges.
+ * The second term chooses among the many x that give the same wrench. With it the solution is
+ * unique and continuous in the command, thrusters never work against each other (both could be
+ * lowered), and being measured in the thrust it does not depend on how strong a thruster is; with
+ * eps = 1e-10 it costs about eps/sigma^2 < 1e-6 of the wrench, sigma the smallest singular value of
+ * the columns a_i/|a_i|. Active-set solver after Stark & Parker 1995 (BVLS), at most 100 exchanges.
  *
- * A command that is out of reach is scaled to s w with the largest s in reach. The attainable wrenches are convex and contain
- * 0, so the residual r = s w - A x of a point out of reach gives a plane that separates it: s = r.(A x) / r.w is never
- * too small, and the sequence ends on the facet that w leaves through.
+ * A command that is out of reach is scaled to s w with the largest s in reach. The attainable
+ * wrenches are convex and contain 0, so the residual r = s w - A x of a point out of reach gives a
+ * plane that separates it: s = r.(A x) / r.w is never too small, and the sequence ends on the facet
+ * that w leaves through.
  *
- * Pulses: once per period each thruster is given x_i times the period plus what was not spent, in whole samples; less than
- * min_on_time waits. So the on-time lags the demand by less than min_on_time or one sample at any time.
- * Own design; the wrench of a thruster as in docs/models.md B.6. */
+ * Pulses: once per period each thruster is given x_i times the period plus what was not spent, in
+ * whole samples; less than min_on_time waits. So the on-time lags the demand by less than
+ * min_on_time or one sample at any time. Own design; the wrench of a thruster as in docs/models.md
+ * B.6. */
 #include "thrusters.h"
 #include "time_grid.h"
 
@@ -27,7 +31,9 @@ typedef struct {
     double keep_direction, pulsed, pulse_period, min_on_time, sample_period;
 } Parameters;
 typedef struct { vec3 F_cmd_S, M_cmd_S; } Input;
-typedef struct { double on[THRUSTERS], carry[THRUSTERS]; } State; /* samples: of this period's pulse, not yet spent */
+typedef struct {
+    double on[THRUSTERS], carry[THRUSTERS];
+} State; /* samples: of this period's pulse, not yet spent */
 typedef struct {
     double throttle[THRUSTERS], infeasible, scale;
     vec3 F_alloc_S, M_alloc_S;
@@ -52,18 +58,22 @@ static const Model start = {
 
 static const Variable variables[] = {
     THRUSTER_ROWS(thrusters),
-    NONNEGATIVE(weight_F, "1/N", "weight of the force error, per body axis; 0 = this axis does not matter"),
-    NONNEGATIVE(weight_M, "1/(N.m)", "weight of the torque error, per body axis; 0 = this axis does not matter"),
+    NONNEGATIVE(weight_F, "1/N",
+                "weight of the force error, per body axis; 0 = this axis does not matter"),
+    NONNEGATIVE(weight_M, "1/(N.m)",
+                "weight of the torque error, per body axis; 0 = this axis does not matter"),
     SWITCH(keep_direction, "command out of reach: 1 scaled, 0 nearest wrench by the weights"),
     SWITCH(pulsed, "0: continuous throttles, 1: pulse-width modulation"),
     POSITIVE(pulse_period, "s", "period of the pulses, a multiple of sample_period"),
     NONNEGATIVE(min_on_time, "s", "shortest pulse"),
-    NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call (not with pulses)"),
+    NONNEGATIVE(sample_period, "s",
+                "sample period of the software; 0 = at every call (not with pulses)"),
 
     INPUT(F_cmd_S, "N", "commanded force, body axes"),
     INPUT(M_cmd_S, "N.m", "commanded torque about the centre of mass, body axes"),
 
-    NONNEGATIVE_OUTPUT(throttle, "1", "commanded part of the nominal thrust, per thruster; 0 or 1 with pulses"),
+    NONNEGATIVE_OUTPUT(throttle, "1",
+                       "commanded part of the nominal thrust, per thruster; 0 or 1 with pulses"),
     FLAG(infeasible, "1: the command is out of reach"),
     NONNEGATIVE_OUTPUT(scale, "1", "part of the command that is allocated"),
     OUTPUT(F_alloc_S, "N", "allocated force, body axes"),
@@ -72,7 +82,10 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(unspent, "s", "on-time carried over to later pulses, per thruster"),
 };
 
-static int is_multiple(double a, double b) { return fabs(a / b - nearbyint(a / b)) <= 1e-9 * fmax(1, a / b); }
+static int is_multiple(double a, double b)
+{
+    return fabs(a / b - nearbyint(a / b)) <= 1e-9 * fmax(1, a / b);
+}
 
 static void check(const Parameters *p, Problems *problems)
 {
@@ -132,7 +145,8 @@ typedef struct {
     Side side[THRUSTERS];
 } Iterate;
 
-/* step of the free x to the minimum with the others held: d = R^-1 Q^T r by modified Gram-Schmidt */
+/* step of the free x to the minimum with the others held: d = R^-1 Q^T r by modified
+ * Gram-Schmidt */
 static void free_step(const Matrix *A, const Iterate *it, Column r, double *d)
 {
     Column Q[THRUSTERS];
@@ -158,7 +172,8 @@ static void free_step(const Matrix *A, const Iterate *it, Column r, double *d)
     }
 }
 
-/* the bound variable whose release lowers the sum of squares fastest, -1 if none does: the minimum */
+/* the bound variable whose release lowers the sum of squares fastest, -1 if none does: the
+ * minimum */
 static int variable_to_release(const Matrix *A, const Iterate *it, const Column *b)
 {
     Column r = residual(A, *b, it->x);
@@ -167,13 +182,15 @@ static int variable_to_release(const Matrix *A, const Iterate *it, const Column 
     for (int i = 0; i < THRUSTERS; i++) {
         double length = sqrt(product_of(&A->a[i], &A->a[i], LENGTH));
         if (it->side[i] == FREE || length == 0) continue;
-        double slope = product_of(&A->a[i], &r, LENGTH) / length * (it->side[i] == AT_ZERO ? 1 : -1);
+        double slope =
+            product_of(&A->a[i], &r, LENGTH) / length * (it->side[i] == AT_ZERO ? 1 : -1);
         if (slope > 1e-14 * size && slope > best) best = slope, found = i;
     }
     return found;
 }
 
-/* one move towards the minimum over the free variables, up to the first bound; 1 if the minimum was reached */
+/* one move towards the minimum over the free variables, up to the first bound; 1 if the minimum was
+ * reached */
 static int move(const Matrix *A, Iterate *it, const Column *b)
 {
     double d[THRUSTERS], part = 1, room[THRUSTERS];
@@ -194,7 +211,8 @@ static int move(const Matrix *A, Iterate *it, const Column *b)
 static Iterate bounded_least_squares(const Matrix *A, const Column *b)
 {
     Iterate it = {{0}, {AT_ZERO}};
-    for (int exchange = 0, i; exchange < EXCHANGES && (i = variable_to_release(A, &it, b)) >= 0; exchange++) {
+    for (int exchange = 0, i; exchange < EXCHANGES && (i = variable_to_release(A, &it, b)) >= 0;
+         exchange++) {
         it.side[i] = FREE;
         for (int bound = 0; bound <= THRUSTERS && !move(A, &it, b); bound++) {}
     }
@@ -270,7 +288,9 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
-    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s)) allocate(p, u, x, y, s.index);
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
+        allocate(p, u, x, y, s.index);
 }
 
-FMU_MODEL("thruster_allocation", "Thruster allocation by bounded least squares, continuous or pulse-width modulated");
+FMU_MODEL("thruster_allocation",
+          "Thruster allocation by bounded least squares, continuous or pulse-width modulated");

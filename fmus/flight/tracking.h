@@ -1,10 +1,13 @@
-/* tracking.h - what the controllers in line-of-sight (LOS) coordinates share: ports, errors, limits, command.
+/* tracking.h - what the controllers in line-of-sight (LOS) coordinates share: ports, errors,
+ * limits, command.
  *
- * Position: x1 = (range, elevation, azimuth) minus that of the reference, x2 = dx1/dt. The law gives a generalised
- *   control u, and a_L = Sigma u, Sigma = diag(-1,-1,1), is the acceleration of the servicer in axes L: then every
- *   channel of dx2/dt = f + g u + d has a positive gain g = (1, 1/rho, 1/(rho cos eps)).
- * Attitude: q_SD = q_DN* q_SN with scalar part >= 0, its vector part e, w = omega_SN_S - C_SD omega_DN_D.
- * Limits per LOS axis and per body axis act here, the limits of the actuators behind it.
+ * Position: x1 = (range, elevation, azimuth) minus that of the reference, x2 = dx1/dt. The law
+ *   gives a generalised control u, and a_L = Sigma u, Sigma = diag(-1,-1,1), is the acceleration
+ *   of the servicer in axes L: then every channel of
+ *   dx2/dt = f + g u + d has a positive gain g = (1, 1/rho, 1/(rho cos eps)).
+ * Attitude: q_SD = q_DN* q_SN with scalar part >= 0, its vector part e, w = omega_SN_S - C_SD
+ * omega_DN_D. Limits per LOS axis and per body axis act here, the limits of the actuators behind
+ * it.
  * Equations: docs/models.md C.1, C.4. */
 #ifndef TRACKING_H
 #define TRACKING_H
@@ -21,11 +24,13 @@ typedef struct {
     Reference ref;
 } TrackingInput;
 
-#define TRACKING_INPUTS                                             \
-    BODY_INPUTS("T", T, "target"), BODY_INPUTS("S", S, "servicer"), \
-        INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body"), REFERENCE_ROWS(INPUT_ROW, u, ref)
+#define TRACKING_INPUTS                                                   \
+    BODY_INPUTS("T", T, "target"), BODY_INPUTS("S", S, "servicer"),       \
+        INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body"), \
+        REFERENCE_ROWS(INPUT_ROW, u, ref)
 
-/* 300 m away, at rest on the reference, far from the poles of the LOS angles whichever axis is up */
+/* 300 m away, at rest on the reference, far from the poles of the LOS angles whichever axis is
+ * up */
 #define TRACKING_START                                                                           \
     {                                                                                            \
         .T = {.r = {7158140, 0, 0}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}},                   \
@@ -38,18 +43,22 @@ typedef struct {
     double up_axis, a_max, force_scale, use_wheels, t_att, sample_period;
 } TrackingParameters;
 
-#define TRACKING_PARAMETERS(member)                                                                                 \
-    PARAMETER_AS("up_axis", member.up_axis, "1", UP_AXIS_TEXT),                                                     \
-        NONNEGATIVE_AS("a_max", member.a_max, "m/s2", "largest commanded acceleration per LOS axis; 0 = no limit"), \
-        NONNEGATIVE_AS("M_max", member.M_max, "N.m", "largest commanded torque per body axis; 0 = no limit"),       \
-        ROW_AS(PARAMETER_ROW, p, "force_scale", member.force_scale, 1, "kg", "newton per m/s2 of command",          \
-               POSITIVE_VALUE),                                                                                     \
-        ROW_AS(PARAMETER_ROW, p, "use_wheels", member.use_wheels, 1, "1",                                           \
-               "1: torque by wheels (wheel_accel_cmd), 0: by thrusters (M_cmd_S)", SWITCH_VALUE),                   \
-        PARAMETER_AS("t_att", member.t_att, "s", "attitude control rests before this time"),                        \
-        NONNEGATIVE_AS("sample_period", member.sample_period, "s", "sample period of the software; 0 = at every call")
+#define TRACKING_PARAMETERS(member)                                                               \
+    PARAMETER_AS("up_axis", member.up_axis, "1", UP_AXIS_TEXT),                                   \
+        NONNEGATIVE_AS("a_max", member.a_max, "m/s2",                                             \
+                       "largest commanded acceleration per LOS axis; 0 = no limit"),              \
+        NONNEGATIVE_AS("M_max", member.M_max, "N.m",                                              \
+                       "largest commanded torque per body axis; 0 = no limit"),                   \
+        ROW_AS(PARAMETER_ROW, p, "force_scale", member.force_scale, 1, "kg",                      \
+               "newton per m/s2 of command", POSITIVE_VALUE),                                     \
+        ROW_AS(PARAMETER_ROW, p, "use_wheels", member.use_wheels, 1, "1",                         \
+               "1: torque by wheels (wheel_accel_cmd), 0: by thrusters (M_cmd_S)", SWITCH_VALUE), \
+        PARAMETER_AS("t_att", member.t_att, "s", "attitude control rests before this time"),      \
+        NONNEGATIVE_AS("sample_period", member.sample_period, "s",                                \
+                       "sample period of the software; 0 = at every call")
 
-#define TRACKING_DEFAULTS {.M_max = {10, 10, 10}, .up_axis = UP_IS_Y, .a_max = 4.9, .force_scale = 100}
+#define TRACKING_DEFAULTS \
+    {.M_max = {10, 10, 10}, .up_axis = UP_IS_Y, .a_max = 4.9, .force_scale = 100}
 
 typedef struct {
     vec3 F_cmd_S, M_cmd_S, wheel_accel_cmd;
@@ -59,24 +68,27 @@ typedef struct {
     vec3 domega_S;
 } TrackingOutput;
 
-#define TRACKING_OUTPUT(name, member, unit, text, rule) ROW_AS(OUTPUT_ROW, y, name, member, 1, unit, text, rule)
-#define TRACKING_OUTPUTS(member)                                                                                      \
-    TRACKING_OUTPUT("F_cmd_S", member.F_cmd_S, "N", "commanded force, servicer axes", ANY_VALUE),                     \
-        TRACKING_OUTPUT("M_cmd_S", member.M_cmd_S, "N.m", "commanded torque, servicer axes; 0 with wheels",           \
-                        ANY_VALUE),                                                                                   \
-        TRACKING_OUTPUT("wheel_accel_cmd", member.wheel_accel_cmd, "rad/s2",                                          \
-                        "commanded wheel acceleration; 0 without wheels", ANY_VALUE),                                 \
-        TRACKING_OUTPUT("a_cmd_L", member.a_cmd_L, "m/s2",                                                            \
-                        "commanded acceleration of the servicer, LOS axes, within a_max", ANY_VALUE),                 \
-        TRACKING_OUTPUT("a_saturated", member.a_saturated, "1",                                                       \
-                        "1: the acceleration of this LOS axis is cut to a_max", SWITCH_VALUE),                        \
-        TRACKING_OUTPUT("M_saturated", member.M_saturated, "1", "1: the torque of this body axis is cut to M_max",    \
-                        SWITCH_VALUE),                                                                                \
-        LOS_OUTPUTS("error", member.x1, "m", "rad", "error: actual minus reference"),                                 \
-        LOS_OUTPUTS("derror", member.x2, "m/s", "rad/s", "rate of the error"),                                        \
-        TRACKING_OUTPUT("q_SD", member.q_SD, "1", "attitude of the servicer relative to its reference, scalar first", \
-                        ANY_VALUE),                                                                                   \
-        TRACKING_OUTPUT("domega_S", member.domega_S, "rad/s",                                                         \
+#define TRACKING_OUTPUT(name, member, unit, text, rule) \
+    ROW_AS(OUTPUT_ROW, y, name, member, 1, unit, text, rule)
+#define TRACKING_OUTPUTS(member)                                                                  \
+    TRACKING_OUTPUT("F_cmd_S", member.F_cmd_S, "N", "commanded force, servicer axes", ANY_VALUE), \
+        TRACKING_OUTPUT("M_cmd_S", member.M_cmd_S, "N.m",                                         \
+                        "commanded torque, servicer axes; 0 with wheels", ANY_VALUE),             \
+        TRACKING_OUTPUT("wheel_accel_cmd", member.wheel_accel_cmd, "rad/s2",                      \
+                        "commanded wheel acceleration; 0 without wheels", ANY_VALUE),             \
+        TRACKING_OUTPUT("a_cmd_L", member.a_cmd_L, "m/s2",                                        \
+                        "commanded acceleration of the servicer, LOS axes, within a_max",         \
+                        ANY_VALUE),                                                               \
+        TRACKING_OUTPUT("a_saturated", member.a_saturated, "1",                                   \
+                        "1: the acceleration of this LOS axis is cut to a_max", SWITCH_VALUE),    \
+        TRACKING_OUTPUT("M_saturated", member.M_saturated, "1",                                   \
+                        "1: the torque of this body axis is cut to M_max", SWITCH_VALUE),         \
+        LOS_OUTPUTS("error", member.x1, "m", "rad", "error: actual minus reference"),             \
+        LOS_OUTPUTS("derror", member.x2, "m/s", "rad/s", "rate of the error"),                    \
+        TRACKING_OUTPUT("q_SD", member.q_SD, "1",                                                 \
+                        "attitude of the servicer relative to its reference, scalar first",       \
+                        ANY_VALUE),                                                               \
+        TRACKING_OUTPUT("domega_S", member.domega_S, "rad/s",                                     \
                         "angular velocity minus the reference one, servicer axes", ANY_VALUE)
 
 /* ---- inputs: no finite value, however absurd, may lead to a number that is not finite ---- */
@@ -91,7 +103,10 @@ static inline quat attitude_in(quat q)
     return canonical((quat){q.w / largest, q.x / largest, q.y / largest, q.z / largest});
 }
 
-static inline Body body_in(Body b) { return (Body){bounded3(b.r), bounded3(b.v), attitude_in(b.q), bounded3(b.omega)}; }
+static inline Body body_in(Body b)
+{
+    return (Body){bounded3(b.r), bounded3(b.v), attitude_in(b.q), bounded3(b.omega)};
+}
 
 static inline Reference reference_in(Reference r)
 {
@@ -101,7 +116,8 @@ static inline Reference reference_in(Reference r)
 
 static inline TrackingInput tracking_in(const TrackingInput *u)
 {
-    return (TrackingInput){body_in(u->T), body_in(u->S), bounded3(u->wheel_speed), reference_in(u->ref)};
+    return (TrackingInput){body_in(u->T), body_in(u->S), bounded3(u->wheel_speed),
+                           reference_in(u->ref)};
 }
 
 /* ---- errors ---- */
@@ -134,7 +150,10 @@ static inline TrackingError tracking_error(double up, const TrackingInput *u)
 
 /* dq_vec/dt = T(q) w / 2,  T(q) w = q_0 w + q_vec x w */
 static inline vec3 T_times(quat q, vec3 w) { return add(scale(q.w, w), cross(vector_part(q), w)); }
-static inline vec3 T_transposed(quat q, vec3 w) { return sub(scale(q.w, w), cross(vector_part(q), w)); }
+static inline vec3 T_transposed(quat q, vec3 w)
+{
+    return sub(scale(q.w, w), cross(vector_part(q), w));
+}
 
 /* ---- command ---- */
 static inline vec3 differs(vec3 a, vec3 b) { return vec(a.x != b.x, a.y != b.y, a.z != b.z); }
@@ -153,7 +172,8 @@ static inline void publish_errors(const TrackingError *e, TrackingOutput *y)
     y->domega_S = e->w;
 }
 
-static inline void command_force(const TrackingParameters *p, const TrackingError *e, vec3 u, TrackingOutput *y)
+static inline void command_force(const TrackingParameters *p, const TrackingError *e, vec3 u,
+                                 TrackingOutput *y)
 {
     vec3 a_L = Sigma(u);
     y->a_cmd_L = limited_acceleration(p, a_L);
@@ -161,10 +181,15 @@ static inline void command_force(const TrackingParameters *p, const TrackingErro
     y->F_cmd_S = scale(p->force_scale, mul(e->C_SN, tmul(e->now.C_LN, y->a_cmd_L)));
 }
 
-static inline int attitude_rests(const TrackingParameters *p, double t) { return !reached(t, p->t_att); }
+static inline int attitude_rests(const TrackingParameters *p, double t)
+{
+    return !reached(t, p->t_att);
+}
 
-/* M: torque of the law; the wheels produce a torque by an opposite change of their momentum A Omega */
-static inline void command_torque(const TrackingParameters *p, double t, vec3 M, mat3 A_w, TrackingOutput *y)
+/* M: torque of the law; the wheels produce a torque by an opposite change of their momentum A
+ * Omega */
+static inline void command_torque(const TrackingParameters *p, double t, vec3 M, mat3 A_w,
+                                  TrackingOutput *y)
 {
     vec3 none = vec(0, 0, 0);
     if (attitude_rests(p, t)) M = none;

@@ -3,8 +3,9 @@
  *   c = command limited per axis;   tau dF/dt = c - F   (tau = 0: F = c)
  *   impulse = integral |F| dt per axis,   mdot = (|F_x| + |F_y| + |F_z|) / (Isp g_0)
  *
- * Exact for a command held over the step. A plant that holds this wrench over the next step uses its value at the end of
- * the step; the difference is of first order in step/tau. Equations: docs/models.md A.6. */
+ * Exact for a command held over the step. A plant that holds this wrench over the next step uses
+ * its value at the end of the step; the difference is of first order in step/tau. Equations:
+ * docs/models.md A.6. */
 #include "fmu.h"
 #include "time_grid.h"
 #include "vec3.h"
@@ -55,9 +56,13 @@ static void check(const Parameters *p, Problems *problems) { (void)p, (void)prob
 static vec3 differs(vec3 a, vec3 b) { return vec(a.x != b.x, a.y != b.y, a.z != b.z); }
 
 /* integral of F over h for a lag from F towards c without a change of sign */
-static double lag_integral(double F, double c, double tau, double h) { return c * h - (F - c) * tau * expm1(-h / tau); }
+static double lag_integral(double F, double c, double tau, double h)
+{
+    return c * h - (F - c) * tau * expm1(-h / tau);
+}
 
-/* one axis over an internal step: F(t+h) = c + (F-c) exp(-h/tau), and the integral of |F|, split where F crosses zero */
+/* one axis over an internal step: F(t+h) = c + (F-c) exp(-h/tau), and the integral of |F|, split
+ * where F crosses zero */
 static void lag(double *F, double *impulse, double c, double tau, double h)
 {
     double before = *F, after = tau > 0 ? before - (before - c) * -expm1(-h / tau) : c;
@@ -66,7 +71,8 @@ static void lag(double *F, double *impulse, double c, double tau, double h)
     else if (before * after >= 0) *impulse += fabs(lag_integral(before, c, tau, h));
     else {
         double zero = tau * log((before - c) / -c);
-        *impulse += fabs(lag_integral(before, c, tau, zero)) + fabs(lag_integral(0, c, tau, h - zero));
+        *impulse +=
+            fabs(lag_integral(before, c, tau, zero)) + fabs(lag_integral(0, c, tau, h - zero));
     }
 }
 
@@ -81,7 +87,8 @@ static void publish(const Parameters *p, const Input *u, const State *x, Output 
 {
     y->F_S = x->F;
     y->M_S = x->M;
-    y->mdot = p->Isp > 0 ? (fabs(x->F.x) + fabs(x->F.y) + fabs(x->F.z)) / (p->Isp * STANDARD_GRAVITY) : 0;
+    y->mdot =
+        p->Isp > 0 ? (fabs(x->F.x) + fabs(x->F.y) + fabs(x->F.z)) / (p->Isp * STANDARD_GRAVITY) : 0;
     y->F_saturated = differs(u->F_cmd_S, limited3(u->F_cmd_S, p->F_max));
     y->M_saturated = differs(u->M_cmd_S, limited3(u->M_cmd_S, p->M_max));
     y->impulse = x->impulse;
@@ -106,4 +113,5 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
     publish(p, u, x, y);
 }
 
-FMU_MODEL("ideal_propulsion", "Ideal propulsion: commanded wrench after saturation and first-order lag");
+FMU_MODEL("ideal_propulsion",
+          "Ideal propulsion: commanded wrench after saturation and first-order lag");

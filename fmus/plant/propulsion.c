@@ -1,14 +1,19 @@
-/* propulsion.c - propulsion unit of up to 16 thrusters with switching delay, rise and fall, called every T0.
+/* propulsion.c - propulsion unit of up to 16 thrusters with switching delay, rise and fall, called
+ * every T0.
  *
  *   command   P_nom throttle
- *   delay     a new command is taken over when it has stood for more than Tl/T0 calls (response: exactly Tl later)
- *   lag       P += k (delayed - P),   k = T0/T2 or 1 - exp(-T0/T2),   T2 = T2up where delayed is not 0, else T2dn
+ *   delay     a new command is taken over when it has stood for more than Tl/T0 calls (response:
+ *           exactly Tl later)
+ *   lag       P += k (delayed - P),   k = T0/T2 or 1 - exp(-T0/T2),
+ *           T2 = T2up where delayed is not 0, else T2dn
  *   wrench    F = sum P R,   M = sum (L - D_cm) x (P R),   mdot = sum P / (Isp g_0)
  *   impulse   integral of P: each call adds P T0
  *
- * The calls are at k T0 whatever the communication step: a call reads the inputs of the step it falls in. Between calls
- * the thrust is held, so with a communication step above T0 the wrench seen outside is that of the last call.
- * Source: Kozlova & Fomichev 2023; fall constant, moment, delay counter corrected, docs/models.md B.8. */
+ * The calls are at k T0 whatever the communication step: a call reads the inputs of the step it
+ * falls in. Between calls the thrust is held, so with a communication step above T0 the wrench seen
+ * outside is that of the last call.
+ * Source: Kozlova & Fomichev 2023; fall constant, moment, delay counter corrected, docs/models.md
+ * B.8. */
 #include "thrusters.h"
 #include "time_grid.h"
 
@@ -20,7 +25,9 @@ typedef struct {
     double fault_kind[THRUSTERS], fault_factor[THRUSTERS], fault_time[THRUSTERS];
 } Parameters;
 typedef struct { double throttle[THRUSTERS]; } Input;
-typedef struct { double command, delayed, waited, thrust, impulse, switches; } Engine; /* N, N, calls, N, N.s, 1 */
+typedef struct {
+    double command, delayed, waited, thrust, impulse, switches;
+} Engine; /* N, N, calls, N, N.s, 1 */
 typedef struct { Engine engine[THRUSTERS]; } State;
 typedef struct {
     vec3 F_S, M_S;
@@ -45,17 +52,21 @@ static const Variable variables[] = {
     NONNEGATIVE(Tl, "s", "switching delay"),
     NONNEGATIVE(T2up, "s", "time constant of the rise; below T0 the Euler lag acts at once"),
     NONNEGATIVE(T2dn, "s", "time constant of the fall; below T0 the Euler lag acts at once"),
-    SWITCH(exact_lag, "lag: 0 Euler step (its definition in the paper), 1 exact for a command held over T0"),
-    SWITCH(latch, "1: the counter of the delay runs always, as printed: samples the command every Tl/T0 + 1 calls"),
+    SWITCH(exact_lag,
+           "lag: 0 Euler step (its definition in the paper), 1 exact for a command held over T0"),
+    SWITCH(latch, "1: the counter of the delay runs always, as printed: samples the command every "
+                  "Tl/T0 + 1 calls"),
     NONNEGATIVE(Isp, "s", "specific impulse; 0 = no propellant is consumed"),
-    NONNEGATIVE(fault_kind, "1", "fault, per thruster: 0 none, 1 stuck on, 2 stuck off, 3 reduced to fault_factor"),
+    NONNEGATIVE(fault_kind, "1",
+                "fault, per thruster: 0 none, 1 stuck on, 2 stuck off, 3 reduced to fault_factor"),
     NONNEGATIVE(fault_factor, "1", "thrust left with fault 3, part of nominal, per thruster"),
     PARAMETER(fault_time, "s", "the fault acts from this time on, per thruster"),
 
     INPUT(throttle, "1", "commanded part of the nominal thrust, per thruster, clipped to 0..1"),
 
     OUTPUT(F_S, "N", "force on the servicer at the last call, body axes"),
-    OUTPUT(M_S, "N.m", "torque on the servicer about its centre of mass at the last call, body axes"),
+    OUTPUT(M_S, "N.m",
+           "torque on the servicer about its centre of mass at the last call, body axes"),
     NONNEGATIVE_OUTPUT(mdot, "kg/s", "propellant consumption"),
     NONNEGATIVE_OUTPUT(thrust, "N", "thrust, per thruster"),
     NONNEGATIVE_OUTPUT(impulse, "N.s", "impulse of all calls so far, per thruster"),
@@ -69,7 +80,8 @@ static void check(const Parameters *p, Problems *problems)
     for (int i = 0; i < THRUSTERS; i++) {
         double kind = p->fault_kind[i], factor = p->fault_factor[i];
         snprintf(name, sizeof name, "fault_kind[%d]", i + 1);
-        if (kind != floor(kind) || kind >= FAULT_KINDS) refuse(problems, name, kind, "must be 0, 1, 2 or 3");
+        if (kind != floor(kind) || kind >= FAULT_KINDS)
+            refuse(problems, name, kind, "must be 0, 1, 2 or 3");
         snprintf(name, sizeof name, "fault_factor[%d]", i + 1);
         if (factor > 1) refuse(problems, name, factor, "must be in [0, 1]");
     }
@@ -88,7 +100,8 @@ static void delay(const Parameters *p, Engine *e)
 static double after_fault(const Parameters *p, int i, double delayed, double t)
 {
     if (!reached(t, p->fault_time[i])) return delayed;
-    const double with_fault[FAULT_KINDS] = {delayed, p->thrusters.nominal[i], 0, p->fault_factor[i] * delayed};
+    const double with_fault[FAULT_KINDS] = {delayed, p->thrusters.nominal[i], 0,
+                                            p->fault_factor[i] * delayed};
     return with_fault[(FaultKind)p->fault_kind[i]];
 }
 
@@ -141,4 +154,5 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
     publish(p, x, y);
 }
 
-FMU_MODEL("propulsion", "Propulsion unit of up to 16 thrusters with switching delay, rise and fall, and faults");
+FMU_MODEL("propulsion",
+          "Propulsion unit of up to 16 thrusters with switching delay, rise and fall, and faults");

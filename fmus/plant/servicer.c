@@ -6,12 +6,14 @@
  *   J_S domega/dt = -omega x (J_S omega + A_w Omega) - A_w dOmega/dt + M_S + M_gg + M_dist
  *   dOmega/dt = commanded wheel acceleration, within the limits
  *
- * J_S: whole servicer with wheels locked; Omega: wheel speeds relative to the body; the momentum is J_S omega + A_w Omega.
- * The force stays in body axes: thrusters turn with the body. Before t_att the attitude is frozen: sigma holds its start
- * value, the published rate is zero, wheels stand still.
- * With velocity_follows_attitude the velocity turns with the body for free (no force does that): dv/dt += omega x v, so that
- * d(C_SN v)/dt = F_S / m, the kinematics of Kozlova & Fomichev 2023 (docs/models.md B.2).
- * Source: Zhu & Yang 2009, equations (9), (15), (17). Classical Runge-Kutta on the grid k * max_step. */
+ * J_S: whole servicer with wheels locked; Omega: wheel speeds relative to the body; the momentum is
+ * J_S omega + A_w Omega. The force stays in body axes: thrusters turn with the body. Before t_att
+ * the attitude is frozen: sigma holds its start value, the published rate is zero, wheels stand
+ * still. With velocity_follows_attitude the velocity turns with the body for free (no force does
+ * that): dv/dt += omega x v, so that d(C_SN v)/dt = F_S / m, the kinematics of Kozlova & Fomichev
+ * 2023 (docs/models.md B.2).
+ * Source: Zhu & Yang 2009, equations (9), (15), (17). Classical Runge-Kutta on the grid k *
+ * max_step. */
 #include "orbit_rows.h"
 #include "rigid_body.h"
 #include "rk4.h"
@@ -50,8 +52,9 @@ typedef struct {
 } Model;
 
 static const Model start = {
-    .p = {.orbit = {EARTH, .a = 7158140, .e = 0.01, .inc = 0.5235987755982988, .argp = 1.0471975511965976,
-                    .raan = 2.0943951023931953, .nu = 0.5235987755982988},
+    .p = {.orbit = {EARTH, .a = 7158140, .e = 0.01, .inc = 0.5235987755982988,
+                    .argp = 1.0471975511965976, .raan = 2.0943951023931953,
+                    .nu = 0.5235987755982988},
           .rho_0_H = {0, 20, 0},
           .mass_0 = 100,
           .J_S = {{{200, 0, 0}, {0, 250, 0}, {0, 0, 150}}},
@@ -65,13 +68,17 @@ static const Variable variables[] = {
     PARAMETER(r_0_N, "m", "start position in N axes, used when a = 0"),
     PARAMETER(v_0_N, "m/s", "start velocity in N axes, used when a = 0"),
     PARAMETER(rho_0_H, "m", "start position relative to the target, Hill axes, used when a > 0"),
-    PARAMETER(drho_0_H, "m/s", "start velocity relative to the target as seen in the Hill frame, used when a > 0"),
+    PARAMETER(drho_0_H, "m/s",
+              "start velocity relative to the target as seen in the Hill frame, used when a > 0"),
     POSITIVE(mass_0, "kg", "start mass"),
-    MATRIX(J_S, "kg.m2", "inertia of the whole servicer about its centre of mass, wheels locked, body axes"),
+    MATRIX(J_S, "kg.m2",
+           "inertia of the whole servicer about its centre of mass, wheels locked, body axes"),
     MATRIX(A_w, "kg.m2", "wheel inertia matrix: wheel speeds to wheel momentum in body axes"),
     PARAMETER(sigma_SN_0, "1", "start attitude relative to N, modified Rodrigues parameters"),
-    PARAMETER(omega_SN_S_0, "rad/s", "angular velocity relative to N when the attitude is released, body axes"),
-    PARAMETER(wheel_speed_0, "rad/s", "wheel speeds relative to the body when the attitude is released"),
+    PARAMETER(omega_SN_S_0, "rad/s",
+              "angular velocity relative to N when the attitude is released, body axes"),
+    PARAMETER(wheel_speed_0, "rad/s",
+              "wheel speeds relative to the body when the attitude is released"),
     PARAMETER(t_att, "s", "the attitude is frozen before this time"),
     SWITCH(use_J2, "1: oblateness of the planet acts on the orbit"),
     SWITCH(use_gravity_gradient, "1: gravity gradient acts on the attitude"),
@@ -94,7 +101,8 @@ static const Variable variables[] = {
     OUTPUT(q_SN, "1", "attitude of the servicer relative to N, scalar first"),
     OUTPUT(omega_SN_S, "rad/s", "angular velocity of the servicer relative to N, body axes"),
     OUTPUT(sigma_SN, "1",
-           "attitude of the servicer relative to N, modified Rodrigues parameters inside the unit sphere"),
+           "attitude of the servicer relative to N, modified Rodrigues parameters inside the unit "
+           "sphere"),
     OUTPUT(wheel_speed, "rad/s", "wheel speeds relative to the body"),
     NONNEGATIVE_OUTPUT(mass, "kg", "mass with the propellant left"),
 };
@@ -105,8 +113,9 @@ static void check(const Parameters *p, Problems *problems)
     check_inertia(problems, "J_S", p->J_S);
     check_positive_definite(problems, "A_w", p->A_w);
     mat3 A = p->A_w, J = p->J_S; /* the body without the wheels must have inertia of its own */
-    check_positive_definite(problems, "J_S - A_w",
-                            rows(sub(J.row[0], A.row[0]), sub(J.row[1], A.row[1]), sub(J.row[2], A.row[2])));
+    check_positive_definite(
+        problems, "J_S - A_w",
+        rows(sub(J.row[0], A.row[0]), sub(J.row[1], A.row[1]), sub(J.row[2], A.row[2])));
 }
 
 typedef struct {
@@ -137,10 +146,12 @@ static void attitude_derivative(const Context *c, double t, const State *x, Stat
     vec3 momentum = add(mul(p->J_S, x->omega), mul(p->A_w, x->wheel_speed));
     vec3 torque = add(c->u->M_S, sinusoid(&p->M_dist_S, c->since, t));
     if (p->use_gravity_gradient)
-        torque = add(torque, gravity_gradient(p->orbit.mu, mul(dcm_of_mrp(x->sigma), x->r), p->J_S));
+        torque =
+            add(torque, gravity_gradient(p->orbit.mu, mul(dcm_of_mrp(x->sigma), x->r), p->J_S));
 
     dx->sigma = mrp_rate(x->sigma, x->omega);
-    dx->omega = solve(p->J_S, sub(sub(torque, cross(x->omega, momentum)), mul(p->A_w, c->wheel_accel)));
+    dx->omega =
+        solve(p->J_S, sub(sub(torque, cross(x->omega, momentum)), mul(p->A_w, c->wheel_accel)));
     dx->wheel_speed = c->wheel_accel;
 }
 
@@ -202,12 +213,14 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     for (Substep s = first_substep(t, h, p->max_step); s.h > 0; s = next_substep(s)) {
-        const Context context = {p, u, wheel_accels(p, u->wheel_accel_cmd, x->wheel_speed, s.h), s.t,
-                                 reached(s.t, p->t_att)};
+        const Context context = {p, u, wheel_accels(p, u->wheel_accel_cmd, x->wheel_speed, s.h),
+                                 s.t, reached(s.t, p->t_att)};
         rk4(derivative, &context, s.t, s.h, &x->r.x, sizeof *x / sizeof(double));
         x->sigma = mrp_inside(x->sigma);
     }
     publish(p, x, y, t + h);
 }
 
-FMU_MODEL("servicer", "Servicer spacecraft: orbit with J2, attitude with momentum wheels, propellant consumption");
+FMU_MODEL(
+    "servicer",
+    "Servicer spacecraft: orbit with J2, attitude with momentum wheels, propellant consumption");

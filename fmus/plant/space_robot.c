@@ -1,15 +1,18 @@
-/* space_robot.c - free-floating robot of a base and two links in orbit: three-dimensional motion under gravity gradient.
+/* space_robot.c - free-floating robot of a base and two links in orbit: three-dimensional motion
+ * under gravity gradient.
  *
  *   u = [omega_0; dq_1; dq_2],   H du/dt + b = Q_gg + Q_ext + [0; tau_1; tau_2]
  *   H    = sum_k Jw_k^T I_k Jw_k + m_k Jv_k^T Jv_k
  *   b    = sum_k Jw_k^T (I_k alpha'_k + omega_k x I_k omega_k) + m_k Jv_k^T a'_k
- *   Q_gg = sum_k Jw_k^T M_k + Jv_k^T f_k,   M_k = 3 g a x I_k a,   f_k = g m_k (3 a (a.rho_k) - rho_k),   g = mu/r^3
+ *   Q_gg = sum_k Jw_k^T M_k + Jv_k^T f_k,   M_k = 3 g a x I_k a,
+ *           f_k = g m_k (3 a (a.rho_k) - rho_k),   g = mu/r^3
  *
- * rho_k: centre of mass of body k from that of the whole robot; a: unit vector from the planet; all in base axes. Both joint
- * axes are parallel to the z axis of the base, joint 1 lies on its x axis. Locked joints keep their angles; a joint that is
- * locked while it moves hands its momentum over to the whole. The centre of mass flies a Kepler orbit that the attitude
- * does not change. Source: Guo, Li, Fan, Meng 2014, corrected (docs/models.md D). Classical Runge-Kutta on the grid
- * k * max_step. */
+ * rho_k: centre of mass of body k from that of the whole robot; a: unit vector from the planet; all
+ * in base axes. Both joint axes are parallel to the z axis of the base, joint 1 lies on its x axis.
+ * Locked joints keep their angles; a joint that is locked while it moves hands its momentum over to
+ * the whole. The centre of mass flies a Kepler orbit that the attitude does not change. Source:
+ * Guo, Li, Fan, Meng 2014, corrected (docs/models.md D). Classical Runge-Kutta on the grid k *
+ * max_step. */
 #include "orbit_rows.h"
 #include "portable_math.h"
 #include "rigid_body.h"
@@ -69,26 +72,38 @@ static const Variable variables[] = {
     PARAMETER_AS("argp", orbit.argp, "rad", "argument of perigee"),
     PARAMETER_AS("raan", orbit.raan, "rad", "right ascension of the ascending node"),
     PARAMETER_AS("nu", orbit.nu, "rad", "true anomaly at the start"),
-    NONNEGATIVE_AS("mu", orbit.mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),
+    NONNEGATIVE_AS("mu", orbit.mu, "m3/s2",
+                   "gravitational parameter of the planet; 0 = deep space"),
     POSITIVE_AS("mass", links.mass, "kg", "mass of base, link 1, link 2"),
-    POSITIVE_AS("Ixx", links.Ixx, "kg.m2",
-                "moment of inertia about the own centre of mass, along the link (base: x), per body"),
+    POSITIVE_AS(
+        "Ixx", links.Ixx, "kg.m2",
+        "moment of inertia about the own centre of mass, along the link (base: x), per body"),
     POSITIVE_AS("Iyy", links.Iyy, "kg.m2",
                 "moment of inertia across the link, in the plane of motion (base: y), per body"),
-    POSITIVE_AS("Izz", links.Izz, "kg.m2", "moment of inertia about the joint axes (base: z), per body"),
-    NONNEGATIVE_AS("l", links.l, "m", "distance from inboard joint to centre of mass, per body; not used for the base"),
-    NONNEGATIVE_AS("r", links.r, "m", "distance from centre of mass to outboard joint, per body; not used for link 2"),
-    PARAMETER(euler_0, "rad", "start attitude relative to the orbital frame: turned about x, then z (pitch), then y"),
+    POSITIVE_AS("Izz", links.Izz, "kg.m2",
+                "moment of inertia about the joint axes (base: z), per body"),
+    NONNEGATIVE_AS(
+        "l", links.l, "m",
+        "distance from inboard joint to centre of mass, per body; not used for the base"),
+    NONNEGATIVE_AS("r", links.r, "m",
+                   "distance from centre of mass to outboard joint, per body; not used for link 2"),
+    PARAMETER(
+        euler_0, "rad",
+        "start attitude relative to the orbital frame: turned about x, then z (pitch), then y"),
     PARAMETER(deuler_0, "rad/s", "start rates of these angles, in the order x, y, z"),
-    PARAMETER(joint_angle_0, "rad", "joint angles at the start: link 1 from x of the base, link 2 from link 1"),
+    PARAMETER(joint_angle_0, "rad",
+              "joint angles at the start: link 1 from x of the base, link 2 from link 1"),
     PARAMETER(joint_rate_0, "rad/s", "joint rates at the start"),
     SWITCH(use_gravity_gradient, "1: gravity gradient acts on all bodies"),
-    POSITIVE(max_step, "s", "internal integration step; at most 0.1 s with joint torques, 10 s in free drift"),
+    POSITIVE(max_step, "s",
+             "internal integration step; at most 0.1 s with joint torques, 10 s in free drift"),
 
     INPUT(F_S, "N", "force at the centre of mass of the base, base axes"),
     INPUT(M_S, "N.m", "torque on the base, base axes"),
-    INPUT(joint_torque, "N.m", "torque at the joints, on the outboard body about +z; without effect while locked"),
-    ROW_AS(INPUT_ROW, u, "joint_lock", joint_lock, 1, "1", "1: both joints are locked", SWITCH_VALUE),
+    INPUT(joint_torque, "N.m",
+          "torque at the joints, on the outboard body about +z; without effect while locked"),
+    ROW_AS(INPUT_ROW, u, "joint_lock", joint_lock, 1, "1", "1: both joints are locked",
+           SWITCH_VALUE),
 
     OUTPUT(r_SN_N, "m", "position of the centre of mass of the base, N axes"),
     OUTPUT(v_SN_N, "m/s", "velocity of the centre of mass of the base, N axes"),
@@ -98,11 +113,14 @@ static const Variable variables[] = {
     OUTPUT(joint_rate, "rad/s", "joint rates"),
     OUTPUT(joint_accel, "rad/s2", "joint accelerations"),
     OUTPUT(euler, "rad",
-           "attitude relative to the orbital frame: angles about x, y, z (turned about x, then z, then y)"),
+           "attitude relative to the orbital frame: angles about x, y, z (turned about x, then z, "
+           "then y)"),
     OUTPUT(deuler, "rad/s", "rates of these angles"),
     OUTPUT(pitch, "rad",
-           "angle from the radial direction to x of the base about z, counted through full turns; planar motion"),
-    OUTPUT(pitch_rate, "rad/s", "angular velocity about z of the base less the rate of the true anomaly"),
+           "angle from the radial direction to x of the base about z, counted through full turns; "
+           "planar motion"),
+    OUTPUT(pitch_rate, "rad/s",
+           "angular velocity about z of the base less the rate of the true anomaly"),
     OUTPUT(true_anomaly, "rad", "true anomaly, counted through full turns"),
     OUTPUT(h_N, "N.m.s", "angular momentum about the centre of mass of the robot, N axes"),
     OUTPUT(kinetic_energy, "J", "kinetic energy of the motion about the centre of mass"),
@@ -152,7 +170,8 @@ static Acceleration accelerate(const Parameters *p, const Input *u, const State 
     Acceleration found = {.speeds_rate = solved(H, loads, locked ? 3 : SPEEDS)};
     for (int j = 0; j < JOINTS && locked; j++) {
         found.lock_torque[j] = -loads.at[3 + j];
-        for (int i = 0; i < 3; i++) found.lock_torque[j] += H.at[3 + j][i] * found.speeds_rate.at[i];
+        for (int i = 0; i < 3; i++)
+            found.lock_torque[j] += H.at[3 + j][i] * found.speeds_rate.at[i];
     }
     return found;
 }
@@ -175,14 +194,14 @@ static void derivative(const void *context, double t, const double *from, double
     const double *m = p->links.mass;
     quat dq = product(x->q, (quat){0, x->omega.x, x->omega.y, x->omega.z});
     const double *du = accelerate(p, c->u, x).speeds_rate.at;
-    *dx = (State){
-        .r = x->v,
-        .v = add(gravity(&p->orbit, 0, x->r), scale(1 / (m[0] + m[1] + m[2]), tmul(dcm_of_quat(x->q), c->u->F_S))),
-        .q = {dq.w / 2, dq.x / 2, dq.y / 2, dq.z / 2},
-        .omega = vec(du[0], du[1], du[2]),
-        .joint_angle = {x->joint_rate[0], x->joint_rate[1]},
-        .joint_rate = {du[3], du[4]},
-        .nu = anomaly_rate(x)};
+    *dx = (State){.r = x->v,
+                  .v = add(gravity(&p->orbit, 0, x->r),
+                           scale(1 / (m[0] + m[1] + m[2]), tmul(dcm_of_quat(x->q), c->u->F_S))),
+                  .q = {dq.w / 2, dq.x / 2, dq.y / 2, dq.z / 2},
+                  .omega = vec(du[0], du[1], du[2]),
+                  .joint_angle = {x->joint_rate[0], x->joint_rate[1]},
+                  .joint_rate = {du[3], du[4]},
+                  .nu = anomaly_rate(x)};
 }
 
 /* omega+ = H_bb^-1 (H_bb omega + H_bm dq): the joints stop, the angular momentum stays */
@@ -190,7 +209,8 @@ static void stop_joints(const Parameters *p, State *x)
 {
     Robot robot = robot_in(&p->links, x->joint_angle, x->joint_rate);
     Matrix H = mass_matrix(&robot);
-    double speeds[SPEEDS] = {x->omega.x, x->omega.y, x->omega.z, x->joint_rate[0], x->joint_rate[1]};
+    double speeds[SPEEDS] = {x->omega.x, x->omega.y, x->omega.z, x->joint_rate[0],
+                             x->joint_rate[1]};
     Column momentum = {{0}};
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < SPEEDS; j++) momentum.at[i] += H.at[i][j] * speeds[j];
@@ -204,7 +224,7 @@ static void obey_lock(const Parameters *p, const Input *u, State *x)
     if (u->joint_lock != 0 && (x->joint_rate[0] != 0 || x->joint_rate[1] != 0)) stop_joints(p, x);
 }
 
-/* ---- attitude relative to the orbital frame: x radial outward, y along track, z orbit normal ---- */
+/* ---- attitude relative to the orbital frame: x outward, y along track, z orbit normal ---- */
 static mat3 orbital_frame(const Parameters *p, vec3 r, vec3 v)
 {
     const Orbit *o = &p->orbit;
@@ -216,8 +236,8 @@ static mat3 orbital_frame(const Parameters *p, vec3 r, vec3 v)
 /* C_b,or = Ry(psi) Rz(theta) Rx(vartheta); angles in the order vartheta, psi, theta */
 static mat3 dcm_of_euler(const double angles[3])
 {
-    double cx = cos(angles[0]), sx = sin(angles[0]), cy = cos(angles[1]), sy = sin(angles[1]), cz = cos(angles[2]),
-           sz = sin(angles[2]);
+    double cx = cos(angles[0]), sx = sin(angles[0]), cy = cos(angles[1]), sy = sin(angles[1]),
+           cz = cos(angles[2]), sz = sin(angles[2]);
     mat3 Rx = rows(vec(1, 0, 0), vec(0, cx, sx), vec(0, -sx, cx));
     mat3 Rz = rows(vec(cz, sz, 0), vec(-sz, cz, 0), vec(0, 0, 1));
     mat3 Ry = rows(vec(cy, 0, -sy), vec(0, 1, 0), vec(sy, 0, cy));
@@ -226,8 +246,9 @@ static mat3 dcm_of_euler(const double angles[3])
 
 static double angle_of(double y, double x) { return y < 0 ? -arc(-y, x) : arc(y, x); }
 
-/* theta = asin(-C10), vartheta = atan2(C12, C11), psi = atan2(C20, C00); omega relative to the orbital frame, base axes:
- * rates from omega = T_Y [dvartheta; dpsi; dtheta], which is singular at theta = +-90 deg */
+/* theta = asin(-C10), vartheta = atan2(C12, C11), psi = atan2(C20, C00); omega relative to the
+ * orbital frame, base axes: rates from omega = T_Y [dvartheta; dpsi; dtheta], which is singular at
+ * theta = +-90 deg */
 static void euler_of_dcm(mat3 C, vec3 w, double angles[3], double rates[3])
 {
     double cz = sqrt(C.row[1].y * C.row[1].y + C.row[1].z * C.row[1].z), sz = -C.row[1].x;
@@ -243,7 +264,8 @@ static void euler_of_dcm(mat3 C, vec3 w, double angles[3], double rates[3])
 static vec3 rate_of_euler(const double angles[3], const double rates[3]) /* T_Y rates */
 {
     double cy = cos(angles[1]), sy = sin(angles[1]), cz = cos(angles[2]), sz = sin(angles[2]);
-    return vec(cy * cz * rates[0] - sy * rates[2], rates[1] - sz * rates[0], sy * cz * rates[0] + cy * rates[2]);
+    return vec(cy * cz * rates[0] - sy * rates[2], rates[1] - sz * rates[0],
+               sy * cz * rates[0] + cy * rates[2]);
 }
 
 /* the angle of the same direction nearest to an earlier one: counts full turns */
@@ -271,7 +293,8 @@ static void publish_energies(const Parameters *p, const State *x, Output *y)
         vec3 w = add(x->omega, vec(0, 0, b->sigma));
         vec3 relative = add(scale(x->joint_rate[0], b->D[0]), scale(x->joint_rate[1], b->D[1]));
         vec3 v = add(cross(x->omega, b->rho), relative);
-        double trace = b->inertia.row[0].x + b->inertia.row[1].y + b->inertia.row[2].z, radial = dot(a, b->rho);
+        double trace = b->inertia.row[0].x + b->inertia.row[1].y + b->inertia.row[2].z,
+               radial = dot(a, b->rho);
         h_S = sum3(h_S, mul(b->inertia, w), scale(b->mass, cross(b->rho, v)));
         y->kinetic_energy += (dot(w, mul(b->inertia, w)) + b->mass * dot(v, v)) / 2;
         y->potential_energy += g * (1.5 * dot(a, mul(b->inertia, a)) - trace / 2) +
@@ -335,4 +358,5 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
     publish(p, u, x, y);
 }
 
-FMU_MODEL("space_robot", "Free-floating space robot of a base and two links under gravity gradient");
+FMU_MODEL("space_robot",
+          "Free-floating space robot of a base and two links under gravity gradient");

@@ -5,8 +5,8 @@
  *   dsigma/dt = 1/4 G(sigma) omega
  *   J_T domega/dt = -omega x (J_T omega) + M_gg + M_dist + M_T,    M_gg = 3 mu/r^3 rb x (J_T rb)
  *
- * Source: Zhu & Yang 2009, equations (2) and (4), with J2. Classical Runge-Kutta on the grid k * max_step; after each
- * internal step sigma is replaced by its shadow where |sigma| > 1. */
+ * Source: Zhu & Yang 2009, equations (2) and (4), with J2. Classical Runge-Kutta on the grid k *
+ * max_step; after each internal step sigma is replaced by its shadow where |sigma| > 1. */
 #include "orbit_rows.h"
 #include "rigid_body.h"
 #include "rk4.h"
@@ -37,8 +37,9 @@ typedef struct {
 } Model;
 
 static const Model start = {
-    .p = {.orbit = {EARTH, .a = 7158140, .e = 0.01, .inc = 0.5235987755982988, .argp = 1.0471975511965976,
-                    .raan = 2.0943951023931953, .nu = 0.5235987755982988},
+    .p = {.orbit = {EARTH, .a = 7158140, .e = 0.01, .inc = 0.5235987755982988,
+                    .argp = 1.0471975511965976, .raan = 2.0943951023931953,
+                    .nu = 0.5235987755982988},
           .mass = 100,
           .J_T = {{{100, 0, 0}, {0, 150, 0}, {0, 0, 90}}},
           .sigma_TN_0 = {-0.02, 0.015, -0.25},
@@ -71,7 +72,9 @@ static const Variable variables[] = {
     OUTPUT(v_TN_N, "m/s", "velocity of the target, N axes"),
     OUTPUT(q_TN, "1", "attitude of the target relative to N, scalar first"),
     OUTPUT(omega_TN_T, "rad/s", "angular velocity of the target relative to N, body axes"),
-    OUTPUT(sigma_TN, "1", "attitude of the target relative to N, modified Rodrigues parameters inside the unit sphere"),
+    OUTPUT(sigma_TN, "1",
+           "attitude of the target relative to N, modified Rodrigues parameters inside the unit "
+           "sphere"),
     OUTPUT(M_gg_T, "N.m", "gravity-gradient torque, body axes"),
 };
 
@@ -83,7 +86,8 @@ static void check(const Parameters *p, Problems *problems)
 
 static vec3 gravity_gradient_T(const Parameters *p, mat3 C_TN, vec3 r)
 {
-    return p->use_gravity_gradient ? gravity_gradient(p->orbit.mu, mul(C_TN, r), p->J_T) : vec(0, 0, 0);
+    return p->use_gravity_gradient ? gravity_gradient(p->orbit.mu, mul(C_TN, r), p->J_T)
+                                   : vec(0, 0, 0);
 }
 
 static vec3 disturbance_N(const Parameters *p, const State *x, double since, double t)
@@ -146,4 +150,5 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
     publish(p, x, y);
 }
 
-FMU_MODEL("target", "Tumbling non-cooperative target: orbit with J2, attitude with gravity gradient and disturbances");
+FMU_MODEL("target", "Tumbling non-cooperative target: orbit with J2, attitude with gravity "
+                    "gradient and disturbances");

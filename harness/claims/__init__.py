@@ -1,4 +1,6 @@
-"""Claims of the papers behind the systems: one file per paper, each a table that a result is compared with."""
+"""Claims of the papers behind the systems: one file per paper, each a table that a result is
+compared with.
+"""
 
 from __future__ import annotations
 
@@ -9,4 +11,12 @@ from harness.claims.zhu_yang_2009 import PAPER as ZHU_YANG_2009
 
 PAPERS: tuple[Paper, ...] = (ZHU_YANG_2009, KOZLOVA_FOMICHEV_2023, *yin_2017.PAPERS)
 
-__all__ = ["KOZLOVA_FOMICHEV_2023", "PAPERS", "ZHU_YANG_2009", "Claim", "Judgement", "Paper", "Verdict"]
+__all__ = [
+    "KOZLOVA_FOMICHEV_2023",
+    "PAPERS",
+    "ZHU_YANG_2009",
+    "Claim",
+    "Judgement",
+    "Paper",
+    "Verdict",
+]

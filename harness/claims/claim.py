@@ -1,4 +1,6 @@
-"""A claim of a paper as data: what it says, how it is measured in a result, the bands that decide on the verdict."""
+"""A claim of a paper as data: what it says, how it is measured in a result, the bands that decide
+on the verdict.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ from harness.results import Result
 
 Array = NDArray[np.float64]
 Measure = Callable[[Result], tuple[float, ...]]
-"""Numbers taken from a result: the first is judged, the others are shown with it. May raise CannotJudgeError."""
+"""Numbers taken from a result: the first is judged, the others are shown with it. May raise
+CannotJudgeError.
+"""
 ROUNDING = 1e-6
 """Times closer than this [s] are the same."""
 
@@ -70,9 +74,10 @@ class Judgement(NamedTuple):
 class Claim:
     """One claim.
 
-    name: for references to it; text: what the paper says; where: in the paper; needs: variables of the result; figure:
-    a format of what `measure` returns; unit: of its first number; reproduced, partly: bands of its first number;
-    interval: recorded more seldom than that [s] the claim cannot be judged.
+    name: for references to it; text: what the paper says; where: in the paper; needs: variables of
+    the result; figure: a format of what `measure` returns; unit: of its first number; reproduced,
+    partly: bands of its first number; interval: recorded more seldom than that [s] the claim cannot
+    be judged.
     """
 
     name: str
@@ -101,11 +106,15 @@ class Claim:
         if not len(result.time):
             raise CannotJudgeError("nothing was recorded")
         if (interval := np.diff(result.time).max(initial=0.0)) > self.interval + ROUNDING:
-            raise CannotJudgeError(f"recorded at intervals of {interval:g} s, {self.interval:g} s are needed")
+            raise CannotJudgeError(
+                f"recorded at intervals of {interval:g} s, {self.interval:g} s are needed"
+            )
         with np.errstate(all="ignore"):
             numbers = tuple(float(number) for number in self.measure(result))
         if not all(map(math.isfinite, numbers)):
-            raise CannotJudgeError("the result holds values that are not finite or do not change at all")
+            raise CannotJudgeError(
+                "the result holds values that are not finite or do not change at all"
+            )
         return numbers
 
     def verdict(self, value: float) -> Verdict:
@@ -121,7 +130,9 @@ class Claim:
 
 @dataclass(frozen=True)
 class Condition:
-    """Something by which a result shows whether it was flown as in the paper; measured in `unit`, equal within 1e-6."""
+    """Something by which a result shows whether it was flown as in the paper; measured in `unit`,
+    equal within 1e-6.
+    """
 
     text: str
     paper: float
@@ -147,7 +158,8 @@ class Condition:
 class Paper:
     """A paper, or a part of it, and its claims.
 
-    It belongs to every result that holds all variables of `needs` and all `parameters` and that is `meant`.
+    It belongs to every result that holds all variables of `needs` and all `parameters` and that is
+    `meant`.
     """
 
     title: str
@@ -160,7 +172,9 @@ class Paper:
     def belongs_to(self, result: Result) -> bool:
         """Whether these claims are about a result like this."""
         known = () if result.parameters is None else result.parameters
-        held = all(name in result for name in self.needs) and all(name in known for name in self.parameters)
+        held = all(name in result for name in self.needs) and all(
+            name in known for name in self.parameters
+        )
         return held and self.meant(result)
 
 
@@ -168,19 +182,25 @@ class Paper:
 
 
 def scalar(result: Result, name: str) -> float:
-    """Value of a scalar parameter, or of one element, of the run; CannotJudgeError if the result does not hold it."""
+    """Value of a scalar parameter, or of one element, of the run; CannotJudgeError if the result
+    does not hold it.
+    """
     return float(parameter(result, name))
 
 
 def parameter(result: Result, name: str) -> Array:
-    """Value of a parameter of the run; CannotJudgeError if the result does not hold it, as one from a .csv."""
+    """Value of a parameter of the run; CannotJudgeError if the result does not hold it, as one from
+    a .csv.
+    """
     if result.parameters is None or name not in result.parameters:
         raise CannotJudgeError(f"the result does not hold the parameter {name}")
     return result.parameter(name)
 
 
 def between(result: Result, begin: float, end: float) -> NDArray[np.intp]:
-    """Rows of begin <= t <= end [s], at least one; CannotJudgeError if the run is over before the end of that."""
+    """Rows of begin <= t <= end [s], at least one; CannotJudgeError if the run is over before the
+    end of that.
+    """
     if result.time[-1] < end - ROUNDING:
         raise CannotJudgeError(f"the run ends at {result.time[-1]:g} s, before {end:g} s")
     chosen = np.flatnonzero((result.time >= begin - ROUNDING) & (result.time <= end + ROUNDING))
@@ -190,12 +210,16 @@ def between(result: Result, begin: float, end: float) -> NDArray[np.intp]:
 
 
 def since(result: Result, begin: float, reach: float) -> NDArray[np.intp]:
-    """Rows from a time on; CannotJudgeError if the run is over before it has reached another time [s]."""
+    """Rows from a time on; CannotJudgeError if the run is over before it has reached another time
+    [s].
+    """
     return between(result, begin, _end(result, reach))
 
 
 def final(result: Result, seconds: float, reach: float, before: float = 0.0) -> NDArray[np.intp]:
-    """Rows of the last seconds of a run that reaches a time [s], or of as many seconds some time `before` the last."""
+    """Rows of the last seconds of a run that reaches a time [s], or of as many seconds some time
+    `before` the last.
+    """
     end = _end(result, reach)
     between(result, -math.inf, end)
     return between(result, end - before - seconds, end - before)

@@ -1,6 +1,7 @@
 """Claims of Kozlova & Fomichev 2023 on the two-level guidance and stabilisation (docs/models.md B).
 
-The paper prints curves and few numbers; where a claim has no number of its own, the bands say what we take it to mean.
+The paper prints curves and few numbers; where a claim has no number of its own, the bands say what
+we take it to mean.
 """
 
 from __future__ import annotations
@@ -106,12 +107,22 @@ PAPER = Paper(
     claims=CLAIMS,
     conditions=(
         Condition("it ends at", measures.STOP, "s", (), lambda result: float(result.time[-1])),
-        Condition("range at the start", 26.0e4**0.5, "m", (RANGE,), lambda result: float(result[RANGE][0])),
         Condition(
-            "velocity follows the attitude", 1.0, "", (), lambda r: scalar(r, "servicer.velocity_follows_attitude")
+            "range at the start", 26.0e4**0.5, "m", (RANGE,), lambda result: float(result[RANGE][0])
         ),
-        Condition("main engine", 50.0, "N", (), lambda r: scalar(r, "propulsion.thrust_nominal[13]")),
-        Condition("brakes, each", 10.0, "N", (), lambda r: scalar(r, "propulsion.thrust_nominal[9]")),
+        Condition(
+            "velocity follows the attitude",
+            1.0,
+            "",
+            (),
+            lambda r: scalar(r, "servicer.velocity_follows_attitude"),
+        ),
+        Condition(
+            "main engine", 50.0, "N", (), lambda r: scalar(r, "propulsion.thrust_nominal[13]")
+        ),
+        Condition(
+            "brakes, each", 10.0, "N", (), lambda r: scalar(r, "propulsion.thrust_nominal[9]")
+        ),
         Condition("speed law", 0.0, "", (), lambda r: scalar(r, "guidance.law")),
         Condition("attitude law", 0.0, "", (), lambda r: scalar(r, "guidance.att")),
     ),

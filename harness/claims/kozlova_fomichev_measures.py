@@ -24,14 +24,18 @@ CAPTURE = 1000.0
 ALIGNED = 2000.0
 """First alignment is over, and the end of the first leg lies as long before the arrival [s]."""
 IN_ORBIT = 100.0
-"""A target faster than that [m/s] is on an orbit: speeds in the moving frame are not in the result."""
+"""A target faster than that [m/s] is on an orbit: speeds in the moving frame are not in the
+result.
+"""
 
 
 # ---- histories
 
 
 def speeds(result: Result) -> tuple[Array, Array]:
-    """Speed of servicer and of target in the frame of the paper [m/s]; CannotJudgeError on an orbit."""
+    """Speed of servicer and of target in the frame of the paper [m/s]; CannotJudgeError on an
+    orbit.
+    """
     servicer, target = (np.linalg.norm(result[name], axis=1) for name in VELOCITIES)
     if target.max() > IN_ORBIT:
         raise CannotJudgeError("the paper's frame does not move with an orbit")
@@ -47,7 +51,9 @@ def arrival_time(result: Result) -> float:
 
 
 def first_leg(result: Result) -> NDArray[np.bool_]:
-    """Rows of the approach, without first alignment and arrival; CannotJudgeError if it is too short."""
+    """Rows of the approach, without first alignment and arrival; CannotJudgeError if it is too
+    short.
+    """
     leg = np.asarray((result.time >= ALIGNED) & (result.time <= arrival_time(result) - ALIGNED))
     if not leg.any():
         raise CannotJudgeError("the first leg is too short")
@@ -58,7 +64,9 @@ def hold(result: Result) -> NDArray[np.bool_]:
     """Rows of the hold; CannotJudgeError if it lasts less than 2000 s."""
     held = np.asarray(result.time >= arrival_time(result) + CAPTURE)
     if result.time[-1] < arrival_time(result) + CAPTURE + ALIGNED:
-        raise CannotJudgeError(f"the run ends at {result.time[-1]:g} s, less than 3000 s after the arrival")
+        raise CannotJudgeError(
+            f"the run ends at {result.time[-1]:g} s, less than 3000 s after the arrival"
+        )
     return held
 
 
@@ -96,7 +104,9 @@ def hold_speed(result: Result) -> tuple[float, ...]:
 
 
 def heading(result: Result) -> tuple[float, ...]:
-    """Mean angle between the velocities of servicer and target in the last 2000 s of the hold [deg]."""
+    """Mean angle between the velocities of servicer and target in the last 2000 s of the hold
+    [deg].
+    """
     hold(result)
     speeds(result)
     rows = final(result, 2000.0, arrival_time(result) + CAPTURE)
@@ -106,15 +116,21 @@ def heading(result: Result) -> tuple[float, ...]:
 
 
 def rate_error(result: Result) -> tuple[float, ...]:
-    """Root mean square of required less actual angular rate after 2000 s, in mrad/s; the largest [mrad/s]."""
+    """Root mean square of required less actual angular rate after 2000 s, in mrad/s; the largest
+    [mrad/s].
+    """
     if result.time[-1] < ALIGNED + CAPTURE:
-        raise CannotJudgeError(f"the run ends at {result.time[-1]:g} s, before {ALIGNED + CAPTURE:g} s")
+        raise CannotJudgeError(
+            f"the run ends at {result.time[-1]:g} s, before {ALIGNED + CAPTURE:g} s"
+        )
     size = np.linalg.norm(result[RATE_ERROR][result.time >= ALIGNED], axis=1)
     return 1e3 * np.sqrt((size**2).mean()), 1e3 * size.max()
 
 
 def transition_angle(result: Result) -> tuple[float, ...]:
-    """Largest rotation angle of the transition quaternion in the last 5000 s [deg]; its least L0."""
+    """Largest rotation angle of the transition quaternion in the last 5000 s [deg]; its least
+    L0.
+    """
     L = result[TRANSITION][final(result, 5000.0, 6000.0)]
     angle = np.degrees(2 * np.arctan2(np.linalg.norm(L[:, 1:], axis=1), L[:, 0]))
     return angle.max(), L[:, 0].min()

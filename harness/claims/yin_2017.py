@@ -1,7 +1,8 @@
 """Claims of Yin, Luo, Wei & Yuan 2017 on three controllers in two scenarios (docs/models.md C).
 
-The paper prints neither initial states nor gains: a reproduced figure shows that the claim can be met, not that these
-were the authors' numbers. What compares controllers is in tests/systems/test_ppc_claims.py and in `harness compare`.
+The paper prints neither initial states nor gains: a reproduced figure shows that the claim can be
+met, not that these were the authors' numbers. What compares controllers is in
+tests/systems/test_ppc_claims.py and in `harness compare`.
 """
 
 from __future__ import annotations
@@ -13,7 +14,9 @@ from harness.results import Result
 
 
 def converges(seconds: float, where: str, least: float = 0.9) -> Claim:
-    """The range converges in about that time; least: part of it below which that is not "about" any more."""
+    """The range converges in about that time; least: part of it below which that is not "about" any
+    more.
+    """
     return Claim(
         name="convergence",
         text=f"the range converges in about {seconds:g} s",
@@ -147,7 +150,13 @@ CONTROLLERS = {
 }
 """A parameter that only this controller has."""
 TABLES = {
-    ("prescribed performance", False): (converges(18, "section 4.2, figure 3"), HOVERS, SMOOTH, ATTITUDE, BARRIER),
+    ("prescribed performance", False): (
+        converges(18, "section 4.2, figure 3"),
+        HOVERS,
+        SMOOTH,
+        ATTITUDE,
+        BARRIER,
+    ),
     ("theta-D", False): (converges(23, "section 4.2, figure 3"), HOVERS, SMOOTH, ATTITUDE),
     ("PID", False): (converges(40, "section 4.2, figure 3"), OSCILLATION, ATTITUDE),
     ("prescribed performance", True): (
@@ -176,8 +185,16 @@ def _paper(controller: str, manoeuvre: bool, claims: tuple[Claim, ...]) -> Paper
         meant=meant,
         conditions=(
             Condition("it ends at", measures.STOP, "s", (), lambda result: float(result.time[-1])),
-            Condition("range at the start", 300.0, "m", (RANGE,), lambda result: float(result[RANGE][0])),
-            Condition("range to hover at", measures.HOVER, "m", (), lambda r: float(r.parameter("guidance.rho_f"))),
+            Condition(
+                "range at the start", 300.0, "m", (RANGE,), lambda result: float(result[RANGE][0])
+            ),
+            Condition(
+                "range to hover at",
+                measures.HOVER,
+                "m",
+                (),
+                lambda r: float(r.parameter("guidance.rho_f")),
+            ),
         ),
     )
 

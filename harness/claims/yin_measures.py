@@ -24,7 +24,9 @@ HOVER = 20.0
 BAND = 0.02
 """Part of the first range error within which the approach counts as converged."""
 LATE, SETTLED, LAST = 40.0, 60.0, 20.0
-"""Times from which errors count as steady under the manoeuvre and without; the last part of the run [s]."""
+"""Times from which errors count as steady under the manoeuvre and without; the last part of the run
+[s].
+"""
 
 
 def manoeuvring(result: Result) -> bool:
@@ -85,7 +87,9 @@ def steady_attitude_error(result: Result) -> tuple[float, ...]:
 
 
 def overshoot(result: Result) -> tuple[float, ...]:
-    """Largest elevation error beyond the reference, seen from the first one [deg]; least range [m]."""
+    """Largest elevation error beyond the reference, seen from the first one [deg]; least range
+    [m].
+    """
     error = np.degrees(result[ELEVATION])
     between(result, 0.0, LATE)
     first = error[np.flatnonzero(error)[0]] if error.any() else 1.0
@@ -93,13 +97,17 @@ def overshoot(result: Result) -> tuple[float, ...]:
 
 
 def barrier(result: Result) -> tuple[float, ...]:
-    """Largest kappa; largest distance of a generalised state from the middle of its bounds, as part of them."""
+    """Largest kappa; largest distance of a generalised state from the middle of its bounds, as part
+    of them.
+    """
     kappa = max(result[name].max() for name in FUNNEL[:2])
     return kappa, max(np.abs(result[name]).max() for name in FUNNEL[2:])
 
 
 def chatter(result: Result) -> tuple[float, ...]:
-    """Total variation of the command after 60 s over its span, largest of the axes; a sinusoid gives 2 per period."""
+    """Total variation of the command after 60 s over its span, largest of the axes; a sinusoid
+    gives 2 per period.
+    """
     command = result[COMMAND][since(result, SETTLED, 2 * LATE)]
     variation, span = np.abs(np.diff(command, axis=0)).sum(axis=0), np.ptp(command, axis=0)
     return (variation / span).max(), variation.max()

@@ -1,6 +1,7 @@
 """Claims of Zhu & Yang 2009 on the synchronised approach (docs/models.md A).
 
-The paper prints curves without numbers; where a claim has no number of its own, the bands say what we take it to mean.
+The paper prints curves without numbers; where a claim has no number of its own, the bands say what
+we take it to mean.
 """
 
 from __future__ import annotations
@@ -187,9 +188,17 @@ PAPER = Paper(
     claims=CLAIMS,
     conditions=(
         Condition("it ends at", measures.STOP, "s", (), lambda result: float(result.time[-1])),
-        Condition("range at the start", 20.0, "m", (RANGE,), lambda result: float(result[RANGE][0])),
+        Condition(
+            "range at the start", 20.0, "m", (RANGE,), lambda result: float(result[RANGE][0])
+        ),
         Condition("mass", 100.0, "kg", (MASS,), lambda result: float(result[MASS][0])),
-        Condition("mass estimate at the start", 95.0, "kg", (MASS_ESTIMATE,), lambda result: result[MASS_ESTIMATE][0]),
+        Condition(
+            "mass estimate at the start",
+            95.0,
+            "kg",
+            (MASS_ESTIMATE,),
+            lambda result: result[MASS_ESTIMATE][0],
+        ),
         Condition("attitude control from", 1200.0, "s", (COMMAND,), measures.attitude_start),
     ),
 )

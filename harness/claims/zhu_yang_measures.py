@@ -1,7 +1,7 @@
 """What is measured in a result of the synchronised approach for the claims of Zhu & Yang 2009.
 
-Every measure returns the number that is judged and then those that are shown with it. What the result does not hold
-is taken from the paper: the times of its simulation and its true inertias.
+Every measure returns the number that is judged and then those that are shown with it. What the
+result does not hold is taken from the paper: the times of its simulation and its true inertias.
 """
 
 from __future__ import annotations
@@ -24,9 +24,18 @@ ETA_S = np.array([200, 0, 0, 250, 0, 150, 12, 0, 0, 15, 0, 10])
 LARGEST = np.array([250.0] * 6 + [15.0] * 6)
 """Largest element of the matrix that an element of eta belongs to [kg m2]."""
 
-RANGE, REFERENCE, BETA_T, BETA_P = "guidance.range", "guidance.rho_ref_H", "guidance.beta_t", "guidance.beta_p"
+RANGE, REFERENCE, BETA_T, BETA_P = (
+    "guidance.range",
+    "guidance.rho_ref_H",
+    "guidance.beta_t",
+    "guidance.beta_p",
+)
 ERROR, FORCE, MASS_ESTIMATE = "controller.e1_H", "controller.F_cmd_H", "controller.m_hat"
-ATTITUDE_ERROR, COMMAND, ESTIMATES = "controller.epsilon", "controller.wheel_accel_cmd", "controller.eta_hat"
+ATTITUDE_ERROR, COMMAND, ESTIMATES = (
+    "controller.epsilon",
+    "controller.wheel_accel_cmd",
+    "controller.eta_hat",
+)
 MASS, WHEELS = "servicer.mass", "servicer.wheel_speed"
 
 
@@ -44,7 +53,9 @@ def attitude_error(result: Result) -> Array:
 
 
 def safe_distance(result: Result) -> float:
-    """rho_M: where the reference has come to rest [m]; CannotJudgeError as long as it approaches by more than 1 cm."""
+    """rho_M: where the reference has come to rest [m]; CannotJudgeError as long as it approaches by
+    more than 1 cm.
+    """
     distance = size(result, REFERENCE)[final(result, 100.0, ARM)]
     if np.ptp(distance) > 0.01:
         raise CannotJudgeError("the reference does not come to rest at a safe distance")
@@ -52,7 +63,9 @@ def safe_distance(result: Result) -> float:
 
 
 def attitude_start(result: Result) -> float:
-    """Time of the sample before the first command to the wheels [s]; CannotJudgeError if there is none."""
+    """Time of the sample before the first command to the wheels [s]; CannotJudgeError if there is
+    none.
+    """
     commanded = np.flatnonzero(result[COMMAND].any(axis=1))
     if not len(commanded):
         raise CannotJudgeError("attitude control by wheels does not start in this run")
@@ -63,10 +76,18 @@ def attitude_start(result: Result) -> float:
 
 
 def arrival(result: Result) -> tuple[float, ...]:
-    """Largest distance from rho_M from 20 min on [m]; range at the start, after 10, 20 min and at the end [m]."""
+    """Largest distance from rho_M from 20 min on [m]; range at the start, after 10, 20 min and at
+    the end [m].
+    """
     distance = result[RANGE]
     off = np.abs(distance - safe_distance(result))[since(result, ARM, ARM)]
-    return off.max(), distance[0], distance[at(result, APPROACHED)], distance[at(result, ARM)], distance[-1]
+    return (
+        off.max(),
+        distance[0],
+        distance[at(result, APPROACHED)],
+        distance[at(result, ARM)],
+        distance[-1],
+    )
 
 
 def shortfall(result: Result) -> tuple[float, ...]:
@@ -77,7 +98,9 @@ def shortfall(result: Result) -> tuple[float, ...]:
 
 
 def grasp_axis_error(result: Result) -> tuple[float, ...]:
-    """Largest angle between relative position and grasp axis after 10 min [deg], at the start [deg]."""
+    """Largest angle between relative position and grasp axis after 10 min [deg], at the start
+    [deg].
+    """
     angle = np.degrees(result[BETA_T])
     return angle[since(result, APPROACHED, ARM)].max(), angle[0]
 
@@ -89,7 +112,9 @@ def tracking_error(result: Result) -> tuple[float, ...]:
 
 
 def force_rate(result: Result) -> tuple[float, ...]:
-    """Largest change of the force per second in percent of the largest force; force at the start [N], largest [N]."""
+    """Largest change of the force per second in percent of the largest force; force at the start
+    [N], largest [N].
+    """
     since(result, 0.0, APPROACHED)
     force = size(result, FORCE)
     rate = np.linalg.norm(np.diff(result[FORCE], axis=0), axis=1) / np.diff(result.time)
@@ -97,7 +122,9 @@ def force_rate(result: Result) -> tuple[float, ...]:
 
 
 def mass_drift(result: Result) -> tuple[float, ...]:
-    """Movement of the mass estimate over the last 10 min [kg]; estimate at the start, at the end [kg]."""
+    """Movement of the mass estimate over the last 10 min [kg]; estimate at the start, at the end
+    [kg].
+    """
     estimate = result[MASS_ESTIMATE]
     return np.ptp(estimate[final(result, 600.0, STOP)]), estimate[0], estimate[-1]
 
@@ -112,7 +139,10 @@ def mass_offset(result: Result) -> tuple[float, ...]:
 def position_decay(result: Result) -> tuple[float, ...]:
     """Largest position error of the last 10 min over that of the 10 min before, both [mm]."""
     error = 1e3 * size(result, ERROR)
-    late, early = error[final(result, 600.0, STOP)].max(), error[final(result, 600.0, STOP, before=600.0)].max()
+    late, early = (
+        error[final(result, 600.0, STOP)].max(),
+        error[final(result, 600.0, STOP, before=600.0)].max(),
+    )
     return late / early, early, late
 
 
@@ -126,7 +156,10 @@ def attitude_end(result: Result) -> tuple[float, ...]:
 def attitude_decay(result: Result) -> tuple[float, ...]:
     """Largest attitude error of the last 100 s over that of the 100 s before, both [deg]."""
     end, error = attitude_start(result) + SLEW, attitude_error(result)
-    late, early = error[final(result, 100.0, end)].max(), error[final(result, 100.0, end, before=100.0)].max()
+    late, early = (
+        error[final(result, 100.0, end)].max(),
+        error[final(result, 100.0, end, before=100.0)].max(),
+    )
     return late / early, early, late
 
 
@@ -138,21 +171,27 @@ def wheel_speed(result: Result) -> tuple[float, ...]:
 
 
 def inertia_drift(result: Result) -> tuple[float, ...]:
-    """Largest movement of an inertia estimate over the last 100 s in percent of its matrix; J and A [kg m2]."""
+    """Largest movement of an inertia estimate over the last 100 s in percent of its matrix; J and A
+    [kg m2].
+    """
     moved = np.ptp(result[ESTIMATES][final(result, 100.0, attitude_start(result) + SLEW)], axis=0)
     return 100 * (moved / LARGEST).max(), moved[:6].max(), moved[6:].max()
 
 
 def inertia_offset(result: Result) -> tuple[float, ...]:
-    """Largest distance of an inertia estimate from the truth at the end in percent of its matrix; J and A [kg m2]."""
+    """Largest distance of an inertia estimate from the truth at the end in percent of its matrix; J
+    and A [kg m2].
+    """
     off = np.abs(result[ESTIMATES][final(result, 0.0, attitude_start(result) + SLEW)][-1] - ETA_S)
     return 100 * (off / LARGEST).max(), off[:6].max(), off[6:].max()
 
 
 def grasp_share(result: Result) -> tuple[float, ...]:
-    """Share of the last 200 s in which the target can be grasped [%], largest beta_p meanwhile [deg].
+    """Share of the last 200 s in which the target can be grasped [%], largest beta_p meanwhile
+    [deg].
 
-    Range within 5 cm of rho_M, relative position within 1 deg of the grasp axis, arm within 5 deg of the target.
+    Range within 5 cm of rho_M, relative position within 1 deg of the grasp axis, arm within 5 deg
+    of the target.
     """
     last = final(result, 200.0, attitude_start(result) + SLEW)
     near = np.abs(result[RANGE] - safe_distance(result)) <= 0.05

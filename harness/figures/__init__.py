@@ -1,4 +1,6 @@
-"""Figures of results as tables, one file per system; a figure is drawn if the result holds what it needs."""
+"""Figures of results as tables, one file per system; a figure is drawn if the result holds what it
+needs.
+"""
 
 from __future__ import annotations
 

@@ -1,10 +1,11 @@
 """Histories that follow from several variables of a result.
 
-A row holds the states of the plants at its time, and what the flight software made of the states at its last sample,
-one sample earlier. Where every sample was recorded, the reference of a state therefore stands in the next row; the last
-row, which has no next one, repeats the error of the row before. With rows further apart than samples the reference of
-the same row is taken, and the errors contain its motion during one sample. Which of the two it is shows in the first
-rows: the outputs at t = 0 and those of the first sample are the same.
+A row holds the states of the plants at its time, and what the flight software made of the states at
+its last sample, one sample earlier. Where every sample was recorded, the reference of a state
+therefore stands in the next row; the last row, which has no next one, repeats the error of the row
+before. With rows further apart than samples the reference of the same row is taken, and the errors
+contain its motion during one sample. Which of the two it is shows in the first rows: the outputs at
+t = 0 and those of the first sample are the same.
 """
 
 from __future__ import annotations
@@ -25,7 +26,9 @@ ATTITUDE, REFERENCE_ATTITUDE = "servicer.q_SN", "guidance.q_DN"
 
 def position_error(result: Result) -> Array:
     """Distance of the servicer from its reference position, (rows,) [m]."""
-    return _aligned(_relative(result), result[REFERENCE], lambda a, b: np.linalg.norm(a - b, axis=1))
+    return _aligned(
+        _relative(result), result[REFERENCE], lambda a, b: np.linalg.norm(a - b, axis=1)
+    )
 
 
 def range_error(result: Result) -> Array:
@@ -34,7 +37,9 @@ def range_error(result: Result) -> Array:
 
 
 def attitude_error(result: Result) -> Array:
-    """Angle between the attitude of the servicer and the reference attitude, 0 to pi, (rows,) [rad]."""
+    """Angle between the attitude of the servicer and the reference attitude, 0 to pi, (rows,)
+    [rad].
+    """
     return _aligned(result[ATTITUDE], result[REFERENCE_ATTITUDE], rotation_angle)
 
 
@@ -49,7 +54,9 @@ def relative_speed(result: Result) -> Array:
 
 
 def rotation_angle(a: Array, b: Array) -> Array:
-    """Angle of the rotation between attitudes given by quaternions (rows, 4), scalar first; 0 to pi, (rows,) [rad]."""
+    """Angle of the rotation between attitudes given by quaternions (rows, 4), scalar first; 0 to
+    pi, (rows,) [rad].
+    """
     scalar = np.abs(np.sum(a * b, axis=1))
     vector = a[:, :1] * b[:, 1:] - b[:, :1] * a[:, 1:] + np.cross(a[:, 1:], b[:, 1:])
     return np.asarray(2 * np.arctan2(_norm(vector), scalar))

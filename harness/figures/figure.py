@@ -1,4 +1,6 @@
-"""What a figure is: panels of curves over time as data, or a drawing of its own; both say what they need."""
+"""What a figure is: panels of curves over time as data, or a drawing of its own; both say what they
+need.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +23,8 @@ AXES = ("x", "y", "z")
 class Curve:
     """One history of a panel, with one line per element.
 
-    source: a variable, or a function of the result that `needs` these variables; convert: maps the history of the
-    variable to what is drawn; labels: of the elements.
+    source: a variable, or a function of the result that `needs` these variables; convert: maps the
+    history of the variable to what is drawn; labels: of the elements.
     """
 
     source: str | Callable[[Result], Array]
@@ -55,7 +57,9 @@ class Panel:
 
 @dataclass(frozen=True)
 class Figure:
-    """Panels from top to bottom; name: of the file; when: variables by which the result is known to be meant."""
+    """Panels from top to bottom; name: of the file; when: variables by which the result is known to
+    be meant.
+    """
 
     name: str
     title: str
@@ -70,7 +74,9 @@ class Figure:
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure that is no history; draw: into an empty figure of matplotlib; parameters: of the run that it needs."""
+    """A figure that is no history; draw: into an empty figure of matplotlib; parameters: of the run
+    that it needs.
+    """
 
     name: str
     title: str
@@ -86,7 +92,9 @@ class Drawing:
 
 @dataclass(frozen=True)
 class Overlay:
-    """A drawing of several runs; draw: into an empty figure, from the runs and their colours by label."""
+    """A drawing of several runs; draw: into an empty figure, from the runs and their colours by
+    label.
+    """
 
     name: str
     title: str
@@ -122,14 +130,18 @@ def draw_paths(
     plane: tuple[int, int],
     colours: Mapping[str, str] | None = None,
 ) -> Axes:
-    """Paths (rows, 3) with a style each, in space and seen along one axis; returns the axes of the plane.
+    """Paths (rows, 3) with a style each, in space and seen along one axis; returns the axes of the
+    plane.
 
-    names: of the three coordinates; plane: horizontal and vertical coordinate of the second view; colours: by label.
+    names: of the three coordinates; plane: horizontal and vertical coordinate of the second view;
+    colours: by label.
     """
     space = canvas.add_subplot(1, 2, 1, projection="3d")
     flat = canvas.add_subplot(1, 2, 2)
     for label, (path, style) in paths.items():
-        look = {"linewidth": 1, "label": label} | ({"color": colours[label]} if colours and label in colours else {})
+        look = {"linewidth": 1, "label": label} | (
+            {"color": colours[label]} if colours and label in colours else {}
+        )
         space.plot(*path.T, style, **look)
         flat.plot(path[:, plane[0]], path[:, plane[1]], style, **look)
     space.set(xlabel=names[0], ylabel=names[1], zlabel=names[2])

@@ -1,4 +1,5 @@
-"""Figures of several runs in one: every panel shows one quantity, every run has a colour of its own.
+"""Figures of several runs in one: every panel shows one quantity, every run has a colour of its
+own.
 
 For ppc_tracking they are the counterparts of figures 2 to 8 of Yin et al. 2017.
 """
@@ -37,7 +38,10 @@ def _sum(name: str, first: int = 0, last: int | None = None) -> Curve:
 
 
 def _per_axis(what: str, unit: str, name: str, labels: tuple[str, ...] = AXES) -> tuple[Panel, ...]:
-    return tuple(Panel(f"{what} {label} [{unit}]", (Curve(f"{name}[{i}]"),)) for i, label in enumerate(labels, start=1))
+    return tuple(
+        Panel(f"{what} {label} [{unit}]", (Curve(f"{name}[{i}]"),))
+        for i, label in enumerate(labels, start=1)
+    )
 
 
 def _trajectories(canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, str]) -> None:
@@ -49,7 +53,9 @@ def _trajectories(canvas: Axes, results: Mapping[str, Result], colours: Mapping[
 
 
 def _sections(canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, str]) -> None:
-    """Poincare sections of all runs in one, and their pitch over the eccentricity: the bifurcation diagram."""
+    """Poincare sections of all runs in one, and their pitch over the eccentricity: the bifurcation
+    diagram.
+    """
     section, diagram = canvas.add_subplot(1, 2, 1), canvas.add_subplot(1, 2, 2)
     for label, result in results.items():
         pitch, rate = strobe(result)
@@ -72,7 +78,12 @@ FIGURES: tuple[Figure | Overlay, ...] = (
         _sections,
         parameters=(ECCENTRICITY,),
     ),
-    Overlay("compared_trajectory", "Paths relative to the target, N axes", (SERVICER, TARGET), _trajectories),
+    Overlay(
+        "compared_trajectory",
+        "Paths relative to the target, N axes",
+        (SERVICER, TARGET),
+        _trajectories,
+    ),
     Figure(
         "compared_range",
         "Range and speed",
@@ -85,7 +96,11 @@ FIGURES: tuple[Figure | Overlay, ...] = (
         "compared_errors",
         "Distance and angle from the reference",
         (
-            Panel("position [m]", (Curve(position_error, needs=(SERVICER, TARGET, REFERENCE)),), log=True),
+            Panel(
+                "position [m]",
+                (Curve(position_error, needs=(SERVICER, TARGET, REFERENCE)),),
+                log=True,
+            ),
             Panel(
                 "attitude [deg]",
                 (Curve(attitude_error, convert=degrees, needs=(ATTITUDE, REFERENCE_ATTITUDE)),),
@@ -101,14 +116,25 @@ FIGURES: tuple[Figure | Overlay, ...] = (
             Panel("azimuth [deg]", (Curve("guidance.los.azimuth", convert=degrees),)),
         ),
     ),
-    Figure("compared_quaternion", "Actual and desired (dashed) attitude", tuple(quaternion(k) for k in (1, 2, 3)), LOS),
+    Figure(
+        "compared_quaternion",
+        "Actual and desired (dashed) attitude",
+        tuple(quaternion(k) for k in (1, 2, 3)),
+        LOS,
+    ),
     Figure(
         "compared_acceleration",
         "Commanded acceleration along the line-of-sight axes",
         _per_axis("a", "m/s2", "controller.a_cmd_L", ("range", "elevation", "azimuth")),
     ),
-    Figure("compared_force", "Force on the servicer, body axes", _per_axis("F", "N", "propulsion.F_S")),
-    Figure("compared_torque", "Torque on the servicer, body axes", _per_axis("M", "N m", "propulsion.M_S")),
+    Figure(
+        "compared_force", "Force on the servicer, body axes", _per_axis("F", "N", "propulsion.F_S")
+    ),
+    Figure(
+        "compared_torque",
+        "Torque on the servicer, body axes",
+        _per_axis("M", "N m", "propulsion.M_S"),
+    ),
     Figure(
         "compared_wheels",
         "Wheel speeds",
@@ -116,7 +142,9 @@ FIGURES: tuple[Figure | Overlay, ...] = (
         ("guidance.rho_H",),
     ),
     Figure(
-        "compared_impulse", "Impulse of all axes or thrusters so far", (Panel("[N s]", (_sum("propulsion.impulse"),)),)
+        "compared_impulse",
+        "Impulse of all axes or thrusters so far",
+        (Panel("[N s]", (_sum("propulsion.impulse"),)),),
     ),
     Figure(
         "compared_engines",

@@ -1,4 +1,6 @@
-"""What the pitch motion of the space robot shows once per orbit and over many: strobe points and spectrum."""
+"""What the pitch motion of the space robot shows once per orbit and over many: strobe points and
+spectrum.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,8 @@ def orbits(result: Result) -> float:
 
 
 def strobe(result: Result) -> tuple[Array, Array]:
-    """Pitch in [-pi, pi) [rad] and its derivative by the true anomaly, once per orbit at the anomaly of the start.
+    """Pitch in [-pi, pi) [rad] and its derivative by the true anomaly, once per orbit at the
+    anomaly of the start.
 
     The motion is interpolated between the rows: they must be much closer than an orbit.
     """
@@ -31,7 +34,8 @@ def strobe(result: Result) -> tuple[Array, Array]:
 
 
 def spectrum(result: Result) -> tuple[Array, Array]:
-    """Frequencies [1/orbit] and amplitudes [rad] of the pitch over the true anomaly, mean taken out, Hann window.
+    """Frequencies [1/orbit] and amplitudes [rad] of the pitch over the true anomaly, mean taken
+    out, Hann window.
 
     The amplitude of a single line is that of its sinusoid.
     """

@@ -1,11 +1,23 @@
-"""Figures of approaches in line-of-sight coordinates: counterparts of figures 2 to 6 of Yin et al. 2017, funnels."""
+"""Figures of approaches in line-of-sight coordinates: counterparts of figures 2 to 6 of Yin et al.
+2017, funnels.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from harness.figures.derived import ATTITUDE, REFERENCE_ATTITUDE, SERVICER, TARGET, attitude_error
-from harness.figures.figure import AXES, Array, Axes, Curve, Drawing, Figure, Panel, degrees, draw_paths
+from harness.figures.figure import (
+    AXES,
+    Array,
+    Axes,
+    Curve,
+    Drawing,
+    Figure,
+    Panel,
+    degrees,
+    draw_paths,
+)
 from harness.results import Result
 
 LOS = ("guidance.los.elevation",)
@@ -33,7 +45,9 @@ def _angle(name: str) -> Panel:
 def _desired_attitude(result: Result) -> Array:
     """The quaternion of the reference with the sign of the servicer's, (rows, 4)."""
     actual, desired = result[ATTITUDE], result[REFERENCE_ATTITUDE]
-    return np.asarray(desired * np.where(np.sum(actual * desired, axis=1, keepdims=True) < 0, -1.0, 1.0))
+    return np.asarray(
+        desired * np.where(np.sum(actual * desired, axis=1, keepdims=True) < 0, -1.0, 1.0)
+    )
 
 
 def quaternion(k: int) -> Panel:
@@ -50,19 +64,33 @@ def _widest(alpha: Array) -> Array:
 
 def _funnel(name: str, unit: str, z: str, alpha: str) -> Panel:
     """Generalised states between plus and minus their bound."""
-    bounds = (Curve(alpha, "bound", _widest, style="k--"), Curve(alpha, "", lambda x: -_widest(x), style="k--"))
+    bounds = (
+        Curve(alpha, "bound", _widest, style="k--"),
+        Curve(alpha, "", lambda x: -_widest(x), style="k--"),
+    )
     return Panel(f"{name}: z [{unit}]", (Curve(z, ""), *bounds))
 
 
 FIGURES: tuple[Figure | Drawing, ...] = (
-    Drawing("trajectory", "Path of the servicer relative to the target, N axes", (SERVICER, TARGET, *LOS), _trajectory),
+    Drawing(
+        "trajectory",
+        "Path of the servicer relative to the target, N axes",
+        (SERVICER, TARGET, *LOS),
+        _trajectory,
+    ),
     Figure("line_of_sight", "Line of sight", (_angle("elevation"), _angle("azimuth"))),
     Figure(
         "acceleration",
         "Commanded acceleration along the line-of-sight axes",
-        (Panel("[m/s2]", (Curve("controller.a_cmd_L", labels=("range", "elevation", "azimuth")),)),),
+        (
+            Panel(
+                "[m/s2]", (Curve("controller.a_cmd_L", labels=("range", "elevation", "azimuth")),)
+            ),
+        ),
     ),
-    Figure("quaternion", "Actual and desired attitude", tuple(quaternion(k) for k in (1, 2, 3)), LOS),
+    Figure(
+        "quaternion", "Actual and desired attitude", tuple(quaternion(k) for k in (1, 2, 3)), LOS
+    ),
     Figure(
         "los_error",
         "Errors in line-of-sight coordinates",
@@ -77,15 +105,25 @@ FIGURES: tuple[Figure | Drawing, ...] = (
             ),
         ),
     ),
-    Figure("torque", "Torque, body axes", (Panel("[N m]", (Curve("propulsion.M_S", labels=AXES),)),), LOS),
+    Figure(
+        "torque",
+        "Torque, body axes",
+        (Panel("[N m]", (Curve("propulsion.M_S", labels=AXES),)),),
+        LOS,
+    ),
     Figure(
         "funnel",
         "Generalised states within their bounds",
         (
-            *(_funnel(name, unit, f"controller.z.{name}", f"controller.alpha.{name}") for name, unit in CHANNELS),
+            *(
+                _funnel(name, unit, f"controller.z.{name}", f"controller.alpha.{name}")
+                for name, unit in CHANNELS
+            ),
             _funnel("attitude", "1", "controller.z_att", "controller.alpha_att"),
             Panel(
-                "kappa", (Curve("controller.kappa", "position"), Curve("controller.kappa_att", "attitude")), level=1.0
+                "kappa",
+                (Curve("controller.kappa", "position"), Curve("controller.kappa_att", "attitude")),
+                level=1.0,
             ),
         ),
     ),

@@ -1,4 +1,6 @@
-"""Figures of the relay approach: counterparts of figures 6 to 9 of Kozlova & Fomichev 2023, firings, phase planes."""
+"""Figures of the relay approach: counterparts of figures 6 to 9 of Kozlova & Fomichev 2023,
+firings, phase planes.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +15,15 @@ PURSUIT = ("guidance.q_DS",)
 HOLD = 50.0
 """Range at which the servicer shall stay [m]."""
 IN_ORBIT = 1e6
-"""A target farther than that [m] from the origin of N is in orbit, and paths are drawn relative to it."""
+"""A target farther than that [m] from the origin of N is in orbit, and paths are drawn relative to
+it.
+"""
 ENGINES = (*(f"P{i}" for i in range(1, 9)), *(f"P'{i}" for i in range(1, 6)))
 """The thrusters of the paper: attitude, brakes, main engine."""
 COLUMNS = 1500
-"""Columns of the firing chart; more rows than that are put together, the largest thrust of each counts."""
+"""Columns of the firing chart; more rows than that are put together, the largest thrust of each
+counts.
+"""
 WINDOW = 5.0
 """Half width of a phase plane, in units of where its outer switching line meets the axes."""
 
@@ -84,7 +90,11 @@ def _group(first: int, last: int, what: str, label: str) -> Curve:
 
 
 def _groups(what: str) -> tuple[Curve, ...]:
-    return _group(0, 8, what, "attitude"), _group(8, 12, what, "brakes"), _group(12, 13, what, "main engine")
+    return (
+        _group(0, 8, what, "attitude"),
+        _group(8, 12, what, "brakes"),
+        _group(12, 13, what, "main engine"),
+    )
 
 
 def _firing_chart(canvas: Axes, result: Result) -> None:
@@ -97,7 +107,13 @@ def _firing_chart(canvas: Axes, result: Result) -> None:
         part = thrust[:, exist] / thrust[:, exist].max(axis=0)
         span = (result.time[0], result.time[-1], len(exist) - 0.5, -0.5)
         image = axes.imshow(
-            _thinned(part).T, aspect="auto", extent=span, cmap="Greys", vmin=0, vmax=1, interpolation="none"
+            _thinned(part).T,
+            aspect="auto",
+            extent=span,
+            cmap="Greys",
+            vmin=0,
+            vmax=1,
+            interpolation="none",
         )
         canvas.colorbar(image, label="part of the largest thrust")
     axes.set_yticks(range(len(exist)), names)
@@ -106,7 +122,9 @@ def _firing_chart(canvas: Axes, result: Result) -> None:
 
 def _thinned(rows: Array) -> Array:
     """At most COLUMNS rows, each the largest of those it stands for."""
-    starts = np.unique(np.linspace(0, len(rows), min(len(rows), COLUMNS), endpoint=False).astype(int))
+    starts = np.unique(
+        np.linspace(0, len(rows), min(len(rows), COLUMNS), endpoint=False).astype(int)
+    )
     return np.asarray(np.maximum.reduceat(rows, starts, axis=0))
 
 
@@ -120,17 +138,29 @@ def _phase_planes(canvas: Axes, result: Result) -> None:
     """Error and its derivative with the lines Kp e + Kd e' = const at which the relays switch."""
     Kp, Kd, off, on = (result.parameter(name) for name in TRANSLATION)
     error, sigma = result["controller.e_v"], result["controller.sigma_v"]
-    _phase_plane(canvas.add_subplot(2, 2, 1), error, sigma, (Kp, Kd, off, on), ("speed error along X [m/s]", "m/s2"))
+    _phase_plane(
+        canvas.add_subplot(2, 2, 1),
+        error,
+        sigma,
+        (Kp, Kd, off, on),
+        ("speed error along X [m/s]", "m/s2"),
+    )
     Kp, Kd, off, on = (result.parameter(name) for name in ROTATION)
     errors, sigmas = result["controller.domega_S"], result["controller.sigma_w"]
     for k, axis in enumerate(AXES):
         axes = canvas.add_subplot(2, 2, 2 + k)
         gains = (Kp[k], Kd[k], off[k], on[k])
-        _phase_plane(axes, errors[:, k], sigmas[:, k], gains, (f"rate error about {axis} [rad/s]", "rad/s2"))
+        _phase_plane(
+            axes, errors[:, k], sigmas[:, k], gains, (f"rate error about {axis} [rad/s]", "rad/s2")
+        )
 
 
-def _phase_plane(axes: Axes, error: Array, sigma: Array, gains: tuple[Array, ...], names: tuple[str, str]) -> None:
-    """names: of the error, and the unit of its derivative. A gain Kd = 0 leaves no derivative to be drawn."""
+def _phase_plane(
+    axes: Axes, error: Array, sigma: Array, gains: tuple[Array, ...], names: tuple[str, str]
+) -> None:
+    """names: of the error, and the unit of its derivative. A gain Kd = 0 leaves no derivative to be
+    drawn.
+    """
     Kp, Kd, off, on = (float(gain) for gain in gains)
     x, y = (WINDOW * on / gain if gain else 1.0 for gain in (Kp, Kd))
     axes.plot(error, (sigma - Kp * error) / Kd if Kd else 0 * error, ".", markersize=1, color="C0")
@@ -145,8 +175,15 @@ def _phase_plane(axes: Axes, error: Array, sigma: Array, gains: tuple[Array, ...
 
 
 FIGURES: tuple[Figure | Drawing, ...] = (
-    Drawing("trajectory", "Paths of servicer and target", (SERVICER, TARGET, *PURSUIT), _trajectory),
-    Figure("coordinates", "Coordinates", tuple(Panel(f"{a} [m]", _coordinate(k)) for k, a in enumerate(AXES)), PURSUIT),
+    Drawing(
+        "trajectory", "Paths of servicer and target", (SERVICER, TARGET, *PURSUIT), _trajectory
+    ),
+    Figure(
+        "coordinates",
+        "Coordinates",
+        tuple(Panel(f"{a} [m]", _coordinate(k)) for k, a in enumerate(AXES)),
+        PURSUIT,
+    ),
     Figure(
         "rates",
         "Required and actual angular velocity, body axes",

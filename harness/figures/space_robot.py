@@ -1,4 +1,6 @@
-"""Figures of the space robot: pitch motion with Poincare section and spectrum, attitude, joints, momentum, energy."""
+"""Figures of the space robot: pitch motion with Poincare section and spectrum, attitude, joints,
+momentum, energy.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,11 @@ def _section_and_spectrum(canvas: Axes, result: Result) -> None:
     section, lines = canvas.add_subplot(1, 2, 1), canvas.add_subplot(1, 2, 2)
     pitch, rate = strobe(result)
     section.plot(np.degrees(pitch), rate, ".", markersize=4)
-    section.set(xlabel="pitch [deg]", ylabel="its derivative by the true anomaly", title=f"{len(pitch)} points")
+    section.set(
+        xlabel="pitch [deg]",
+        ylabel="its derivative by the true anomaly",
+        title=f"{len(pitch)} points",
+    )
     if orbits(result) > 1:
         frequency, amplitude = spectrum(result)
         shown = (frequency > 0) & (frequency <= FASTEST)
@@ -63,7 +69,13 @@ FIGURES: tuple[Figure | Drawing, ...] = (
         "Angular momentum about the centre of mass and energy",
         (
             Panel("h, N axes [N m s]", (Curve("robot.h_N"),)),
-            Panel("[J]", (Curve("robot.kinetic_energy", "kinetic"), Curve("robot.potential_energy", "potential"))),
+            Panel(
+                "[J]",
+                (
+                    Curve("robot.kinetic_energy", "kinetic"),
+                    Curve("robot.potential_energy", "potential"),
+                ),
+            ),
         ),
     ),
 )

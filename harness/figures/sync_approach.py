@@ -4,7 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.figures.figure import Array, Axes, Curve, Drawing, Figure, Panel, degrees, draw_paths, norm
+from harness.figures.figure import (
+    Array,
+    Axes,
+    Curve,
+    Drawing,
+    Figure,
+    Panel,
+    degrees,
+    draw_paths,
+    norm,
+)
 from harness.results import Result
 
 J_LABELS = ("J11", "J12", "J13", "J22", "J23", "J33")
@@ -19,10 +29,16 @@ def _mrp_angle(sigma: Array) -> Array:
 
 
 def _approach(canvas: Axes, result: Result) -> None:
-    """Path of the servicer about the target in Hill axes: in space, and seen along the orbit normal."""
+    """Path of the servicer about the target in Hill axes: in space, and seen along the orbit
+    normal.
+    """
     actual, reference = result["guidance.rho_H"], result["guidance.rho_ref_H"]
     names = ("radial x [m]", "along track y [m]", "normal z [m]")
-    paths = {"servicer": (actual, "-"), "reference": (reference[1:], "--"), "target": (np.zeros((1, 3)), "ko")}
+    paths = {
+        "servicer": (actual, "-"),
+        "reference": (reference[1:], "--"),
+        "target": (np.zeros((1, 3)), "ko"),
+    }
     plane = draw_paths(canvas, paths, names, (1, 0))
     plane.plot(actual[0, 1], actual[0, 0], "g^", label="start")
     plane.legend(fontsize="small")
@@ -55,14 +71,24 @@ FIGURES: tuple[Figure | Drawing, ...] = (
     Figure(
         "estimated_mass",
         "Estimated and true mass",
-        (Panel("mass [kg]", (Curve("controller.m_hat", "estimate"), Curve("servicer.mass", "true", style="--"))),),
+        (
+            Panel(
+                "mass [kg]",
+                (Curve("controller.m_hat", "estimate"), Curve("servicer.mass", "true", style="--")),
+            ),
+        ),
     ),
     Figure(
         "attitude_error",
         "Attitude error",
         (
             Panel("MRP of S relative to D", (Curve("controller.epsilon"),), after=ATTITUDE_START),
-            Panel("angle [deg]", (Curve("controller.epsilon", convert=_mrp_angle),), after=ATTITUDE_START, log=True),
+            Panel(
+                "angle [deg]",
+                (Curve("controller.epsilon", convert=_mrp_angle),),
+                after=ATTITUDE_START,
+                log=True,
+            ),
         ),
     ),
     Figure(

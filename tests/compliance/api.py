@@ -1,4 +1,6 @@
-"""The C interface of FMI 2.0 for co-simulation, as ctypes sees it: statuses, callbacks, signatures."""
+"""The C interface of FMI 2.0 for co-simulation, as ctypes sees it: statuses, callbacks,
+signatures.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,12 @@ class Callbacks(ctypes.Structure):
     )
 
 
-REFERENCES, REALS, INTEGERS, TEXTS = POINTER(c_uint), POINTER(c_double), POINTER(c_int), POINTER(c_char_p)
+REFERENCES, REALS, INTEGERS, TEXTS = (
+    POINTER(c_uint),
+    POINTER(c_double),
+    POINTER(c_int),
+    POINTER(c_char_p),
+)
 STATE, STATES, BYTES = c_void_p, POINTER(c_void_p), POINTER(c_char)
 
 ARGUMENTS = {
@@ -77,7 +84,16 @@ ARGUMENTS = {
 OTHERS = {
     "fmi2GetTypesPlatform": (c_char_p,),
     "fmi2GetVersion": (c_char_p,),
-    "fmi2Instantiate": (c_void_p, c_char_p, c_int, c_char_p, c_char_p, POINTER(Callbacks), c_int, c_int),
+    "fmi2Instantiate": (
+        c_void_p,
+        c_char_p,
+        c_int,
+        c_char_p,
+        c_char_p,
+        POINTER(Callbacks),
+        c_int,
+        c_int,
+    ),
     "fmi2FreeInstance": (None, c_void_p),
 }
 """The rest: result, then arguments."""

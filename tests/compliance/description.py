@@ -12,7 +12,9 @@ from xml.etree import ElementTree
 
 
 class Variable(NamedTuple):
-    """A scalar variable; values that the description leaves out are None, bounds infinite, the nominal value 1."""
+    """A scalar variable; values that the description leaves out are None, bounds infinite, the
+    nominal value 1.
+    """
 
     name: str
     reference: int
@@ -64,7 +66,9 @@ class Description:
 
     @cached_property
     def variables(self) -> list[Variable]:
-        return [_variable(element) for element in self.root.findall("ModelVariables/ScalarVariable")]
+        return [
+            _variable(element) for element in self.root.findall("ModelVariables/ScalarVariable")
+        ]
 
     @cached_property
     def by_name(self) -> dict[str, Variable]:

@@ -1,6 +1,8 @@
-"""The FMUs under test: every archive in the folder fmus/ of the build, found when the tests are collected.
+"""The FMUs under test: every archive in the folder fmus/ of the build, found when the tests are
+collected.
 
-The environment variable SERVICING_FMUS_BUILD names another build folder, relative to the repository.
+The environment variable SERVICING_FMUS_BUILD names another build folder, relative to the
+repository.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""Reads just enough of a PNG file to know that it is one (PNG specification, chapters 5, 9 and 11)."""
+"""Reads just enough of a PNG file to know that it is one (PNG specification, chapters 5, 9 and
+11).
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ def chunks(data: bytes):
 
 
 def size(data: bytes) -> tuple[int, int]:
-    """Width and height, after all pixels have been unpacked; ValueError if this is not a whole picture."""
+    """Width and height, after all pixels have been unpacked; ValueError if this is not a whole
+    picture.
+    """
     found = list(chunks(data))
     if found[0][0] != b"IHDR" or found[-1] != (b"IEND", b""):
         raise ValueError("begin or end is missing")

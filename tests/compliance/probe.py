@@ -1,6 +1,8 @@
-"""A master of the smallest kind: raw FMI 2.0 calls by ctypes, with callbacks of its own. No FMPy, no harness.
+"""A master of the smallest kind: raw FMI 2.0 calls by ctypes, with callbacks of its own. No FMPy,
+no harness.
 
-`Instance.call` makes one call and returns its status; the named methods are what a master does and insist on fmi2OK.
+`Instance.call` makes one call and returns its status; the named methods are what a master does and
+insist on fmi2OK.
 """
 
 from __future__ import annotations
@@ -17,10 +19,16 @@ from typing import NamedTuple
 from tests.compliance import api, description
 from tests.compliance.api import Status
 
-PLATFORMS = {"linux": ("linux64", ".so"), "darwin": ("darwin64", ".dylib"), "win32": ("win64", ".dll")}
+PLATFORMS = {
+    "linux": ("linux64", ".so"),
+    "darwin": ("darwin64", ".dylib"),
+    "win32": ("win64", ".dll"),
+}
 FOLDER, ENDING = PLATFORMS[sys.platform]
 GRIDS = ("max_step", "sample_period", "T0")
-"""Names of the parameters that are the internal step of a plant, the period of software, the call period of thrusters."""
+"""Names of the parameters that are the internal step of a plant, the period of software, the call
+period of thrusters.
+"""
 
 LIBC = ctypes.CDLL(None)
 LIBC.calloc.restype, LIBC.calloc.argtypes = c_void_p, (c_size_t, c_size_t)
@@ -40,7 +48,9 @@ class Message(NamedTuple):
 
 
 class Host:
-    """The callbacks of a master: keeps the messages, counts the memory, and can run out of it at the n-th request."""
+    """The callbacks of a master: keeps the messages, counts the memory, and can run out of it at
+    the n-th request.
+    """
 
     ENVIRONMENT = 0x5EC
 
@@ -58,7 +68,9 @@ class Host:
         )
 
     def _log(self, environment, instance, status, category, text):
-        self.messages.append(Message(_text(instance), status, _text(category), _text(text), environment))
+        self.messages.append(
+            Message(_text(instance), status, _text(category), _text(text), environment)
+        )
 
     def _allocate(self, count, size):
         self.requests += 1
@@ -75,7 +87,11 @@ class Host:
 
     @property
     def errors(self) -> list[str]:
-        return [m.text for m in self.messages if m.category == "logStatusError" and m.status == Status.ERROR]
+        return [
+            m.text
+            for m in self.messages
+            if m.category == "logStatusError" and m.status == Status.ERROR
+        ]
 
 
 class Fmu:
@@ -103,18 +119,31 @@ class Fmu:
         return self.about.of("parameter")
 
     def settings(self, **rows) -> dict[str, float]:
-        """Values of rows by element name, as far as this FMU has such rows: settings(J_T=[...], max_step=0.1)."""
+        """Values of rows by element name, as far as this FMU has such rows: settings(J_T=[...],
+        max_step=0.1).
+        """
         elements = {row: [v.name for v in self.about.variables if v.row == row] for row in rows}
-        values = {row: value if isinstance(value, list | tuple) else [value] for row, value in rows.items()}
-        return {name: float(x) for row in rows for name, x in zip(elements[row], values[row], strict=False)}
+        values = {
+            row: value if isinstance(value, list | tuple) else [value]
+            for row, value in rows.items()
+        }
+        return {
+            name: float(x)
+            for row in rows
+            for name, x in zip(elements[row], values[row], strict=False)
+        }
 
     def sampled_every(self, period: float) -> dict[str, float]:
-        """Parameters that make plants integrate and software sample on the grid k * period, whatever the master does."""
+        """Parameters that make plants integrate and software sample on the grid k * period,
+        whatever the master does.
+        """
         return self.settings(**dict.fromkeys(GRIDS, period))
 
 
 def excitation(variables, k: int) -> dict[str, float]:
-    """Values of inputs at step k: near the start values, different for every variable and step, within the bounds."""
+    """Values of inputs at step k: near the start values, different for every variable and step,
+    within the bounds.
+    """
     return {v.name: _wave(v, math.sin(0.7 * k + 1.3 * i + 0.1)) for i, v in enumerate(variables)}
 
 
@@ -127,10 +156,20 @@ def _wave(v: description.Variable, wave: float) -> float:
 class Instance:
     """One instance of an FMU. Frees itself at the end of a `with` block."""
 
-    def __init__(self, fmu: Fmu, name="probe", *, host=None, logging=True, guid=None, kind=api.CO_SIMULATION):
+    def __init__(
+        self, fmu: Fmu, name="probe", *, host=None, logging=True, guid=None, kind=api.CO_SIMULATION
+    ):
         self.fmu, self.library, self.host = fmu, fmu.library, host or Host()
         guid = fmu.about.guid if guid is None else guid
-        arguments = (name.encode(), kind, guid.encode(), fmu.resources, byref(self.host.callbacks), 0, int(logging))
+        arguments = (
+            name.encode(),
+            kind,
+            guid.encode(),
+            fmu.resources,
+            byref(self.host.callbacks),
+            0,
+            int(logging),
+        )
         self.handle = self.library.fmi2Instantiate(*arguments)
 
     def __enter__(self):
@@ -149,7 +188,9 @@ class Instance:
 
     def ok(self, function: str, *arguments) -> None:
         status = self.call(function, *arguments)
-        assert status is Status.OK, f"{self.fmu.name}: {function} answered {status.name}: {self.host.errors[-1:]}"
+        assert status is Status.OK, (
+            f"{self.fmu.name}: {function} answered {status.name}: {self.host.errors[-1:]}"
+        )
 
     # ---- values
 
@@ -161,7 +202,10 @@ class Instance:
         assert self.try_set(values) is Status.OK, self.host.errors[-1:]
 
     def values(self, variables) -> ctypes.Array:
-        where, buffer = api.references([v.reference for v in variables]), api.reals([0] * len(variables))
+        where, buffer = (
+            api.references([v.reference for v in variables]),
+            api.reals([0] * len(variables)),
+        )
         self.ok("fmi2GetReal", where, len(where), buffer)
         return buffer
 
@@ -173,10 +217,14 @@ class Instance:
         return bytes(self.values(self.fmu.outputs))
 
     def derivative(self, known, seed, unknown=None) -> tuple[Status, list[float]]:
-        """Of the unknown outputs (default: all) along the seed; values that were not written are NaN."""
+        """Of the unknown outputs (default: all) along the seed; values that were not written are
+        NaN.
+        """
         unknown = self.fmu.outputs if unknown is None else unknown
         result = api.reals([math.nan] * len(unknown))
-        rows, columns = (api.references([v.reference for v in variables]) for variables in (unknown, known))
+        rows, columns = (
+            api.references([v.reference for v in variables]) for variables in (unknown, known)
+        )
         arguments = (rows, len(unknown), columns, len(known), api.reals(seed), result)
         return self.call("fmi2GetDirectionalDerivative", *arguments), list(result)
 
@@ -201,7 +249,9 @@ class Instance:
         self.ok("fmi2DoStep", t, h, 0)
 
     def fly(self, steps: int, h=0.1, first=0, wave=0) -> bytes:
-        """Steps first, first+1, ... of size h under excitation; the bits of all outputs after every step."""
+        """Steps first, first+1, ... of size h under excitation; the bits of all outputs after every
+        step.
+        """
         record = bytearray()
         for k in range(first, first + steps):
             self.set(excitation(self.fmu.inputs, k + wave))
@@ -231,7 +281,10 @@ class Instance:
 
     def try_deserialize(self, data: bytes, state: c_void_p) -> Status:
         return self.call(
-            "fmi2DeSerializeFMUstate", ctypes.create_string_buffer(data, len(data)), len(data), byref(state)
+            "fmi2DeSerializeFMUstate",
+            ctypes.create_string_buffer(data, len(data)),
+            len(data),
+            byref(state),
         )
 
     def deserialize(self, data: bytes) -> c_void_p:

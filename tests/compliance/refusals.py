@@ -1,4 +1,6 @@
-"""What a refusal must look like: a message that says who and why, and an instance that is as it was and goes on."""
+"""What a refusal must look like: a message that says who and why, and an instance that is as it was
+and goes on.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,9 @@ from tests.compliance.probe import Instance
 
 @contextmanager
 def refused(instance, function, *words):
-    """What happens inside must be refused by `function` with one message that has these words, and change nothing."""
+    """What happens inside must be refused by `function` with one message that has these words, and
+    change nothing.
+    """
     before, host = instance.snapshot(), instance.host
     host.messages.clear()
     answer = []

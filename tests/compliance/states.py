@@ -1,7 +1,8 @@
-"""Which calls FMI 2.0 allows in which state of a co-simulation slave (section 4.2.4), and how to get there.
+"""Which calls FMI 2.0 allows in which state of a co-simulation slave (section 4.2.4), and how to
+get there.
 
-Our slaves never return fmi2Pending or fmi2Discard from fmi2DoStep, so the states stepInProgress, stepFailed and
-stepCanceled do not occur.
+Our slaves never return fmi2Pending or fmi2Discard from fmi2DoStep, so the states stepInProgress,
+stepFailed and stepCanceled do not occur.
 """
 
 from __future__ import annotations
@@ -48,10 +49,13 @@ fmi2GetIntegerStatus               .                 .                 x        
 fmi2GetBooleanStatus               .                 .                 x            x         o
 fmi2GetStringStatus                .                 .                 x            x         o
 """
-"""x: allowed, .: forbidden, o: forbidden by the standard and answered all the same, because a master that meets a failed
-step asks for fmi2LastSuccessfulTime, and the answer does no harm."""
+"""x: allowed, .: forbidden, o: forbidden by the standard and answered all the same, because a
+master that meets a failed step asks for fmi2LastSuccessfulTime, and the answer does no harm."""
 
-MARKS = {line.split()[0]: dict(zip(STATES, line.split()[1:], strict=True)) for line in TABLE.splitlines()[2:]}
+MARKS = {
+    line.split()[0]: dict(zip(STATES, line.split()[1:], strict=True))
+    for line in TABLE.splitlines()[2:]
+}
 
 
 def allowed(function: str, state: str) -> bool:
@@ -97,7 +101,9 @@ def _deserialize(instance: Instance, state: c_void_p) -> Status:
 STATE_CALLS = {
     "fmi2GetFMUstate": lambda instance, state: instance.call("fmi2GetFMUstate", byref(state)),
     "fmi2SetFMUstate": lambda instance, state: instance.call("fmi2SetFMUstate", state),
-    "fmi2FreeFMUstate": lambda instance, _: instance.call("fmi2FreeFMUstate", byref(instance.save())),
+    "fmi2FreeFMUstate": lambda instance, _: instance.call(
+        "fmi2FreeFMUstate", byref(instance.save())
+    ),
     "fmi2SerializedFMUstateSize": lambda instance, state: instance.call(
         "fmi2SerializedFMUstateSize", state, byref(api.c_size_t())
     ),
@@ -114,7 +120,11 @@ def _read(instance: Instance) -> Status:
 ARGUMENTS = {
     "fmi2SetDebugLogging": (1, 0, None),
     "fmi2SetupExperiment": (0, 0.0, 0.0, 0, 0.0),
-    **{f"fmi2{verb}{kind}": (None, 0, None) for verb in ("Get", "Set") for kind in ("Integer", "Boolean", "String")},
+    **{
+        f"fmi2{verb}{kind}": (None, 0, None)
+        for verb in ("Get", "Set")
+        for kind in ("Integer", "Boolean", "String")
+    },
     "fmi2SetRealInputDerivatives": (None, 0, None, None),
     "fmi2GetRealOutputDerivatives": (None, 0, None, None),
     "fmi2DoStep": (0.0, 0.1, 0),

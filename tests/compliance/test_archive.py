@@ -31,7 +31,11 @@ def files(archive):
 @pytest.fixture(scope="session")
 def sources(files):
     """Texts of the source files by name."""
-    return {name.removeprefix("sources/"): data.decode() for name, data in files.items() if name.startswith("sources/")}
+    return {
+        name.removeprefix("sources/"): data.decode()
+        for name, data in files.items()
+        if name.startswith("sources/")
+    }
 
 
 def is_expected(path, fmu):
@@ -52,7 +56,14 @@ def test_there_is_no_stray_file(archive, files):
 
 
 @pytest.mark.parametrize(
-    "stray", ["notes.txt", "sources/.x.c.swp", "binaries/linux64/other.so", "sources/a/b.c", "binaries/a.so"]
+    "stray",
+    [
+        "notes.txt",
+        "sources/.x.c.swp",
+        "binaries/linux64/other.so",
+        "sources/a/b.c",
+        "binaries/a.so",
+    ],
 )
 def test_a_stray_file_would_be_noticed(stray):
     assert not is_expected(stray, "target")
@@ -70,11 +81,18 @@ def test_entries_are_plain_files_with_relative_names_and_a_fixed_date(archive):
         assert ".." not in path.parts
         assert not entry.is_dir()
         assert stat.S_IFMT(entry.external_attr >> 16) in (0, stat.S_IFREG)
-        assert entry.date_time == (1980, 1, 1, 0, 0, 0), "the first date of zip archives, not that of the build"
+        assert entry.date_time == (1980, 1, 1, 0, 0, 0), (
+            "the first date of zip archives, not that of the build"
+        )
 
 
 def test_what_fmi_and_readers_look_for_is_there(archive, files):
-    for wanted in ("modelDescription.xml", "model.png", "documentation/index.html", "licenses/license.txt"):
+    for wanted in (
+        "modelDescription.xml",
+        "model.png",
+        "documentation/index.html",
+        "licenses/license.txt",
+    ):
         assert files[wanted]
     assert files[f"binaries/{FOLDER}/{archive.stem}{ENDING}"]
 
@@ -90,15 +108,25 @@ def test_every_listed_source_is_there_and_every_c_file_is_listed(about, sources)
 def test_sources_include_only_each_other_and_the_fmi_headers(sources):
     included = {name for text in sources.values() for name in INCLUDE.findall(text)}
     assert included <= set(sources) | STANDARD_HEADERS
-    assert not STANDARD_HEADERS & set(sources), "the headers of FMI come with the tool that compiles"
+    assert not STANDARD_HEADERS & set(sources), (
+        "the headers of FMI come with the tool that compiles"
+    )
 
 
 def test_sources_keep_away_from_the_process_and_its_files(sources):
-    """An FMU never exits, aborts, prints to the terminal, opens a file or keeps static variables."""
-    forbidden = re.compile(r"\b(exit|abort|_Exit|assert|printf|puts|putchar|fopen|system|setlocale|getenv)\s*\(")
-    assert [(name, found) for name, text in sources.items() for found in forbidden.findall(text)] == []
+    """An FMU never exits, aborts, prints to the terminal, opens a file or keeps static
+    variables.
+    """
+    forbidden = re.compile(
+        r"\b(exit|abort|_Exit|assert|printf|puts|putchar|fopen|system|setlocale|getenv)\s*\("
+    )
+    assert [
+        (name, found) for name, text in sources.items() for found in forbidden.findall(text)
+    ] == []
     variable = re.compile(r"^\s*static (?!const|inline)[^(\n]*[=;]", re.MULTILINE)
-    assert [(name, found) for name, text in sources.items() for found in variable.findall(text)] == []
+    assert [
+        (name, found) for name, text in sources.items() for found in variable.findall(text)
+    ] == []
 
 
 # ---- the library
@@ -107,11 +135,13 @@ def test_sources_keep_away_from_the_process_and_its_files(sources):
 @pytest.mark.skipif(shutil.which("nm") is None, reason="nm (binutils) is not installed")
 def test_the_library_exports_the_fmi_functions_and_nothing_else(fmu):
     library = fmu.folder / "binaries" / FOLDER / (fmu.name + ENDING)
-    lines = subprocess.run(["nm", "-D", "--defined-only", library], capture_output=True, text=True, check=True).stdout
+    lines = subprocess.run(
+        ["nm", "-D", "--defined-only", library], capture_output=True, text=True, check=True
+    ).stdout
     exported = {line.split()[-1].split("@")[0] for line in lines.splitlines()}
-    assert exported - {name for name in exported if name.startswith(("__asan", "__ubsan", "__odr_asan"))} == set(
-        api.FUNCTIONS
-    )
+    assert exported - {
+        name for name in exported if name.startswith(("__asan", "__ubsan", "__odr_asan"))
+    } == set(api.FUNCTIONS)
 
 
 def test_no_file_tells_where_it_was_built(files):
@@ -175,6 +205,12 @@ def test_pictures_are_pictures(files):
 
 def test_a_damaged_picture_would_be_noticed(files):
     data = files["model.png"]
-    for damaged in (b"", data[1:], data[:-1], data[:40] + b"\0" + data[41:], data.replace(b"IDAT", b"IDAX")):
+    for damaged in (
+        b"",
+        data[1:],
+        data[:-1],
+        data[:40] + b"\0" + data[41:],
+        data.replace(b"IDAT", b"IDAX"),
+    ):
         with pytest.raises((ValueError, IndexError)):
             png.size(damaged)

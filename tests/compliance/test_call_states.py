@@ -1,4 +1,6 @@
-"""Every function in every state: accepted where FMI 2.0 allows it, else refused with a message and without effect."""
+"""Every function in every state: accepted where FMI 2.0 allows it, else refused with a message and
+without effect.
+"""
 
 from __future__ import annotations
 
@@ -63,7 +65,9 @@ def test_a_missing_instance_is_refused_and_freeing_it_does_nothing(fmu):
         answers = {name: instance.call(name, *arguments[name]) for name in MARKS}
         fmu.library.fmi2FreeInstance(None)
         instance.handle = handle
-    assert {name: answer.name for name, answer in answers.items() if answer is not Status.ERROR} == {}
+    assert {
+        name: answer.name for name, answer in answers.items() if answer is not Status.ERROR
+    } == {}
 
 
 # ---- a step that fails

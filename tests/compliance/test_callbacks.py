@@ -1,4 +1,6 @@
-"""What the FMU asks of its master: a log that helps, memory that may run out, and nothing that may not be missing."""
+"""What the FMU asks of its master: a log that helps, memory that may run out, and nothing that may
+not be missing.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,10 @@ def flight(fmu, host):
             instance.restore(kept[1])
             assert instance.call("fmi2DoStep", 17.0, 0.1, 0) is Status.ERROR
             assert instance.call("fmi2GetStatus", 0, byref(api.c_int())) is Status.DISCARD
-            assert instance.call("fmi2GetReal", api.references([10**6]), 1, api.reals([0.0])) is Status.ERROR
+            assert (
+                instance.call("fmi2GetReal", api.references([10**6]), 1, api.reals([0.0]))
+                is Status.ERROR
+            )
             return instance.fly(10)
         finally:
             for state in kept:
@@ -166,7 +171,9 @@ def test_unknown_categories_are_refused_and_change_nothing(fmu):
 
 
 def test_messages_are_no_format_strings(fmu):
-    """The logger reads its text as a printf format: a percent sign in it must be doubled or not be there at all."""
+    """The logger reads its text as a printf format: a percent sign in it must be doubled or not be
+    there at all.
+    """
     host = Host()
     assert Instance(fmu, host=host, guid="{100%s%n%5000d}").handle is None
     assert re.search(r"(?<!%)%(?:%%)*(?!%)", host.errors[0]) is None
@@ -182,7 +189,9 @@ def test_declared_categories_are_those_in_use(fmu):
 
 
 def test_states_outlive_neither_more_nor_less_than_they_should(fmu):
-    """A state may be freed through another instance of the same master, as masters with one heap do."""
+    """A state may be freed through another instance of the same master, as masters with one heap
+    do.
+    """
     host = Host()
     with Instance(fmu, host=host) as one, Instance(fmu, host=host) as other:
         state = one.start().save()

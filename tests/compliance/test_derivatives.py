@@ -1,7 +1,9 @@
-"""Directional derivatives against differences of whole steps, made here by restoring the state and stepping again.
+"""Directional derivatives against differences of whole steps, made here by restoring the state and
+stepping again.
 
-After initialization they are of the outputs at the end of the next step with respect to the inputs held over it, the step
-being as long as the last one; in initialization mode of the first outputs with respect to inputs and parameters.
+After initialization they are of the outputs at the end of the next step with respect to the inputs
+held over it, the step being as long as the last one; in initialization mode of the first outputs
+with respect to inputs and parameters.
 """
 
 from __future__ import annotations
@@ -40,10 +42,15 @@ def first_outputs(instance, state, _, values):
 
 
 def differences(evaluate, v, value):
-    """Central differences at one and at ten thousandths of the scale of the variable, each from two distances."""
+    """Central differences at one and at ten thousandths of the scale of the variable, each from two
+    distances.
+    """
     scale = abs(value) if v.causality == "parameter" and value else max(1, 1e-6 * abs(value))
     for d in (1e-3 * scale, 1e-2 * scale):
-        wide, narrow = ((evaluate({v.name: value + s}) - evaluate({v.name: value - s})) / (2 * s) for s in (d, d / 2))
+        wide, narrow = (
+            (evaluate({v.name: value + s}) - evaluate({v.name: value - s})) / (2 * s)
+            for s in (d, d / 2)
+        )
         yield (4 * narrow - wide) / 3
 
 
@@ -53,9 +60,11 @@ def inner(variables):
 
 
 def smooth_difference(evaluate, v, value):
-    """The difference, the rounding to expect in it, and for which outputs the model is smooth enough to have one.
+    """The difference, the rounding to expect in it, and for which outputs the model is smooth
+    enough to have one.
 
-    Rounding: a hundred units in the last place of the largest output or of the known itself, over the shortest distance.
+    Rounding: a hundred units in the last place of the largest output or of the known itself, over
+    the shortest distance.
     """
     near, far = differences(evaluate, v, value)
     slope = np.abs(far).max()
@@ -64,13 +73,17 @@ def smooth_difference(evaluate, v, value):
 
 
 def compare(instance, variables, evaluator, t):
-    """Variables whose derivatives differ from the differences, with the largest error and the tolerance."""
+    """Variables whose derivatives differ from the differences, with the largest error and the
+    tolerance.
+    """
     state = instance.save()
     wrong = {}
     for v in variables:
         value = instance.get(v.name)
         given = right(instance, [v], [1.0])
-        expected, tolerance, smooth = smooth_difference(partial(evaluator, instance, state, t), v, value)
+        expected, tolerance, smooth = smooth_difference(
+            partial(evaluator, instance, state, t), v, value
+        )
         instance.restore(state)
         error = np.abs(given - expected)[smooth]
         if not np.all(error <= tolerance):
@@ -96,7 +109,9 @@ def test_in_initialization_mode_derivatives_are_of_the_first_outputs(fmu):
 
 
 def test_in_initialization_mode_there_are_derivatives_for_parameters(fmu):
-    """A parameter is left out where a rule (unit vectors, symmetry) forbids to move it alone; then a message says so."""
+    """A parameter is left out where a rule (unit vectors, symmetry) forbids to move it alone; then
+    a message says so.
+    """
     with Instance(fmu) as instance:
         instance.enter()
         movable = []
@@ -110,11 +125,17 @@ def test_in_initialization_mode_there_are_derivatives_for_parameters(fmu):
 
 
 def test_derivatives_are_linear_in_the_direction(flying):
-    """Of outputs that are smooth in every input; a direction is followed until the first input has moved by its scale."""
+    """Of outputs that are smooth in every input; a direction is followed until the first input has
+    moved by its scale.
+    """
     known = inner(flying.fmu.inputs)
     state = flying.save()
     evaluate = partial(outputs_after_step, flying, state, 0.5)
-    smooth = [smooth_difference(evaluate, v, flying.get(v.name))[2] for v in known if not flying.restore(state)]
+    smooth = [
+        smooth_difference(evaluate, v, flying.get(v.name))[2]
+        for v in known
+        if not flying.restore(state)
+    ]
     flying.restore(state)
     flying.drop(state)
     if not known or not np.all(smooth, axis=0).any():

@@ -1,4 +1,6 @@
-"""Saved states: the future after a restore is the future that was, to the last bit, in any instance and in any order."""
+"""Saved states: the future after a restore is the future that was, to the last bit, in any instance
+and in any order.
+"""
 
 from __future__ import annotations
 
@@ -180,7 +182,9 @@ def test_a_refused_state_leaves_an_old_one_alone(flying):
 
 
 def test_a_previous_state_at_the_place_of_the_result_is_replaced_and_released(flying):
-    """FMPy and the Reference FMUs take it for a state to use again; a master must start with a null pointer."""
+    """FMPy and the Reference FMUs take it for a state to use again; a master must start with a null
+    pointer.
+    """
     state = flying.save()
     data, blocks = flying.serialize(state), len(flying.host.live)
     flying.fly(5, first=5)

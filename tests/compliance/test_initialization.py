@@ -1,4 +1,6 @@
-"""Before the first step: parameters at any time, outputs that follow the values set, and refusal of impossible models."""
+"""Before the first step: parameters at any time, outputs that follow the values set, and refusal of
+impossible models.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ from tests.compliance.probe import Fmu, Instance, excitation
 
 
 def moved(v):
-    """Another value of a parameter, near the start value; a time that was 0 becomes one that costs little."""
+    """Another value of a parameter, near the start value; a time that was 0 becomes one that costs
+    little.
+    """
     if (v.low, v.high) == (0, 1):
         return 1.0 - v.start
     return min(v.start * (1 + 1e-10) or (0.01 if v.unit == "s" else 1e-10), v.high)
@@ -26,7 +30,9 @@ def is_accepted(fmu, values):
 
 @pytest.fixture
 def moves(fmu):
-    """Other values of as many parameters as can be moved one after the other without breaking a rule of the model."""
+    """Other values of as many parameters as can be moved one after the other without breaking a
+    rule of the model.
+    """
     values = {}
     for v in fmu.parameters:
         if is_accepted(fmu, values | {v.name: moved(v)}):
@@ -83,7 +89,9 @@ def first_outputs(fmu, values, start=0.0):
 
 
 def test_outputs_in_initialization_mode_follow_the_inputs(fmu):
-    """A master propagates start values by rounds of get and set; the law at the last inputs is what counts."""
+    """A master propagates start values by rounds of get and set; the law at the last inputs is what
+    counts.
+    """
     with Instance(fmu) as instance:
         instance.enter()
         for k in (1, 2, 1, 3):
@@ -108,7 +116,9 @@ def test_outputs_in_initialization_mode_follow_every_parameter(fmu, moves):
 def test_first_outputs_of_some_fmu_depend_on_inputs_and_start_time(tmp_path):
     """Else the tests of initialization would compare constants."""
     fmus = [Fmu(path, tmp_path / path.stem) for path in ARCHIVES]
-    assert any(first_outputs(fmu, excitation(fmu.inputs, 1)) != first_outputs(fmu, {}) for fmu in fmus)
+    assert any(
+        first_outputs(fmu, excitation(fmu.inputs, 1)) != first_outputs(fmu, {}) for fmu in fmus
+    )
     assert any(first_outputs(fmu, {}, start=50.0) != first_outputs(fmu, {}) for fmu in fmus)
 
 
@@ -161,10 +171,14 @@ def spoiled_fmus():
         parameters = {v.row for v in description.read(path).of("parameter")}
         for row, value, rule in SPOILED:
             if row in parameters:
-                yield pytest.param(path, row, value, rule, id=f"{path.stem}-{row}-{value}".replace(" ", ""))
+                yield pytest.param(
+                    path, row, value, rule, id=f"{path.stem}-{row}-{value}".replace(" ", "")
+                )
 
 
-@pytest.mark.parametrize(("archive", "row", "value", "rule"), list(spoiled_fmus()), indirect=["archive"])
+@pytest.mark.parametrize(
+    ("archive", "row", "value", "rule"), list(spoiled_fmus()), indirect=["archive"]
+)
 def test_impossible_parameters_are_refused_with_name_and_rule(fmu, row, value, rule):
     with Instance(fmu) as instance:
         instance.enter()
@@ -236,5 +250,7 @@ def test_inputs_outside_their_declared_bounds_are_refused(fmu):
         with Instance(fmu) as instance:
             instance.start()
             instance.try_set({v.name: beyond(v)})
-            assert instance.host.errors or instance.call("fmi2DoStep", 0.0, 0.1, 0) is Status.ERROR, v.name
+            assert (
+                instance.host.errors or instance.call("fmi2DoStep", 0.0, 0.1, 0) is Status.ERROR
+            ), v.name
             assert v.name in instance.host.errors[0]

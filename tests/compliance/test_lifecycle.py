@@ -1,4 +1,6 @@
-"""Instances do not know of each other, a reset one is a fresh one, and what is freed is gone. Equal means: equal bits."""
+"""Instances do not know of each other, a reset one is a fresh one, and what is freed is gone. Equal
+means: equal bits.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +49,9 @@ def test_a_hundred_interleaved_instances_fly_like_each_alone(fmu):
 
 
 def test_instances_on_four_threads_fly_like_each_alone(fmu):
-    """Steps of many internal steps and samples, so that the threads really are inside the FMU at the same time."""
+    """Steps of many internal steps and samples, so that the threads really are inside the FMU at
+    the same time.
+    """
     fine, barrier = fmu.sampled_every(1e-3), Barrier(4)
 
     def fly(wave, together):
@@ -139,15 +143,21 @@ class MallocStatistics(ctypes.Structure):
 
 
 def bytes_in_use():
-    """What malloc has given out and not got back; the size of the process says less, for freed memory stays with it."""
+    """What malloc has given out and not got back; the size of the process says less, for freed
+    memory stays with it.
+    """
     LIBC.mallinfo2.restype = MallocStatistics
     statistics = LIBC.mallinfo2()
     return statistics.uordblks + statistics.hblkhd
 
 
-@pytest.mark.skipif(not hasattr(LIBC, "mallinfo2"), reason="memory in use is asked from the GNU C library")
+@pytest.mark.skipif(
+    not hasattr(LIBC, "mallinfo2"), reason="memory in use is asked from the GNU C library"
+)
 def test_memory_does_not_grow_over_ten_thousand_lives(fmu):
-    """Less than 10 bytes per life, with the memory management of the FMU itself: not even a name is left behind."""
+    """Less than 10 bytes per life, with the memory management of the FMU itself: not even a name is
+    left behind.
+    """
     if "libasan" in Path("/proc/self/maps").read_text(encoding="ascii"):
         pytest.skip("the address sanitizer has a malloc of its own, without statistics")
 

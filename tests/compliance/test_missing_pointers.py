@@ -1,4 +1,6 @@
-"""Null pointers where the standard wants an array or a place for a result, and questions that have no answer."""
+"""Null pointers where the standard wants an array or a place for a result, and questions that have
+no answer.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,9 @@ MISSING_POINTERS = [
 ]
 
 
-@pytest.mark.parametrize(("function", "arguments"), MISSING_POINTERS, ids=lambda x: x if isinstance(x, str) else "")
+@pytest.mark.parametrize(
+    ("function", "arguments"), MISSING_POINTERS, ids=lambda x: x if isinstance(x, str) else ""
+)
 def test_missing_arrays_and_pointers_are_refused(flying, function, arguments):
     with refused(flying, function) as answer:
         answer.append(flying.call(function, *arguments))
@@ -77,7 +81,9 @@ def test_nothing_at_all_may_be_read_set_and_freed(flying):
         ("fmi2GetStatus", 99, c_int()),
     ],
 )
-def test_a_status_that_does_not_exist_is_discarded_with_a_word_about_it(flying, function, kind, place):
+def test_a_status_that_does_not_exist_is_discarded_with_a_word_about_it(
+    flying, function, kind, place
+):
     flying.host.messages.clear()
     assert flying.call(function, kind, byref(place)) is Status.DISCARD
     (message,) = flying.host.messages

@@ -1,5 +1,6 @@
-"""Random sequences of legal and illegal calls: no crash, no status outside the standard, no call accepted in a state that
-forbids it, no refusal without a message. The calls are made in a process of their own."""
+"""Random sequences of legal and illegal calls: no crash, no status outside the standard, no call
+accepted in a state that forbids it, no refusal without a message. The calls are made in a process
+of their own."""
 
 from __future__ import annotations
 
@@ -18,10 +19,18 @@ from tests.compliance.fmus import ROOT
 from tests.compliance.states import allowed
 
 STATUS_FUNCTIONS = [name for name in api.ARGUMENTS if name.endswith("Status")]
-OTHER_TYPES = [f"fmi2{verb}{kind}" for verb in ("Get", "Set") for kind in ("Integer", "Boolean", "String")]
+OTHER_TYPES = [
+    f"fmi2{verb}{kind}" for verb in ("Get", "Set") for kind in ("Integer", "Boolean", "String")
+]
 ORDERS = ["fmi2SetRealInputDerivatives", "fmi2GetRealOutputDerivatives"]
 PLAIN = [name for name, arguments in api.ARGUMENTS.items() if not arguments]
-STATE_VERBS = {"save": "Get", "restore": "Set", "drop": "Free", "serialize": "Serialize", "deserialize": "DeSerialize"}
+STATE_VERBS = {
+    "save": "Get",
+    "restore": "Set",
+    "drop": "Free",
+    "serialize": "Serialize",
+    "deserialize": "DeSerialize",
+}
 
 slots, places, counts = some.sampled_from([0, 0, 0, 1]), some.integers(0, 1), some.integers(0, 2)
 numbers = some.sampled_from([0.0, 0.0, 1.0, -1.0, 0.3, -7.5, 1e3, nan, inf, -inf])
@@ -32,7 +41,10 @@ lengths = some.sampled_from([0.1, 0.1, 0.1, 0.1, 0.05, 1.0, 7.3, 0.0, -0.1, 1e-9
 def calls(about):
     """A strategy for one call: every kind, sensible arguments more often than others."""
     settable = [v.reference for v in about.variables if v.causality == "input"] or [0]
-    every, outputs = [v.reference for v in about.variables], [v.reference for v in about.of("output")]
+    every, outputs = (
+        [v.reference for v in about.variables],
+        [v.reference for v in about.of("output")],
+    )
     any_references = some.lists(some.sampled_from([*every, 999, 10**9, 2**32 - 1]), max_size=5)
     to_set = some.lists(some.sampled_from(settable), max_size=5) | any_references
     to_get = some.lists(some.sampled_from(outputs), max_size=5) | any_references
@@ -56,14 +68,23 @@ def calls(about):
     }
     weights = {"step": 4, "save": 3, "restore": 2, "serialize": 2, "deserialize": 2}
     kinds = [some.tuples(slots, some.just(verb), *arguments) for verb, arguments in verbs.items()]
-    return some.one_of(kind for kind, verb in zip(kinds, verbs, strict=True) for _ in range(weights.get(verb, 1)))
+    return some.one_of(
+        kind for kind, verb in zip(kinds, verbs, strict=True) for _ in range(weights.get(verb, 1))
+    )
 
 
 BEGIN = [
-    [(s, "new"), (s, "call", "fmi2EnterInitializationMode"), (s, "call", "fmi2ExitInitializationMode")] for s in (0, 1)
+    [
+        (s, "new"),
+        (s, "call", "fmi2EnterInitializationMode"),
+        (s, "call", "fmi2ExitInitializationMode"),
+    ]
+    for s in (0, 1)
 ]
 KEEP = [(0, "save", 0), (0, "serialize", 0, 0)]
-"""How both instances begin their lives; sequences start with a part of it, mostly the whole for the first instance."""
+"""How both instances begin their lives; sequences start with a part of it, mostly the whole for the
+first instance.
+"""
 
 
 def sequences(about):
@@ -82,14 +103,20 @@ class Worker:
     def run(self, sequence):
         if self.process is None or self.process.poll() is not None:
             command = [sys.executable, "-m", "tests.compliance.worker", str(self.archive)]
-            pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+            pipes = {
+                "stdin": subprocess.PIPE,
+                "stdout": subprocess.PIPE,
+                "stderr": subprocess.STDOUT,
+            }
             self.process = subprocess.Popen(command, cwd=ROOT, text=True, **pipes)
         self.process.stdin.write(json.dumps(sequence) + "\n")
         self.process.stdin.flush()
         answer = self.process.stdout.readline()
         if not answer.startswith("["):
             report = answer + self.process.communicate()[0]
-            pytest.fail(f"the process ended with {self.process.returncode}: {report}", pytrace=False)
+            pytest.fail(
+                f"the process ended with {self.process.returncode}: {report}", pytrace=False
+            )
         return json.loads(answer)
 
     def close(self):
@@ -105,7 +132,12 @@ def worker(archive):
 
 
 def function_of(verb, arguments):
-    plain = {"step": "fmi2DoStep", "set": "fmi2SetReal", "get": "fmi2GetReal", "setup": "fmi2SetupExperiment"}
+    plain = {
+        "step": "fmi2DoStep",
+        "set": "fmi2SetReal",
+        "get": "fmi2GetReal",
+        "setup": "fmi2SetupExperiment",
+    }
     rare = {"derivative": "fmi2GetDirectionalDerivative", "log": "fmi2SetDebugLogging"}
     if verb in STATE_VERBS:
         return f"fmi2{STATE_VERBS[verb]}FMUstate"
@@ -121,7 +153,9 @@ NEXT = {
 
 
 class Expectation:
-    """Follows the state of both instances by the answers; a step that fails may have been refused or may have failed."""
+    """Follows the state of both instances by the answers; a step that fails may have been refused
+    or may have failed.
+    """
 
     def __init__(self):
         self.state, self.saved, self.bytes = [None, None], {}, {}
@@ -133,7 +167,10 @@ class Expectation:
         elif answer is not None:
             status, errors = answer
             function = function_of(verb, arguments)
-            assert status in (Status.OK, Status.WARNING, Status.DISCARD, Status.ERROR), (call, answer)
+            assert status in (Status.OK, Status.WARNING, Status.DISCARD, Status.ERROR), (
+                call,
+                answer,
+            )
             assert (status == Status.ERROR) == (errors > 0), (call, answer)
             if not any(allowed(function, state) for state in self.state[slot]):
                 assert status == Status.ERROR, (call, answer, self.state[slot])
@@ -158,7 +195,13 @@ class Expectation:
 def test_no_sequence_of_calls_does_harm(worker, about):
     healthy = [HealthCheck.too_slow, HealthCheck.data_too_large]
 
-    @settings(max_examples=60, derandomize=True, deadline=None, database=None, suppress_health_check=healthy)
+    @settings(
+        max_examples=60,
+        derandomize=True,
+        deadline=None,
+        database=None,
+        suppress_health_check=healthy,
+    )
     @given(sequences(about))
     def run(sequence):
         expectation = Expectation()

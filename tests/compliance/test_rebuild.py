@@ -1,4 +1,6 @@
-"""The sources inside an .fmu make the binary inside it: other tools can compile them. Two builds give the same bytes."""
+"""The sources inside an .fmu make the binary inside it: other tools can compile them. Two builds
+give the same bytes.
+"""
 
 from __future__ import annotations
 
@@ -25,12 +27,18 @@ PATH = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH",
 CMAKE = shutil.which("cmake", path=PATH)
 
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="there is no C compiler")
-needs_cmake = pytest.mark.skipif(COMPILER is None or CMAKE is None, reason="there is no cmake or no C compiler")
-needs_cpp = pytest.mark.skipif(shutil.which("c++") is None, reason="there is no C++ compiler, which FMPy asks for")
+needs_cmake = pytest.mark.skipif(
+    COMPILER is None or CMAKE is None, reason="there is no cmake or no C compiler"
+)
+needs_cpp = pytest.mark.skipif(
+    shutil.which("c++") is None, reason="there is no C++ compiler, which FMPy asks for"
+)
 
 
 def run(*command):
-    """With the tools beside Python, without a sanitizer that is preloaded into these tests, in another time zone."""
+    """With the tools beside Python, without a sanitizer that is preloaded into these tests, in
+    another time zone.
+    """
     surroundings = {name: value for name, value in os.environ.items() if name != "LD_PRELOAD"}
     surroundings |= {"PATH": PATH, "TZ": "Pacific/Auckland"}
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=surroundings)
@@ -67,12 +75,25 @@ def by_fmpy(unpacked):
 
 
 def by_compiler(unpacked):
-    """The listed sources, the headers of FMI, nothing else; no optimisation, every warning an error."""
-    listed = description.Description(description.ElementTree.parse(unpacked / "modelDescription.xml").getroot())
+    """The listed sources, the headers of FMI, nothing else; no optimisation, every warning an
+    error.
+    """
+    listed = description.Description(
+        description.ElementTree.parse(unpacked / "modelDescription.xml").getroot()
+    )
     names = [e.attrib["name"] for e in listed.root.findall("CoSimulation/SourceFiles/File")]
     library = unpacked / "binaries" / FOLDER / (listed.identifier + ENDING)
     library.parent.mkdir(parents=True)
-    flags = ["-std=c99", "-O0", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC"]
+    flags = [
+        "-std=c99",
+        "-O0",
+        "-ffp-contract=off",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        "-shared",
+        "-fPIC",
+    ]
     command = [
         COMPILER,
         *flags,
@@ -89,7 +110,10 @@ def by_compiler(unpacked):
 def compile_all(build, folder):
     """All FMUs by name, two at a time."""
     with ThreadPoolExecutor(2) as pool:
-        return {fmu.name: fmu for fmu in pool.map(lambda path: compiled_with(build, path, folder), ARCHIVES)}
+        return {
+            fmu.name: fmu
+            for fmu in pool.map(lambda path: compiled_with(build, path, folder), ARCHIVES)
+        }
 
 
 @pytest.fixture(scope="session")
@@ -119,7 +143,9 @@ def test_sources_compiled_by_fmpy_give_the_bits_of_the_binary(fmu, compiled_by_f
 
 
 @needs_compiler
-def test_sources_compiled_alone_without_optimisation_give_the_bits_of_the_binary(fmu, compiled_alone):
+def test_sources_compiled_alone_without_optimisation_give_the_bits_of_the_binary(
+    fmu, compiled_alone
+):
     assert flight(compiled_alone[fmu.name]) == flight(fmu)
 
 
@@ -134,9 +160,21 @@ def setting(name):
 
 
 def build_all(folder):
-    """Configure and build the FMUs once more, elsewhere, from the same sources; archives by name."""
-    same = [f"-D{name}={setting(name)}" for name in ("CMAKE_BUILD_TYPE", "CMAKE_C_COMPILER", "Python_EXECUTABLE")]
-    run("cmake", "-S", setting("CMAKE_HOME_DIRECTORY"), "-B", folder, *filter(lambda text: text[-1] != "=", same))
+    """Configure and build the FMUs once more, elsewhere, from the same sources; archives by
+    name.
+    """
+    same = [
+        f"-D{name}={setting(name)}"
+        for name in ("CMAKE_BUILD_TYPE", "CMAKE_C_COMPILER", "Python_EXECUTABLE")
+    ]
+    run(
+        "cmake",
+        "-S",
+        setting("CMAKE_HOME_DIRECTORY"),
+        "-B",
+        folder,
+        *filter(lambda text: text[-1] != "=", same),
+    )
     targets = [f"package_{path.stem}" for path in ARCHIVES]
     run("cmake", "--build", folder, "--parallel", "2", "--target", *targets)
     return {path.name: path.read_bytes() for path in (folder / "fmus").glob("*.fmu")}
@@ -145,7 +183,9 @@ def build_all(folder):
 @needs_cmake
 def test_another_build_in_another_place_gives_the_same_bytes(tmp_path):
     if not (BUILD / "CMakeCache.txt").is_file() or setting("SANITIZE") == "ON":
-        pytest.skip("the build under test has no cache, or holds paths of its own for the sanitizers")
+        pytest.skip(
+            "the build under test has no cache, or holds paths of its own for the sanitizers"
+        )
     again = build_all(tmp_path / "a folder of another name")
     assert {path.name for path in ARCHIVES} == set(again)
     assert [path.name for path in ARCHIVES if path.read_bytes() != again[path.name]] == []

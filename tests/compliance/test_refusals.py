@@ -1,4 +1,6 @@
-"""Arguments that make no sense are refused: with a message that says why, and with the instance as it was, ready to go on."""
+"""Arguments that make no sense are refused: with a message that says why, and with the instance as
+it was, ready to go on.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,12 @@ def test_an_instance_that_was_not_meant_is_not_made(fmu, wrong, word):
 
 def message_of_refused_instance(fmu, name, guid):
     host = Host()
-    assert fmu.library.fmi2Instantiate(name, api.CO_SIMULATION, guid, None, byref(host.callbacks), 0, 0) is None
+    assert (
+        fmu.library.fmi2Instantiate(
+            name, api.CO_SIMULATION, guid, None, byref(host.callbacks), 0, 0
+        )
+        is None
+    )
     (message,) = host.errors
     return message
 
@@ -45,7 +52,9 @@ def test_a_missing_name_or_guid_is_refused(fmu):
     guid = fmu.about.guid.encode()
     assert "name" in message_of_refused_instance(fmu, None, guid)
     for wrong in (None, b"", b"wrong"):
-        assert fmu.about.guid in message_of_refused_instance(fmu, b"probe", wrong), "the guid that was expected"
+        assert fmu.about.guid in message_of_refused_instance(fmu, b"probe", wrong), (
+            "the guid that was expected"
+        )
 
 
 # ---- experiment
@@ -64,7 +73,9 @@ def test_a_missing_name_or_guid_is_refused(fmu):
 )
 def test_impossible_experiments_are_refused(instance, start, stop, word):
     with refused(instance, "fmi2SetupExperiment", word) as answer:
-        answer.append(instance.call("fmi2SetupExperiment", 0, 0.0, start, stop is not None, stop or 0.0))
+        answer.append(
+            instance.call("fmi2SetupExperiment", 0, 0.0, start, stop is not None, stop or 0.0)
+        )
     instance.start()
 
 
@@ -154,7 +165,9 @@ def test_outputs_cannot_be_set(instance):
             with refused(instance, "fmi2SetReal", v.name, "output") as answer:
                 answer.append(instance.try_set({v.name: 1.0}))
         if phase != "step complete":
-            instance.enter() if phase == "instantiated" else instance.ok("fmi2ExitInitializationMode")
+            instance.enter() if phase == "instantiated" else instance.ok(
+                "fmi2ExitInitializationMode"
+            )
 
 
 def test_no_parameter_can_be_set_after_initialization(flying):
@@ -183,7 +196,12 @@ def test_there_are_no_variables_of_other_types(flying, verb, kind):
 
 
 def test_derivatives_of_inputs_and_outputs_are_not_provided(flying):
-    one = (api.references([flying.fmu.about.variables[0].reference]), 1, (c_int * 1)(1), api.reals([1.0]))
+    one = (
+        api.references([flying.fmu.about.variables[0].reference]),
+        1,
+        (c_int * 1)(1),
+        api.reals([1.0]),
+    )
     for function in ("fmi2SetRealInputDerivatives", "fmi2GetRealOutputDerivatives"):
         with refused(flying, function, "derivatives") as answer:
             answer.append(flying.call(function, *one))

@@ -1,4 +1,6 @@
-"""The model description: what tools check, and what no tool checks (units, bounds, nominal values, texts)."""
+"""The model description: what tools check, and what no tool checks (units, bounds, nominal values,
+texts).
+"""
 
 from __future__ import annotations
 
@@ -64,20 +66,27 @@ def test_the_capabilities_that_users_rely_on_are_announced(about):
 
 
 def test_the_log_categories_are_the_standard_ones_that_are_used(about):
-    categories = [(c.attrib["name"], c.get("description", "")) for c in about.root.findall("LogCategories/Category")]
+    categories = [
+        (c.attrib["name"], c.get("description", ""))
+        for c in about.root.findall("LogCategories/Category")
+    ]
     assert {name for name, _ in categories} == {"logStatusError", "logStatusWarning", "logEvents"}
     assert all(text for _, text in categories)
 
 
 def test_the_default_experiment_is_a_run_of_positive_steps(about):
     (experiment,) = about.root.findall("DefaultExperiment")
-    start, stop, step = (float(experiment.attrib[key]) for key in ("startTime", "stopTime", "stepSize"))
+    start, stop, step = (
+        float(experiment.attrib[key]) for key in ("startTime", "stopTime", "stepSize")
+    )
     assert 0 < step <= stop - start < math.inf
 
 
 def test_the_guid_of_every_fmu_is_its_own():
     guids = [description.read(path).guid for path in ARCHIVES]
-    assert all(re.fullmatch(r"\{[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}\}", guid) for guid in guids)
+    assert all(
+        re.fullmatch(r"\{[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}\}", guid) for guid in guids
+    )
     assert len(set(guids)) == len(guids)
 
 
@@ -86,8 +95,12 @@ def test_the_guid_of_every_fmu_is_its_own():
 
 def test_names_are_legal_and_unique(about):
     assert [v.name for v in about.variables if not STRUCTURED_NAME.fullmatch(v.name)] == []
-    assert [name for name, count in Counter(v.name for v in about.variables).items() if count > 1] == []
-    assert "time" not in about.by_name, "libcosim reports an error for a listed independent variable"
+    assert [
+        name for name, count in Counter(v.name for v in about.variables).items() if count > 1
+    ] == []
+    assert "time" not in about.by_name, (
+        "libcosim reports an error for a listed independent variable"
+    )
 
 
 def test_elements_of_vectors_and_matrices_are_complete_and_in_order(about):
@@ -113,25 +126,35 @@ def test_causality_variability_and_initial_are_one_of_three_kinds(about):
 
 
 def test_every_variable_has_a_text_that_says_more_than_its_name(about):
-    assert [v.name for v in about.variables if len(v.text.strip()) < 4 or v.text.strip() == v.row] == []
+    assert [
+        v.name for v in about.variables if len(v.text.strip()) < 4 or v.text.strip() == v.row
+    ] == []
     assert [v.name for v in about.variables if "  " in v.text or v.text != v.text.strip()] == []
 
 
 def test_start_values_keep_the_declared_bounds(about):
-    assert [v.name for v in about.variables if v.start is not None and not v.low <= v.start <= v.high] == []
+    assert [
+        v.name for v in about.variables if v.start is not None and not v.low <= v.start <= v.high
+    ] == []
     assert [v.name for v in about.variables if not math.isfinite(v.start or 0)] == []
 
 
 def test_nominal_values_are_of_the_size_of_the_first_values(fmu):
     """Within a factor of four of the largest first value of the row, where that is far from 1."""
     with Instance(fmu) as instance:
-        outputs = dict(zip((v.name for v in fmu.outputs), instance.start().values(fmu.outputs), strict=True))
+        outputs = dict(
+            zip((v.name for v in fmu.outputs), instance.start().values(fmu.outputs), strict=True)
+        )
     for row, group in groupby(fmu.about.variables, key=lambda v: v.row):
         elements = list(group)
         size = max(abs(outputs[v.name] if v.start is None else v.start) for v in elements)
         assert all(0 < v.nominal < math.inf for v in elements), row
         if size and not 0.03 < size < 30:
-            assert all(size / 4 <= v.nominal <= 4 * size for v in elements), (row, size, elements[0].nominal)
+            assert all(size / 4 <= v.nominal <= 4 * size for v in elements), (
+                row,
+                size,
+                elements[0].nominal,
+            )
 
 
 # ---- units and bounds
@@ -181,18 +204,26 @@ def test_angles_and_rates_can_be_displayed_in_degrees(about):
     for name, degrees in (("rad", "deg"), ("rad/s", "deg/s")):
         if name in unit_definitions(about):
             (display,) = unit_definitions(about)[name].findall("DisplayUnit")
-            assert (display.attrib["name"], float(display.attrib["factor"])) == (degrees, math.degrees(1))
+            assert (display.attrib["name"], float(display.attrib["factor"])) == (
+                degrees,
+                math.degrees(1),
+            )
         assert {v.display_unit for v in about.variables if v.unit == name} <= {degrees}
 
 
 BOUNDS = {
-    r"mass|mass_0|m_hat_0|range|mu|R_E|J2|a|e|rho_M|rho_0|mdot|Isp|tau|max_step|sample_period": (0, math.inf),
+    r"mass|mass_0|m_hat_0|range|mu|R_E|J2|a|e|rho_M|rho_0|mdot|Isp|tau|max_step|sample_period": (
+        0,
+        math.inf,
+    ),
     r"impulse|torque_impulse": (0, math.inf),
     r".*_max": (0, math.inf),
     r"use_.*|know_.*|.*_saturated|.*_axes|attitude_guard|projection": (0, 1),
     r"beta_[tp]": (0, math.pi),
 }
-"""Rows that physics or their meaning bounds, by name: masses, distances, impulses, limits, switches, angles between vectors."""
+"""Rows that physics or their meaning bounds, by name: masses, distances, impulses, limits,
+switches, angles between vectors.
+"""
 
 
 def physical_bound(row):
@@ -200,13 +231,19 @@ def physical_bound(row):
 
 
 def test_variables_that_physics_bounds_declare_the_bound(about):
-    wrong = [v.name for v in about.variables if (bound := physical_bound(v.row)) and (v.low, v.high) != bound]
+    wrong = [
+        v.name
+        for v in about.variables
+        if (bound := physical_bound(v.row)) and (v.low, v.high) != bound
+    ]
     assert wrong == []
 
 
 def test_every_rule_for_bounds_is_used_by_some_fmu():
     rows = {row for path in ARCHIVES for row in description.read(path).rows}
-    assert [pattern for pattern in BOUNDS if not any(re.fullmatch(pattern, row) for row in rows)] == []
+    assert [
+        pattern for pattern in BOUNDS if not any(re.fullmatch(pattern, row) for row in rows)
+    ] == []
 
 
 # ---- structure
@@ -215,7 +252,10 @@ def test_every_rule_for_bounds_is_used_by_some_fmu():
 def test_outputs_and_initial_unknowns_are_exactly_the_outputs(about):
     indices = [i for i, v in enumerate(about.variables, 1) if v.causality == "output"]
     structure = about.root.find("ModelStructure")
-    outputs, unknowns = structure.findall("Outputs/Unknown"), structure.findall("InitialUnknowns/Unknown")
+    outputs, unknowns = (
+        structure.findall("Outputs/Unknown"),
+        structure.findall("InitialUnknowns/Unknown"),
+    )
     assert [int(u.attrib["index"]) for u in outputs] == indices
     assert [u.attrib.get("dependencies") for u in outputs] == [""] * len(indices)
     assert [int(u.attrib["index"]) for u in unknowns] == indices

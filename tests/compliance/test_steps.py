@@ -1,6 +1,7 @@
 """The result of a flight does not depend on how the master cuts it into communication steps.
 
-Plants integrate and software samples on a grid of their own (max_step, sample_period, T0), set to 0.1 s here.
+Plants integrate and software samples on a grid of their own (max_step, sample_period, T0), set to
+0.1 s here.
 """
 
 from __future__ import annotations
@@ -20,9 +21,13 @@ GRID = 0.1
 
 
 def fly(fmu, points, grid=GRID, end=None):
-    """Constant inputs; steps between the points of time; the outputs at the end as an array and as bits."""
+    """Constant inputs; steps between the points of time; the outputs at the end as an array and as
+    bits.
+    """
     with Instance(fmu) as instance:
-        instance.start(fmu.sampled_every(grid) | excitation(fmu.inputs, 3), start=points[0], stop=end)
+        instance.start(
+            fmu.sampled_every(grid) | excitation(fmu.inputs, 3), start=points[0], stop=end
+        )
         for t, after in zip(points, points[1:], strict=False):
             instance.step(t, after - t)
         return np.array(instance.values(fmu.outputs)), instance.outputs()
@@ -58,7 +63,9 @@ def test_many_steps_are_one_long_step_from_any_start_on_the_grid(fmu, start):
 
 @pytest.mark.parametrize("count", [10, 1000, 20000])
 def test_time_may_be_accumulated_without_any_effect(fmu, count):
-    """t += h drifts by up to 1e-8 s over 20000 steps; grid points are recognised within 1e-9 of their number."""
+    """t += h drifts by up to 1e-8 s over 20000 steps; grid points are recognised within 1e-9 of
+    their number.
+    """
     points = accumulated(0.1, count)
     if count > 10:
         assert points[-1] != multiples(0.1, count)[-1]
@@ -78,12 +85,17 @@ def row_scale(fmu, outputs):
 
 @pytest.mark.parametrize("h", [0.07, 0.03, 0.25, 1 / 3])
 def test_communication_points_off_the_grid_change_no_more_than_the_error_of_the_integrator(fmu, h):
-    """An internal step that a communication point cuts in two is integrated more accurately than before, so the change is
-    below the integration error of the grid, for which the change from a grid half as wide stands (times 16/15, since the
-    order is 4; times 2 to be safe). The floor of 1e-12 covers 200 roundings."""
+    """An internal step that a communication point cuts in two is integrated more accurately than
+    before, so the change is below the integration error of the grid, for which the change from a
+    grid half as wide stands (times 16/15, since the order is 4; times 2 to be safe). The floor of
+    1e-12 covers 200 roundings."""
     count = round(21 / h)
     points = [*multiples(h, count - 1), 21.0]
-    on, off, fine = fly(fmu, [0.0, 21.0])[0], fly(fmu, points)[0], fly(fmu, [0.0, 21.0], grid=GRID / 2)[0]
+    on, off, fine = (
+        fly(fmu, [0.0, 21.0])[0],
+        fly(fmu, points)[0],
+        fly(fmu, [0.0, 21.0], grid=GRID / 2)[0],
+    )
     if "max_step" not in fmu.about.by_name:
         assert np.array_equal(on, off), "software samples at the same instants, whoever steps it"
     else:
@@ -91,7 +103,9 @@ def test_communication_points_off_the_grid_change_no_more_than_the_error_of_the_
 
 
 def test_very_short_steps_are_not_lost(fmu):
-    """A million times below the grid: together they are what one step over the same time is, up to the roundings."""
+    """A million times below the grid: together they are what one step over the same time is, up to
+    the roundings.
+    """
     h, count = 1e-7, 200
     many, one = fly(fmu, multiples(h, count))[0], fly(fmu, [0.0, h * count])[0]
     assert np.all(np.abs(many - one) <= 1e-12 * row_scale(fmu, one) + 1e-15)
@@ -130,6 +144,16 @@ def test_a_step_of_too_many_internal_steps_is_refused_and_not_begun(fmu, archive
     ask = [[0, "step", 0.0, 0.1], [0, "derivative", outputs, inputs, 1.0], [0, "step", 0.0, 1e-9]]
     command = [sys.executable, "-m", "tests.compliance.worker", archive]
     done = subprocess.run(
-        command, input=json.dumps(begin + ask), capture_output=True, text=True, cwd=ROOT, timeout=60, check=True
+        command,
+        input=json.dumps(begin + ask),
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        timeout=60,
+        check=True,
     )
-    assert [status for status, _ in json.loads(done.stdout)[-3:]] == [Status.ERROR, Status.ERROR, Status.OK]
+    assert [status for status, _ in json.loads(done.stdout)[-3:]] == [
+        Status.ERROR,
+        Status.ERROR,
+        Status.OK,
+    ]

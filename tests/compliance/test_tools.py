@@ -1,4 +1,6 @@
-"""What other checkers say about every FMU: VDMCheck2 (both of its models) and the FMU manipulation toolbox."""
+"""What other checkers say about every FMU: VDMCheck2 (both of its models) and the FMU manipulation
+toolbox.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ MODELS = {
     "static": f"{GROUP}/fmi2/static-model/{VERSION}/static-model-{VERSION}.jar",
     "rules": f"{GROUP}/fmi2/rule-model/{VERSION}/rule-model-{VERSION}.jar",
 }
-"""Where Maven keeps what VDMCheck2 consists of; it looks for its parts under the short names, beside itself."""
+"""Where Maven keeps what VDMCheck2 consists of; it looks for its parts under the short names,
+beside itself.
+"""
 
 pytestmark = pytest.mark.interop
 vdmcheck = pytest.mark.tool("VDMCheck2", VERSION)
@@ -42,7 +46,9 @@ def cache():
 
 
 def run(*command, **options):
-    done = subprocess.run([*map(str, command)], capture_output=True, text=True, timeout=600, check=False, **options)
+    done = subprocess.run(
+        [*map(str, command)], capture_output=True, text=True, timeout=600, check=False, **options
+    )
     return done.returncode, done.stdout + done.stderr
 
 
@@ -64,14 +70,20 @@ def fetch(repository):
     if shutil.which("mvn") is None:
         pytest.skip("Maven is not installed: VDMCheck2 was not run")
     artifact = f"-Dartifact=org.into-cps.vdmcheck.fmi2:vdmcheck2:{VERSION}"
-    code, report = run("mvn", "-q", "-B", f"-Dmaven.repo.local={repository}", "dependency:get", artifact)
+    code, report = run(
+        "mvn", "-q", "-B", f"-Dmaven.repo.local={repository}", "dependency:get", artifact
+    )
     if code or not all(path.is_file() for path in parts):
-        pytest.skip(f"VDMCheck2 cannot be had from Maven Central: {' '.join(report.split())[-200:]}")
+        pytest.skip(
+            f"VDMCheck2 cannot be had from Maven Central: {' '.join(report.split())[-200:]}"
+        )
 
 
 @pytest.fixture(scope="session")
 def checkers(tmp_path_factory):
-    """vdmcheck2.jar for each of the two models, in a folder as the distribution of VDMCheck2 has it."""
+    """vdmcheck2.jar for each of the two models, in a folder as the distribution of VDMCheck2 has
+    it.
+    """
     if java_version() < 17:
         pytest.skip("Java is older than 17: VDMCheck2 was not run")
     repository = cache() / "maven"
@@ -81,7 +93,10 @@ def checkers(tmp_path_factory):
         folder = tmp_path_factory.mktemp(name)
         for short, path in JARS.items():
             shutil.copy(repository / path, folder / short)
-        for jar in (repository / model, folder / "vdmcheck2.jar"):  # the model, and the schema of FMI 2.0
+        for jar in (
+            repository / model,
+            folder / "vdmcheck2.jar",
+        ):  # the model, and the schema of FMI 2.0
             with zipfile.ZipFile(jar) as files:
                 files.extractall(folder)
         folders[name] = folder / "vdmcheck2.jar"

@@ -1,4 +1,6 @@
-"""Reading and writing values: any selection in any order is what reading and writing one by one is."""
+"""Reading and writing values: any selection in any order is what reading and writing one by one
+is.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ def rng(request):
 
 
 def selection(rng, variables):
-    """Pieces of the list, some backwards, with gaps and repetitions, across the borders of vectors."""
+    """Pieces of the list, some backwards, with gaps and repetitions, across the borders of
+    vectors.
+    """
     pieces = []
     for _ in range(6):
         begin = rng.randrange(len(variables))
@@ -50,7 +54,10 @@ def test_any_selection_is_written_as_one_by_one(fmu, rng):
 
 @pytest.mark.parametrize("function", ["fmi2SetReal", "fmi2GetReal"])
 def test_an_unknown_reference_is_found_wherever_it_stands(flying, rng, function):
-    known = [v.reference for v in (flying.fmu.inputs if function == "fmi2SetReal" else flying.fmu.outputs)]
+    known = [
+        v.reference
+        for v in (flying.fmu.inputs if function == "fmi2SetReal" else flying.fmu.outputs)
+    ]
     references = known[: rng.randrange(1, 20)]
     beyond_a_row = next(r + 1 for r in known if r + 1 not in known)
     for place in range(len(references) + 1):

@@ -1,4 +1,6 @@
-"""Dimensions of unit strings such as "kg.m2" or "m3/s2": powers of the FMI base units, from the SI Brochure."""
+"""Dimensions of unit strings such as "kg.m2" or "m3/s2": powers of the FMI base units, from the SI
+Brochure.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ FACTOR = re.compile(r"(?P<symbol>1|[A-Za-z]+)(?P<exponent>[2-9]?)")
 
 
 def dimension(unit: str) -> dict[str, int]:
-    """Grammar of Modelica: factors joined by dots, one slash, brackets round several factors behind it; else ValueError."""
+    """Grammar of Modelica: factors joined by dots, one slash, brackets round several factors behind
+    it; else ValueError.
+    """
     above, slash, below = unit.partition("/")
     if slash and not below:
         raise ValueError(f"{unit}: nothing behind the slash")

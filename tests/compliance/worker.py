@@ -1,9 +1,11 @@
-"""Runs sequences of FMI calls in a process of its own, so that a crash is the end of this process only.
+"""Runs sequences of FMI calls in a process of its own, so that a crash is the end of this process
+only.
 
-Usage: python -m tests.compliance.worker FMU. Reads a sequence per line from the standard input (JSON: a list of calls, each
-[slot, verb, arguments...]; two slots for instances, saved states and bytes are shared between them) and answers with a line:
-for every call [status, number of error messages], or null where there was nothing to call. A value that is read and is not
-finite, and an fmi2OK for a damaged state, end the process with an exception.
+Usage: python -m tests.compliance.worker FMU. Reads a sequence per line from the standard input
+(JSON: a list of calls, each [slot, verb, arguments...]; two slots for instances, saved states and
+bytes are shared between them) and answers with a line: for every call [status, number of error
+messages], or null where there was nothing to call. A value that is read and is not finite, and an
+fmi2OK for a damaged state, end the process with an exception.
 """
 
 from __future__ import annotations
@@ -21,7 +23,9 @@ from tests.compliance.probe import Fmu, Host, Instance
 
 
 class Session:
-    """Two instances, up to four saved states, up to four arrays of bytes. Verbs are the methods called do_<verb>."""
+    """Two instances, up to four saved states, up to four arrays of bytes. Verbs are the methods
+    called do_<verb>.
+    """
 
     def __init__(self, fmu: Fmu) -> None:
         self.fmu, self.host = (
@@ -83,7 +87,14 @@ class Session:
     def do_derivative(self, instance, unknown, known, seed):
         result = api.reals([0.0] * len(unknown))
         rows, columns = api.references(unknown), api.references(known)
-        arguments = (rows, len(unknown), columns, len(known), api.reals([seed] * len(known)), result)
+        arguments = (
+            rows,
+            len(unknown),
+            columns,
+            len(known),
+            api.reals([seed] * len(known)),
+            result,
+        )
         return instance.call("fmi2GetDirectionalDerivative", *arguments)
 
     def do_other(self, instance, function, count):
@@ -91,14 +102,18 @@ class Session:
         return instance.call(function, (api.c_uint * 2)(), count, values())
 
     def do_order(self, instance, function, count):
-        return instance.call(function, (api.c_uint * 2)(), count, (c_int * 2)(), api.reals([0.0, 0.0]))
+        return instance.call(
+            function, (api.c_uint * 2)(), count, (c_int * 2)(), api.reals([0.0, 0.0])
+        )
 
     def do_log(self, instance, on, categories):
         names = (api.c_char_p * len(categories))(*(name.encode() for name in categories))
         return instance.call("fmi2SetDebugLogging", on, len(names), names)
 
     def do_status(self, instance, function, kind):
-        return instance.call(function, kind, api.ARGUMENTS[function][1](api.ARGUMENTS[function][1]._type_()))
+        return instance.call(
+            function, kind, api.ARGUMENTS[function][1](api.ARGUMENTS[function][1]._type_())
+        )
 
     # ---- states
 
@@ -112,7 +127,11 @@ class Session:
         return instance.call("fmi2SetFMUstate", self.states[k]) if k in self.states else None
 
     def do_drop(self, instance, k):
-        return instance.call("fmi2FreeFMUstate", byref(self.states.pop(k))) if k in self.states else None
+        return (
+            instance.call("fmi2FreeFMUstate", byref(self.states.pop(k)))
+            if k in self.states
+            else None
+        )
 
     def do_serialize(self, instance, k, j):
         if k not in self.states:

@@ -21,7 +21,9 @@ def random_direction(rng):
 
 
 def random_inertia(rng, low=50, high=300):
-    """Symmetric inertia that a body can have: principal moments b+c, a+c, a+b with positive a, b, c."""
+    """Symmetric inertia that a body can have: principal moments b+c, a+c, a+b with positive a, b,
+    c.
+    """
     E = rng.uniform(low / 2, high / 2, 3)
     R = random_rotation(rng)
     J = R @ np.diag(E.sum() - E) @ R.T
@@ -32,7 +34,11 @@ def spinning_servicer(rng, rate=0.02):
     """A tumbling servicer in deep space with running wheels; both inertia matrices full."""
     A = random_inertia(rng, 2, 12)
     start = {"sigma_SN_0": rng.uniform(-0.4, 0.4, 3), "omega_SN_S_0": rate * random_direction(rng)}
-    return DEEP_SPACE | start | {"J_S": A + random_inertia(rng), "A_w": A, "wheel_speed_0": rng.normal(size=3)}
+    return (
+        DEEP_SPACE
+        | start
+        | {"J_S": A + random_inertia(rng), "A_w": A, "wheel_speed_0": rng.normal(size=3)}
+    )
 
 
 def random_wave(rng, size, start=0.0):
@@ -48,16 +54,22 @@ def random_wave(rng, size, start=0.0):
 
 def wave(record, t):
     w = {"bias": 0.0, "amplitude": 0.0, "frequency": 0.0, "phase": 0.0, "start": 0.0} | record
-    on = np.array(w["bias"]) + np.array(w["amplitude"]) * np.sin(np.array(w["frequency"]) * t + np.array(w["phase"]))
+    on = np.array(w["bias"]) + np.array(w["amplitude"]) * np.sin(
+        np.array(w["frequency"]) * t + np.array(w["phase"])
+    )
     return on if t >= w["start"] else np.zeros(3)
 
 
 def integral_of_wave(record, t):
     """Of bias + amplitude sin(frequency t + phase) from its start to t: once and twice."""
-    b, A, f, p, s = (np.array(record[k]) for k in ("bias", "amplitude", "frequency", "phase", "start"))
+    b, A, f, p, s = (
+        np.array(record[k]) for k in ("bias", "amplitude", "frequency", "phase", "start")
+    )
     tau = t - s
     once = b * tau + A / f * (np.cos(f * s + p) - np.cos(f * t + p))
-    twice = b * tau**2 / 2 + A / f * (np.cos(f * s + p) * tau - (np.sin(f * t + p) - np.sin(f * s + p)) / f)
+    twice = b * tau**2 / 2 + A / f * (
+        np.cos(f * s + p) * tau - (np.sin(f * t + p) - np.sin(f * s + p)) / f
+    )
     return once, twice
 
 
@@ -74,7 +86,10 @@ def random_bodies(rng, distance=20.0, rate=0.02):
     """Body states of target and servicer as they stand on the wires."""
     r, v = random_orbit_state(rng)
     states = {"r_TN_N": r, "v_TN_N": v}
-    states |= {"r_SN_N": r + distance * rng.normal(size=3), "v_SN_N": v + 0.01 * distance * rng.normal(size=3)}
+    states |= {
+        "r_SN_N": r + distance * rng.normal(size=3),
+        "v_SN_N": v + 0.01 * distance * rng.normal(size=3),
+    }
     for body in "TS":
         states[f"q_{body}N"] = quaternion_of_dcm(random_rotation(rng))
         states[f"omega_{body}N_{body}"] = rate * rng.normal(size=3)

@@ -1,4 +1,6 @@
-"""Fixture `fmu`: instances of the FMUs under test, freed when the test is over. Each archive is unpacked once."""
+"""Fixture `fmu`: instances of the FMUs under test, freed when the test is over. Each archive is
+unpacked once.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,9 @@
-"""One FMU as the tests see it: made from a .fmu with parameters by vector name, then set, stepped and read.
+"""One FMU as the tests see it: made from a .fmu with parameters by vector name, then set, stepped
+and read.
 
-Scalars `v[1], v[2], v[3]` of the interface are the vector `v`, `J[1,2]` are elements of the matrix `J`. A record
-such as a sinusoid may be given as a dict: {"M_dist_T": {"bias": (1, 0, 0)}} is {"M_dist_T.bias": (1, 0, 0)}.
+Scalars `v[1], v[2], v[3]` of the interface are the vector `v`, `J[1,2]` are elements of the matrix
+`J`. A record such as a sinusoid may be given as a dict: {"M_dist_T": {"bias": (1, 0, 0)}} is
+{"M_dist_T.bias": (1, 0, 0)}.
 """
 
 from __future__ import annotations
@@ -55,7 +57,9 @@ class Unit:
     def __init__(self, kind: Kind, parameters: Values, inputs: Values, start: float) -> None:
         self.kind, self.time = kind, start
         d = kind.description
-        self.slave = FMU2Slave(guid=d.guid, modelIdentifier=d.coSimulation.modelIdentifier, unzipDirectory=kind.folder)
+        self.slave = FMU2Slave(
+            guid=d.guid, modelIdentifier=d.coSimulation.modelIdentifier, unzipDirectory=kind.folder
+        )
         self.slave.instantiate()
         self.slave.setupExperiment(startTime=start)
         self.slave.enterInitializationMode()
@@ -84,7 +88,9 @@ class Unit:
         return {name: self.get(name) for name in self.kind.outputs}
 
     def history(self, h: float, steps: int, *names: str) -> tuple[np.ndarray, ...]:
-        """Times and the named outputs, one row per communication point including the present one."""
+        """Times and the named outputs, one row per communication point including the present
+        one.
+        """
         rows = [[self.time, *map(self.get, names)]]
         for _ in range(steps):
             self.step(h)

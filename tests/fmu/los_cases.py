@@ -1,4 +1,6 @@
-"""Situations of the controllers in line-of-sight (LOS) coordinates, made from the errors that they are to see."""
+"""Situations of the controllers in line-of-sight (LOS) coordinates, made from the errors that they
+are to see.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ ZERO3 = np.zeros(3)
 
 @dataclass(frozen=True)
 class Scene:
-    """Errors and their rates (range, elevation, azimuth) about a reference, rotation vector of q_SD, rates of both."""
+    """Errors and their rates (range, elevation, azimuth) about a reference, rotation vector of
+    q_SD, rates of both.
+    """
 
     x1: np.ndarray = field(default_factory=lambda: np.zeros(3))
     x2: np.ndarray = field(default_factory=lambda: np.zeros(3))
@@ -34,7 +38,9 @@ class Scene:
     omega_D: np.ndarray = field(default_factory=lambda: np.zeros(3))
     alpha_D: np.ndarray = field(default_factory=lambda: np.zeros(3))
     q_DN: np.ndarray = field(default_factory=lambda: IDENTITY)
-    r_TN_N: np.ndarray = field(default_factory=lambda: np.zeros(3))  # deep space, where nothing cancels
+    r_TN_N: np.ndarray = field(
+        default_factory=lambda: np.zeros(3)
+    )  # deep space, where nothing cancels
     v_TN_N: np.ndarray = field(default_factory=lambda: np.zeros(3))
     up_axis: int = 2
 
@@ -64,7 +70,9 @@ class Scene:
 
 
 def random_scene(rng, up_axis=2, error=1.0) -> Scene:
-    """Anything a controller may meet far from the poles; error 1: metres, tenths of a radian, tens of degrees."""
+    """Anything a controller may meet far from the poles; error 1: metres, tenths of a radian, tens
+    of degrees.
+    """
     r, v = random_orbit_state(rng)
     return Scene(
         x1=error * rng.normal(size=3) * (5.0, 0.05, 0.05),
@@ -84,7 +92,9 @@ def random_scene(rng, up_axis=2, error=1.0) -> Scene:
 
 
 def bodies(u: Mapping[str, np.ndarray]) -> tuple[Body, Body]:
-    return tuple(Body(u[f"r_{X}N_N"], u[f"v_{X}N_N"], u[f"q_{X}N"], u[f"omega_{X}N_{X}"]) for X in "TS")
+    return tuple(
+        Body(u[f"r_{X}N_N"], u[f"v_{X}N_N"], u[f"q_{X}N"], u[f"omega_{X}N_{X}"]) for X in "TS"
+    )
 
 
 def reference_of(u: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -92,7 +102,9 @@ def reference_of(u: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def sample(unit, u, h=0.1):
-    """Outputs after a step with these inputs; coordinates `e.range`, `e.elevation`, `e.azimuth` are the vector e."""
+    """Outputs after a step with these inputs; coordinates `e.range`, `e.elevation`, `e.azimuth` are
+    the vector e.
+    """
     unit.step(h, u)
     return gathered(unit.outputs())
 
@@ -102,7 +114,9 @@ def gathered(outputs):
     for name, value in outputs.items():
         base, dot, part = name.partition(".")
         if dot:
-            result.setdefault(base, np.zeros(3))[("range", "elevation", "azimuth").index(part)] = value
+            result.setdefault(base, np.zeros(3))[("range", "elevation", "azimuth").index(part)] = (
+                value
+            )
         else:
             result[name] = value
     return result
@@ -110,5 +124,7 @@ def gathered(outputs):
 
 SIZES = dict.fromkeys(Scene().inputs(), 3) | {"q_TN": 4, "q_SN": 4, "q_DN": 4}
 ANY = st.floats(allow_nan=False, allow_infinity=False)
-ANY_INPUTS = st.fixed_dictionaries({n: st.lists(ANY, min_size=k, max_size=k) for n, k in SIZES.items()})
+ANY_INPUTS = st.fixed_dictionaries(
+    {n: st.lists(ANY, min_size=k, max_size=k) for n, k in SIZES.items()}
+)
 """Every finite double on every wire."""

@@ -1,6 +1,8 @@
-"""Motion of a rigid body under loads as the balance of inertial angular momentum, and measures of numerical error.
+"""Motion of a rigid body under loads as the balance of inertial angular momentum, and measures of
+numerical error.
 
-Nothing of Euler's equation, Rodrigues parameters or a fixed step: rotation matrix, total momentum, DOP853.
+Nothing of Euler's equation, Rodrigues parameters or a fixed step: rotation matrix, total momentum,
+DOP853.
 """
 
 from __future__ import annotations
@@ -17,7 +19,9 @@ from .theory import tilde
 
 @dataclass(frozen=True)
 class Vehicle:
-    """A rigid body with momentum wheels under loads. A: wheel speeds to wheel momentum in body axes."""
+    """A rigid body with momentum wheels under loads. A: wheel speeds to wheel momentum in body
+    axes.
+    """
 
     J: np.ndarray
     A: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
@@ -43,20 +47,28 @@ class Vehicle:
         acceleration = self.gravity(r) + self.a_N(t, r, v) + C_NB @ self.F_B / mass
         torque = C_NB @ (self.M_B(t) + self.torque_of_gravity(C_NB.T @ r))
         turning = C_NB @ tilde(self.rate(y))
-        return np.concatenate([v, acceleration, turning.ravel(), torque, self.wheel_accel, [-self.mdot]])
+        return np.concatenate(
+            [v, acceleration, turning.ravel(), torque, self.wheel_accel, [-self.mdot]]
+        )
 
     def propagate(self, y, t0, t1, breaks=()):
-        """State at t1 by DOP853, restarted where a load switches on; no stage sees a load that starts at its end."""
+        """State at t1 by DOP853, restarted where a load switches on; no stage sees a load that
+        starts at its end.
+        """
         times = [t0, *sorted(t for t in set(breaks) if t0 < t < t1), t1]
         for a, b in pairwise(times):
             last = np.nextafter(b, a)
             before_b = lambda t, y, last=last: self.derivative(min(t, last), y)  # noqa: E731
-            y = solve_ivp(before_b, (a, b), y, method="DOP853", rtol=1e-13, atol=1e-15, max_step=5).y[:, -1]
+            y = solve_ivp(
+                before_b, (a, b), y, method="DOP853", rtol=1e-13, atol=1e-15, max_step=5
+            ).y[:, -1]
         return y
 
 
 def stencil(values, h):
-    """Derivative in the middle of five equidistant samples, error h^4/30 of the fifth derivative."""
+    """Derivative in the middle of five equidistant samples, error h^4/30 of the fifth
+    derivative.
+    """
     a, b, _, d, e = values
     return (8 * (d - b) - (e - a)) / (12 * h)
 

@@ -17,7 +17,9 @@ def refusal(name: str, parameters: Values, folder: Path) -> str:
     """The message with which the FMU leaves initialization mode; empty if it does not mind."""
     fmu = Fmu(archive(name), folder)
     with Instance(fmu) as instance:
-        instance.set(fmu.settings(**{row: values.tolist() for row, values in flat(parameters).items()}))
+        instance.set(
+            fmu.settings(**{row: values.tolist() for row, values in flat(parameters).items()})
+        )
         instance.enter()
         status = instance.call("fmi2ExitInitializationMode")
         return instance.host.errors[-1] if status is Status.ERROR else ""

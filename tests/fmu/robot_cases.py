@@ -16,9 +16,13 @@ def same_sign(q, like):
 
 
 def pitch_constants(robot, q):
-    """kappa and theta_hat of the pitch equation, from the principal axes of the frozen robot in its plane."""
+    """kappa and theta_hat of the pitch equation, from the principal axes of the frozen robot in its
+    plane.
+    """
     mass, rho = robot.points(np.asarray(q, dtype=float))
-    J = np.einsum("i,ij,ij->", mass, rho, rho) * np.eye(3) - np.einsum("i,ij,ik->jk", mass, rho, rho)
+    J = np.einsum("i,ij,ij->", mass, rho, rho) * np.eye(3) - np.einsum(
+        "i,ij,ik->jk", mass, rho, rho
+    )
     moments, axes = np.linalg.eigh(J[:2, :2])
     along = axes[:, 0]
     theta_hat = -np.arctan2(along[1], along[0])

@@ -1,4 +1,6 @@
-"""adaptive_controller.fmu, the law: feed-forward, regressors, options, symmetries, sampling. Stability: next file."""
+"""adaptive_controller.fmu, the law: feed-forward, regressors, options, symmetries, sampling.
+Stability: next file.
+"""
 
 from __future__ import annotations
 
@@ -57,7 +59,9 @@ def test_force_is_published_in_hill_and_in_servicer_axes(fmu, rng):
 
 
 def test_without_error_the_force_is_pure_feed_forward_of_the_true_dynamics(fmu, rng):
-    """m_hat (ddrho_ref - differential gravity); rounding of 8 m/s2 in the difference. The estimate rests."""
+    """m_hat (ddrho_ref - differential gravity); rounding of 8 m/s2 in the difference. The estimate
+    rests.
+    """
     p, u = parameters(rng), without_errors(situation(rng))
     out = one_step(fmu, p, u)
     expected = p["m_hat_0"] * (u["ddrho_ref_N"] - gravity(u["r_SN_N"]) + gravity(u["r_TN_N"]))
@@ -75,11 +79,15 @@ def test_with_the_true_mass_the_position_error_obeys_its_linear_equation(fmu, rn
 
 @pytest.mark.parametrize("damping", [0, 1])
 def test_mass_estimate_moves_along_the_regressor_of_the_force(fmu, rng, damping):
-    """The acceleration without control, Psi, from the true motion; regressor Psi + K e1 (+ P e2)."""
+    """The acceleration without control, Psi, from the true motion; regressor Psi + K e1 (+ P
+    e2).
+    """
     p, u = parameters(rng) | {"damping_in_regressor": damping}, situation(rng)
     e1, e2, Psi = position_error(u, np.zeros(3), 1)
     rate = p["Gamma_m"] * e2 @ (Psi + p["K_rho"] * e1 + damping * p["P_rho"] * e2)
-    assert deviation(one_step(fmu, p, u)["m_hat"] - p["m_hat_0"], PERIOD * rate) < 1e-12 * p["m_hat_0"]
+    assert (
+        deviation(one_step(fmu, p, u)["m_hat"] - p["m_hat_0"], PERIOD * rate) < 1e-12 * p["m_hat_0"]
+    )
 
 
 # ---- attitude ----
@@ -95,11 +103,15 @@ def test_attitude_error_is_the_rotation_from_the_desired_to_the_actual_body(fmu,
 
 
 def test_without_error_the_wheels_give_the_true_dynamics_the_desired_acceleration(fmu, rng):
-    """J domega = -omega x (J omega + A Omega) - A dOmega with the estimated inertias is the desired acceleration."""
+    """J domega = -omega x (J omega + A Omega) - A dOmega with the estimated inertias is the desired
+    acceleration.
+    """
     p, u = parameters(rng), without_errors(situation(rng))
     out = one_step(fmu, p, u)
     J, A, w = symmetric(p["eta_hat_0"][:6]), symmetric(p["eta_hat_0"][6:]), u["omega_SN_S"]
-    domega = np.linalg.solve(J, -np.cross(w, J @ w + A @ u["wheel_speed"]) - A @ out["wheel_accel_cmd"])
+    domega = np.linalg.solve(
+        J, -np.cross(w, J @ w + A @ u["wheel_speed"]) - A @ out["wheel_accel_cmd"]
+    )
     assert deviation(domega, u["alpha_DN_D"]) < 1e-15
     assert deviation(out["eta_hat"], p["eta_hat_0"], np.abs(p["eta_hat_0"]).max()) < 1e-14
 
@@ -112,13 +124,19 @@ def test_wheel_command_feeds_back_the_errors_and_forward_the_desired_motion(fmu,
 
 
 def test_inertia_estimates_move_along_the_jacobian_of_the_following_torque(fmu, rng):
-    """The torque is linear in eta: its Jacobian is what each of the twelve unit inertias needs, and W = -Jacobian."""
+    """The torque is linear in eta: its Jacobian is what each of the twelve unit inertias needs, and
+    W = -Jacobian.
+    """
     p, u = parameters(rng), situation(rng)
     out = one_step(fmu, p, u)
-    jacobian = np.array([following_torque(u, unit, out["wheel_accel_cmd"]) for unit in np.eye(12)]).T
+    jacobian = np.array(
+        [following_torque(u, unit, out["wheel_accel_cmd"]) for unit in np.eye(12)]
+    ).T
     dw = u["omega_SN_S"] - desired_rates(u)[0]
     expected = -PERIOD * p["Gamma_eta"] * (jacobian.T @ dw)
-    assert deviation(out["eta_hat"] - p["eta_hat_0"], expected, np.abs(p["eta_hat_0"]).max()) < 1e-14
+    assert (
+        deviation(out["eta_hat"] - p["eta_hat_0"], expected, np.abs(p["eta_hat_0"]).max()) < 1e-14
+    )
 
 
 def test_without_wheels_the_torque_is_what_the_wheels_would_have_given(fmu, rng):
@@ -131,7 +149,9 @@ def test_without_wheels_the_torque_is_what_the_wheels_would_have_given(fmu, rng)
     assert deviation(thrusters["eta_hat"][:6], wheels["eta_hat"][:6]) == 0
     jacobian = np.array([following_torque(u, unit, np.zeros(3)) for unit in np.eye(12)]).T
     step = -PERIOD * p["Gamma_eta"] * (jacobian.T @ (u["omega_SN_S"] - desired_rates(u)[0]))
-    assert deviation(thrusters["eta_hat"] - p["eta_hat_0"], step, np.abs(p["eta_hat_0"]).max()) < 1e-14
+    assert (
+        deviation(thrusters["eta_hat"] - p["eta_hat_0"], step, np.abs(p["eta_hat_0"]).max()) < 1e-14
+    )
 
 
 def test_attitude_control_rests_before_its_time_and_its_errors_are_shown(fmu, rng):
@@ -153,7 +173,9 @@ def test_attitude_control_rests_before_its_time_and_its_errors_are_shown(fmu, rn
 # ---- estimates ----
 
 
-def test_command_uses_the_estimate_before_its_update_and_the_published_estimate_is_the_one_after(fmu, rng):
+def test_command_uses_the_estimate_before_its_update_and_the_published_estimate_is_the_one_after(
+    fmu, rng
+):
     """Same inputs twice: the force follows the mass estimate with one sample delay."""
     p, u = parameters(rng), situation(rng)
     unit = fmu("adaptive_controller", p, u)
@@ -210,18 +232,31 @@ def test_projection_changes_nothing_within_the_ranges(fmu, rng):
 
 
 def test_turning_everything_given_in_inertial_axes_leaves_the_commands_as_they_are(fmu, rng):
-    """1e-12 of the largest term: m_hat x 8 m/s2 of gravity in the force, whose rounding is that of turned positions."""
+    """1e-12 of the largest term: m_hat x 8 m/s2 of gravity in the force, whose rounding is that of
+    turned positions.
+    """
     p, u = parameters(rng), situation(rng)
     one, other = (one_step(fmu, p, x) for x in (u, turned(u, random_rotation(rng))))
-    scale = {"F_cmd_S": 8 * p["m_hat_0"], "F_cmd_H": 8 * p["m_hat_0"], "e1_H": 7e6, "e2_H": 7e3, "m_hat": 8e2}
+    scale = {
+        "F_cmd_S": 8 * p["m_hat_0"],
+        "F_cmd_H": 8 * p["m_hat_0"],
+        "e1_H": 7e6,
+        "e2_H": 7e3,
+        "m_hat": 8e2,
+    }
     for name, value in one.items():
-        assert deviation(other[name], value, scale.get(name, np.abs(value).max() or 1)) < 1e-12, name
+        assert deviation(other[name], value, scale.get(name, np.abs(value).max() or 1)) < 1e-12, (
+            name
+        )
 
 
 @pytest.mark.parametrize("name", ["q_TN", "q_SN", "q_DN"])
 def test_quaternions_of_either_sign_are_the_same_attitude(fmu, rng, name):
     p, u = parameters(rng), situation(rng)
-    one, other = fmu("adaptive_controller", p, u), fmu("adaptive_controller", p, u | {name: -u[name]})
+    one, other = (
+        fmu("adaptive_controller", p, u),
+        fmu("adaptive_controller", p, u | {name: -u[name]}),
+    )
     for unit in (one, other):
         unit.step(PERIOD)
     assert bits(other) == bits(one)
@@ -243,7 +278,9 @@ def test_in_deep_space_the_hill_frame_is_inertial_and_there_is_no_gravity(fmu, r
 
 @pytest.mark.parametrize("h", [0.1, 0.25, 0.5])
 def test_samples_are_taken_at_multiples_of_the_period_and_held(fmu, rng, h):
-    """Inputs change at every call; only those at 0, 0.5, 1.0, ... s count, whatever the step of the master."""
+    """Inputs change at every call; only those at 0, 0.5, 1.0, ... s count, whatever the step of the
+    master.
+    """
     period, p = 0.5, parameters(rng) | {"sample_period": 0.5, "t_att": 1.0}
     inputs = [situation(np.random.default_rng(k)) for k in range(4)]
     slow, sampled = (fmu("adaptive_controller", p, inputs[0]) for _ in range(2))
@@ -268,9 +305,13 @@ def test_steps_across_sample_times_or_over_several_change_nothing(fmu, rng, h):
 # ---- reference implementation ----
 
 
-@pytest.mark.parametrize("options", [{}, {"use_wheels": 0, "damping_in_regressor": 1}, {"projection": 1, "t_att": 2.0}])
+@pytest.mark.parametrize(
+    "options", [{}, {"use_wheels": 0, "damping_in_regressor": 1}, {"projection": 1, "t_att": 2.0}]
+)
 def test_outputs_are_those_of_the_reference_implementation(fmu, rng, options):
-    """Over several samples; projection about diagonal start values, where all readings of its range agree."""
+    """Over several samples; projection about diagonal start values, where all readings of its range
+    agree.
+    """
     p = parameters(rng) | {"Gamma_scale": 0.05} | options
     if "projection" in options:
         p["eta_hat_0"] = p["eta_hat_0"] * np.tile([1, 0, 0, 1, 0, 1], 2)
@@ -278,7 +319,9 @@ def test_outputs_are_those_of_the_reference_implementation(fmu, rng, options):
     x, unit = reference.initial_estimate(q), fmu("adaptive_controller", p)
     for k in range(6):
         u = situation(rng)
-        T, S = (Body(u[f"r_{b}N_N"], u[f"v_{b}N_N"], u[f"q_{b}N"], u[f"omega_{b}N_{b}"]) for b in "TS")
+        T, S = (
+            Body(u[f"r_{b}N_N"], u[f"v_{b}N_N"], u[f"q_{b}N"], u[f"omega_{b}N_{b}"]) for b in "TS"
+        )
         expected, x = reference.sample(float(k), T, S, u["wheel_speed"], u, x, q, PERIOD)
         unit.step(PERIOD, u)
         for name, value in expected.items():

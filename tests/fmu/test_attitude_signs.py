@@ -1,4 +1,6 @@
-"""A quaternion and its negative are the same attitude to every consumer, at half a turn too, where q_0 decides nothing."""
+"""A quaternion and its negative are the same attitude to every consumer, at half a turn too, where
+q_0 decides nothing.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,10 @@ def scene(rng):
     """Two bodies 50 m apart in orbit and a reference between them, attitudes left out."""
     r, rho = 7e6 * random_direction(rng), 50 * random_direction(rng)
     v = np.cross([1e-4, 2e-4, 1e-3], r)
-    rates = {name: 0.01 * rng.normal(size=3) for name in ("omega_TN_T", "omega_SN_S", "omega_DN_D", "drho_ref_N")}
+    rates = {
+        name: 0.01 * rng.normal(size=3)
+        for name in ("omega_TN_T", "omega_SN_S", "omega_DN_D", "drho_ref_N")
+    }
     return {
         "r_TN_N": r,
         "v_TN_N": v,
@@ -43,10 +48,15 @@ def outputs(fmu, name, inputs):
 
 
 def attitudes(rng, half_turns):
-    """Random ones, or such that the turn between any two is none or half a turn about a body axis."""
+    """Random ones, or such that the turn between any two is none or half a turn about a body
+    axis.
+    """
     if half_turns:
         return dict(zip(ATTITUDES, np.eye(4)[rng.integers(4, size=3)], strict=True))
-    return {name: q / np.linalg.norm(q) for name, q in zip(ATTITUDES, rng.normal(size=(3, 4)), strict=True)}
+    return {
+        name: q / np.linalg.norm(q)
+        for name, q in zip(ATTITUDES, rng.normal(size=(3, 4)), strict=True)
+    }
 
 
 @pytest.mark.parametrize("half_turns", [False, True])
@@ -56,6 +66,8 @@ def test_the_sign_of_an_attitude_changes_nothing(fmu, rng, name, half_turns):
         inputs, q = scene(rng), attitudes(rng, half_turns)
         expected = outputs(fmu, name, inputs | q)
         for flipped in (*ATTITUDES, "all"):
-            signs = {port: -value if flipped in (port, "all") else value for port, value in q.items()}
+            signs = {
+                port: -value if flipped in (port, "all") else value for port, value in q.items()
+            }
             for port, value in outputs(fmu, name, inputs | signs).items():
                 assert np.array_equal(value, expected[port]), (port, flipped)

@@ -1,4 +1,6 @@
-"""ideal_propulsion.fmu against closed forms: saturation, first-order lag, impulse, propellant flow, flags."""
+"""ideal_propulsion.fmu against closed forms: saturation, first-order lag, impulse, propellant flow,
+flags.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ def lagged(before, command, tau, t):
 
 
 def integral_of_magnitude(f, t):
-    """Integral of |f| from 0 to t by quadrature, split where f, which has at most one zero, changes sign."""
+    """Integral of |f| from 0 to t by quadrature, split where f, which has at most one zero, changes
+    sign.
+    """
     zeros = [brentq(f, 0, t, xtol=1e-15)] if f(0) * f(t) < 0 else []
     return quad(lambda s: abs(f(s)), 0, t, points=zeros or None, epsabs=1e-13, epsrel=1e-13)[0]
 
@@ -57,7 +61,9 @@ def test_flags_say_which_axes_ask_for_more_than_their_limit(fmu):
 
 def test_thrust_is_there_at_once_without_lag_and_starts_from_zero_with_lag(fmu):
     commands = {"F_cmd_S": (1, -2, 6), "M_cmd_S": (0.3, 0.1, -0.1)}
-    at_once, lag = (fmu("ideal_propulsion", LIMITS | {"tau": tau, "Isp": 200}, commands) for tau in (0, 2))
+    at_once, lag = (
+        fmu("ideal_propulsion", LIMITS | {"tau": tau, "Isp": 200}, commands) for tau in (0, 2)
+    )
     assert deviation(at_once.get("F_S"), (1, -2, 6)) == 0
     assert deviation(at_once.get("M_S"), (0.2, 0.1, -0.1)) == 0
     assert deviation(at_once.get("mdot"), 9 / (200 * G_0)) < 1e-15
@@ -81,7 +87,9 @@ def test_wrench_approaches_the_saturated_command_exponentially(fmu, rng, h, port
             unit.step(h, {command: c})
         target = saturated(c, limit)
         for i in range(3):
-            integral[i] += integral_of_magnitude(partial(lagged, force[i], target[i], tau), steps * h)
+            integral[i] += integral_of_magnitude(
+                partial(lagged, force[i], target[i], tau), steps * h
+            )
         force = lagged(force, target, tau, steps * h)
         assert deviation(unit.get(wrench), force) < 1e-12
         assert deviation(unit.get(impulse), integral, integral.max()) < 1e-9

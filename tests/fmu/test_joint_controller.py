@@ -15,20 +15,30 @@ def test_torque_is_proportional_and_derivative(fmu, rng):
         rng.normal(size=2),
         rng.normal(size=2),
     )
-    unit = fmu("joint_controller", {"joint_angle_ref": q_ref, "Kp": Kp, "Kd": Kd}, {"joint_angle": q, "joint_rate": dq})
+    unit = fmu(
+        "joint_controller",
+        {"joint_angle_ref": q_ref, "Kp": Kp, "Kd": Kd},
+        {"joint_angle": q, "joint_rate": dq},
+    )
     assert unit.get("joint_torque") == pytest.approx(Kp * (q_ref - q) - Kd * dq, rel=1e-15)
     assert unit.get("joint_lock") == 0
     assert unit.get("saturated").tolist() == [0, 0]
 
 
 def test_torque_is_cut_to_its_limit_per_joint(fmu):
-    unit = fmu("joint_controller", {"joint_angle_ref": (1, -1), "Kp": (10, 10), "torque_max": (4, 0)})
+    unit = fmu(
+        "joint_controller", {"joint_angle_ref": (1, -1), "Kp": (10, 10), "torque_max": (4, 0)}
+    )
     assert unit.get("joint_torque").tolist() == [4, -10]
     assert unit.get("saturated").tolist() == [1, 0]
 
 
 def test_no_gains_leave_the_joints_free(fmu):
-    unit = fmu("joint_controller", {"Kp": (0, 0), "Kd": (0, 0)}, {"joint_angle": (1, 2), "joint_rate": (3, 4)})
+    unit = fmu(
+        "joint_controller",
+        {"Kp": (0, 0), "Kd": (0, 0)},
+        {"joint_angle": (1, 2), "joint_rate": (3, 4)},
+    )
     assert unit.get("joint_torque").tolist() == [0, 0]
 
 
@@ -46,7 +56,9 @@ def test_between_samples_torque_and_lock_are_held(fmu):
     first = unit.get("joint_torque")
     for _ in range(10):
         unit.step(0.1, {"joint_angle": (0.3, 0.3)})
-    assert unit.get("joint_torque").tolist() != first.tolist()  # the sample at t = 0 has read the new angles
+    assert (
+        unit.get("joint_torque").tolist() != first.tolist()
+    )  # the sample at t = 0 has read the new angles
     assert unit.get("joint_lock") == 0
     unit.step(0.1)
     assert unit.get("joint_lock") == 1

@@ -1,4 +1,6 @@
-"""What ppc_controller, pid_controller and theta_d_controller have in common, beside the laws themselves."""
+"""What ppc_controller, pid_controller and theta_d_controller have in common, beside the laws
+themselves.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,11 @@ def test_required_ports_are_those_of_the_adaptive_controller(kind):
         variables = kind(name).description.modelVariables
         command = ("F_cmd_S", "M_cmd_S", "wheel_accel_cmd")
         inputs = {(v.name, v.unit) for v in variables if v.causality == "input"}
-        outputs = {(v.name, v.unit) for v in variables if v.causality == "output" and v.name.startswith(command)}
+        outputs = {
+            (v.name, v.unit)
+            for v in variables
+            if v.causality == "output" and v.name.startswith(command)
+        }
         return inputs, outputs
 
     assert all(ports(name) == ports("adaptive_controller") for name in CONTROLLERS)
@@ -48,14 +54,17 @@ def test_required_ports_are_those_of_the_adaptive_controller(kind):
 
 @every
 def test_outputs_are_finite_for_every_finite_input(kind, fmu, name):
-    """In flight nothing may end a run: not a pole, not a range of zero, not 1e308 m, not four zeros as attitude.
+    """In flight nothing may end a run: not a pole, not a range of zero, not 1e308 m, not four zeros
+    as attitude.
 
     A result that is not finite would be refused by the FMU: fmi2Error, an exception here.
     """
     unit = fmu(name)
     unit.step(0.1)
 
-    @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+    @settings(
+        max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    )
     @given(ANY_INPUTS)
     def flown(u):
         unit.step(0.1, u)
@@ -71,14 +80,21 @@ def test_the_pole_and_the_target_itself_are_survived(fmu, name, up_axis, rho):
     unit, up = fmu(name, {"up_axis": up_axis}), np.eye(3)[up_axis - 1]
     unit.step(0.1)
     scene = Scene(up_axis=up_axis).inputs()
-    unit.step(0.1, scene | {"r_SN_N": scene["r_TN_N"] - rho * up, "v_SN_N": scene["v_TN_N"] + (1, 2, 3)})
+    unit.step(
+        0.1, scene | {"r_SN_N": scene["r_TN_N"] - rho * up, "v_SN_N": scene["v_TN_N"] + (1, 2, 3)}
+    )
     assert np.all(np.isfinite(unit.get("F_cmd_S")))
 
 
 @every
 def test_turning_the_whole_scene_about_up_changes_no_command(fmu, rng, name):
-    """Everything in N turned about Y: azimuths shift, a_L and torque stay. In deep space, where nothing cancels."""
-    scene, R = near(rng, r_TN_N=ZERO3, v_TN_N=ZERO3), Rotation.from_rotvec((0, rng.uniform(-3, 3), 0)).as_matrix()
+    """Everything in N turned about Y: azimuths shift, a_L and torque stay. In deep space, where
+    nothing cancels.
+    """
+    scene, R = (
+        near(rng, r_TN_N=ZERO3, v_TN_N=ZERO3),
+        Rotation.from_rotvec((0, rng.uniform(-3, 3), 0)).as_matrix(),
+    )
     p = free(name) | ({"mu": 0} if name.startswith("theta") else {})
     u = scene.inputs()
     out, moved = sample(fmu(name, p), u), sample(fmu(name, p), turned(u, R))
@@ -126,7 +142,9 @@ def test_published_errors_are_those_of_the_scene(fmu, rng, name):
 @every
 def test_the_azimuth_error_takes_the_short_way(fmu, name):
     """From -179 to 179 deg it is -2 deg."""
-    scene = Scene(ref=np.array((100.0, 0.1, np.radians(-179.0))), x1=np.array((0.0, 0.0, np.radians(358.0))))
+    scene = Scene(
+        ref=np.array((100.0, 0.1, np.radians(-179.0))), x1=np.array((0.0, 0.0, np.radians(358.0)))
+    )
     assert abs(sample(fmu(name), scene.inputs())["error"][2] - np.radians(-2.0)) < 1e-10
 
 
@@ -180,7 +198,9 @@ def test_the_command_is_held_between_the_sample_instants(fmu, rng, name):
 def on_the_reference(scene):
     """The same reference with the servicer on it."""
     C_ND = dcm_of_quaternion(scene.q_DN).T
-    return replace(scene, x1=np.zeros(3), x2=np.zeros(3), turn=np.zeros(3), omega=scene.omega_D), C_ND
+    return replace(
+        scene, x1=np.zeros(3), x2=np.zeros(3), turn=np.zeros(3), omega=scene.omega_D
+    ), C_ND
 
 
 @pytest.mark.parametrize("name", CONTROLLERS[:2])
@@ -194,8 +214,8 @@ def test_without_errors_the_laws_without_model_command_nothing(fmu, rng, name):
 
 @pytest.mark.parametrize("rho", [100.0, 3e6])
 def test_without_errors_theta_d_commands_the_motion_of_the_reference(fmu, rng, rho):
-    """The force makes the servicer accelerate as the reference does, the torque turns J_hat as D turns. At 3000 km all
-    terms of differential gravity count."""
+    """The force makes the servicer accelerate as the reference does, the torque turns J_hat as D
+    turns. At 3000 km all terms of differential gravity count."""
     any_scene = random_scene(rng)
     scene, C_ND = on_the_reference(replace(any_scene, ref=any_scene.ref * (0, 1, 1) + (rho, 0, 0)))
     u, J = scene.inputs(), np.diag((50.0, 45.0, 60.0))
@@ -209,7 +229,9 @@ def test_without_errors_theta_d_commands_the_motion_of_the_reference(fmu, rng, r
 
 
 @every
-@pytest.mark.parametrize("p", [{"up_axis": 4}, {"force_scale": 0}, {"a_max": -1}, {"sample_period": -1}], ids=str)
+@pytest.mark.parametrize(
+    "p", [{"up_axis": 4}, {"force_scale": 0}, {"a_max": -1}, {"sample_period": -1}], ids=str
+)
 def test_impossible_parameters_are_refused(fmu, name, p):
     with pytest.raises(FMICallException):
         fmu(name, p)

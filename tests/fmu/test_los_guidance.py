@@ -1,4 +1,6 @@
-"""los_guidance.fmu against geometry: triad, published derivatives, camera frame, flags, what it does not know."""
+"""los_guidance.fmu against geometry: triad, published derivatives, camera frame, flags, what it
+does not know.
+"""
 
 from __future__ import annotations
 
@@ -29,8 +31,16 @@ def guided(fmu, u, p=None):
 
 def seen_at(r, v=(0, 0, 0)):
     """Inputs of a servicer that has the target at r from it, closing as r moves at v."""
-    bodies = {"r_TN_N": np.array((7e6, 0, 0)), "v_TN_N": np.array((0, 7.5e3, 0)), "q_TN": (1, 0, 0, 0)}
-    return bodies | {"r_SN_N": bodies["r_TN_N"] - r, "v_SN_N": bodies["v_TN_N"] - v, "q_SN": (1, 0, 0, 0)}
+    bodies = {
+        "r_TN_N": np.array((7e6, 0, 0)),
+        "v_TN_N": np.array((0, 7.5e3, 0)),
+        "q_TN": (1, 0, 0, 0),
+    }
+    return bodies | {
+        "r_SN_N": bodies["r_TN_N"] - r,
+        "v_SN_N": bodies["v_TN_N"] - v,
+        "q_SN": (1, 0, 0, 0),
+    }
 
 
 # ---- line of sight ----
@@ -40,7 +50,12 @@ def seen_at(r, v=(0, 0, 0)):
 def test_outputs_are_those_of_the_reference(fmu, rng, up_axis):
     """1e-11 relative: positions of 7e6 m leave 1e-9 m of 100 m."""
     u = random_bodies(rng, distance=60.0) | {"F_cmd_S": 50 * rng.normal(size=3)}
-    p = {"J_T": random_inertia(rng), "p_T": random_direction(rng), "sun_N": rng.normal(size=3), "rho_f": 35.0}
+    p = {
+        "J_T": random_inertia(rng),
+        "p_T": random_direction(rng),
+        "sun_N": rng.normal(size=3),
+        "rho_f": 35.0,
+    }
     p |= {"up_axis": up_axis, "force_scale": 80.0, "use_gravity_gradient": 1}
     out = guided(fmu, u, p)
     expected, _ = reference.guide(*bodies(u), u["F_cmd_S"], reference.Guidance(mu=MU, **p))
@@ -74,20 +89,30 @@ def test_round_trip_in_deep_space_is_exact_to_rounding(fmu, rng):
 
 
 @pytest.mark.parametrize(("up_axis", "first"), [(1, 2), (2, 0), (3, 1)])
-def test_elevation_is_counted_from_the_plane_normal_to_up_and_azimuth_from_its_first_axis(fmu, up_axis, first):
+def test_elevation_is_counted_from_the_plane_normal_to_up_and_azimuth_from_its_first_axis(
+    fmu, up_axis, first
+):
     up, start = np.eye(3)[up_axis - 1], np.eye(3)[first]
     out = guided(fmu, seen_at(100 * (np.cos(0.3) * start + np.sin(0.3) * up)), {"up_axis": up_axis})
     assert deviation(out["los"], (100, 0.3, 0)) < 1e-9
     quarter = guided(fmu, seen_at(100 * np.cross(up, start)), {"up_axis": up_axis})
-    assert abs(quarter["los"][2] - np.pi / 2) < 1e-9  # positive about up, hence from +X towards -Z with Y up
+    assert (
+        abs(quarter["los"][2] - np.pi / 2) < 1e-9
+    )  # positive about up, hence from +X towards -Z with Y up
 
 
 def flown(fmu, p_target=None, p=None, force=(20.0, -30.0, 10.0), steps=4):
-    """Guidance samples while both bodies move as the software believes: no manoeuvre, the force it commanded."""
-    orbit = EARTH | ELEMENTS | {"mu": MU, "use_J2": 0, "use_gravity_gradient": 0, "max_step": H / 10}
+    """Guidance samples while both bodies move as the software believes: no manoeuvre, the force it
+    commanded.
+    """
+    orbit = (
+        EARTH | ELEMENTS | {"mu": MU, "use_J2": 0, "use_gravity_gradient": 0, "max_step": H / 10}
+    )
     target = fmu("target", orbit | {"omega_TN_T_0": (0.05, -0.08, 0.12)} | (p_target or {}))
     start = {"rho_0_H": (60, -80, 40), "drho_0_H": (-1, 2, 0.5), "sigma_SN_0": (0.1, 0.2, -0.1)}
-    servicer = fmu("servicer", orbit | start | {"omega_SN_S_0": (0, 0, 0), "J_S": np.diag((1e9, 1e9, 1e9))})
+    servicer = fmu(
+        "servicer", orbit | start | {"omega_SN_S_0": (0, 0, 0), "J_S": np.diag((1e9, 1e9, 1e9))}
+    )
     guidance, rows = fmu("los_guidance", p), []
     for _ in range(steps + 1):
         states = {name: target.get(name) for name in ("r_TN_N", "v_TN_N", "q_TN", "omega_TN_T")}
@@ -100,7 +125,9 @@ def flown(fmu, p_target=None, p=None, force=(20.0, -30.0, 10.0), steps=4):
 
 
 def test_published_derivatives_are_derivatives(fmu):
-    """Five-point stencil: h^4/30 of the fifth derivative, below 1e-9 of the rates; 1e-9 m/h of rounding in 7e6 m."""
+    """Five-point stencil: h^4/30 of the fifth derivative, below 1e-9 of the rates; 1e-9 m/h of
+    rounding in 7e6 m.
+    """
     out = flown(fmu)
     for value, rate, scale in (
         ("rho_ref_N", "drho_ref_N", 3.0),
@@ -113,7 +140,9 @@ def test_published_derivatives_are_derivatives(fmu):
 
 
 def test_angular_rate_and_acceleration_are_those_of_the_camera_frame(fmu):
-    """The frame from the quaternions, turned back to the middle sample; the orbit leaves 1e-9 m/(100 m h) of noise."""
+    """The frame from the quaternions, turned back to the middle sample; the orbit leaves 1e-9
+    m/(100 m h) of noise.
+    """
     out = flown(fmu)
     C = [dcm_of_quaternion(q) for q in out["q_DN"]]
     turns = np.array([Rotation.from_matrix(C[2] @ c.T).as_rotvec() for c in C])
@@ -131,9 +160,13 @@ def test_gravity_gradient_on_the_target_is_known_if_wanted(fmu):
 
 
 def test_first_outputs_take_no_command_into_account(fmu, rng):
-    """Nothing was commanded before the start, so start values that travel round the software loop settle at once."""
+    """Nothing was commanded before the start, so start values that travel round the software loop
+    settle at once.
+    """
     u = random_bodies(rng, distance=60.0)
-    still, pushed = (fmu("los_guidance", None, u | {"F_cmd_S": F}) for F in ((0, 0, 0), (100, 200, 300)))
+    still, pushed = (
+        fmu("los_guidance", None, u | {"F_cmd_S": F}) for F in ((0, 0, 0), (100, 200, 300))
+    )
     assert np.array_equal(still.get("alpha_DN_D"), pushed.get("alpha_DN_D"))
     pushed.step(0.1)
     assert not np.array_equal(still.get("alpha_DN_D"), pushed.get("alpha_DN_D"))
@@ -164,7 +197,9 @@ def test_turning_the_whole_scene_turns_the_reference(fmu, rng):
         assert deviation(moved[name], out[name]) < 1e-10, name
     for name in ("los", "los_ref"):
         shift = moved[name] - out[name] - (0, 0, psi)
-        assert np.max(np.abs(np.sin(shift / 2))) < 1e-9, name  # up to whole turns; range within 1e-9 m
+        assert np.max(np.abs(np.sin(shift / 2))) < 1e-9, (
+            name
+        )  # up to whole turns; range within 1e-9 m
 
 
 def test_quaternion_never_jumps_while_the_servicer_flies_around_the_target(fmu):
@@ -181,7 +216,9 @@ def test_quaternion_never_jumps_while_the_servicer_flies_around_the_target(fmu):
 
 
 def test_near_the_sun_the_panel_axis_is_held(fmu):
-    """The line of sight crosses the Sun 0.01 deg beside it: flagged, and y turns by no more than the line of sight."""
+    """The line of sight crosses the Sun 0.01 deg beside it: flagged, and y turns by no more than
+    the line of sight.
+    """
     across = np.cross(SUN, (0, 1, 0)) / np.linalg.norm(np.cross(SUN, (0, 1, 0)))
     side = np.cross(SUN, across)
     unit, axes = fmu("los_guidance", {"guard_angle": np.radians(2)}), []
@@ -209,7 +246,8 @@ def test_held_panel_axis_is_the_one_before_the_guard(fmu):
 
 
 @pytest.mark.parametrize(
-    ("elevation", "rho", "flag"), [(79, 100, 0), (81, 100, 1), (-81, 100, 1), (0, 5.1, 0), (0, 4.9, 1)]
+    ("elevation", "rho", "flag"),
+    [(79, 100, 0), (81, 100, 1), (-81, 100, 1), (0, 5.1, 0), (0, 4.9, 1)],
 )
 def test_poles_of_the_angles_and_closeness_are_flagged(fmu, elevation, rho, flag):
     r, _ = reference.inertial(np.array((rho, np.radians(elevation), 0.4)), np.zeros(3))
@@ -218,9 +256,17 @@ def test_poles_of_the_angles_and_closeness_are_flagged(fmu, elevation, rho, flag
 
 @pytest.mark.parametrize("rho", [0.05, 1e-3, 1e-9, 1e-140])
 def test_closer_than_ten_centimetres_rates_are_those_at_ten_centimetres(fmu, rho):
-    """Divisions are by at least 0.1 m: the reference turns no faster the nearer the target comes."""
+    """Divisions are by at least 0.1 m: the reference turns no faster the nearer the target
+    comes.
+    """
     at, near = (
-        {"r_TN_N": (0, 0, 0), "v_TN_N": (0, 0, 0), "q_TN": (1, 0, 0, 0), "r_SN_N": (-d, 0, 0), "v_SN_N": (0, -0.3, 0.4)}
+        {
+            "r_TN_N": (0, 0, 0),
+            "v_TN_N": (0, 0, 0),
+            "q_TN": (1, 0, 0, 0),
+            "r_SN_N": (-d, 0, 0),
+            "v_SN_N": (0, -0.3, 0.4),
+        }
         for d in (0.1, rho)
     )
     there, here = (guided(fmu, u | {"q_SN": (1, 0, 0, 0)}, {"mu": 0}) for u in (at, near))

@@ -19,8 +19,12 @@ Kp, Ki, Kd = (np.array(k) for k in ((0.4, 20, 20), (0.024, 4, 4), (2, 48, 48)))
 
 @pytest.mark.parametrize("up_axis", [1, 2, 3])
 def test_outputs_are_those_of_the_reference_over_five_samples(fmu, rng, up_axis):
-    """Limits act in some; 1e-7 relative: 1e-9 m of cancellation by gains. Attitude begins at the third sample."""
-    p = replace(reference.Pid(), up_axis=up_axis, t_att=0.2, use_wheels=rng.integers(2), force_scale=80.0)
+    """Limits act in some; 1e-7 relative: 1e-9 m of cancellation by gains. Attitude begins at the
+    third sample.
+    """
+    p = replace(
+        reference.Pid(), up_axis=up_axis, t_att=0.2, use_wheels=rng.integers(2), force_scale=80.0
+    )
     unit, x = fmu("pid_controller", reference.settings(p)), (np.zeros(3), np.zeros(3))
     for k in range(5):
         u = random_scene(rng, up_axis).inputs()
@@ -46,7 +50,11 @@ def test_the_integral_of_a_constant_error_grows_linearly_and_acts_one_sample_lat
 
 
 def test_first_outputs_do_not_integrate(fmu):
-    unit = fmu("pid_controller", None, Scene(x1=np.array((2.0, 0.1, 0.1)), turn=np.array((0.1, 0, 0))).inputs())
+    unit = fmu(
+        "pid_controller",
+        None,
+        Scene(x1=np.array((2.0, 0.1, 0.1)), turn=np.array((0.1, 0, 0))).inputs(),
+    )
     assert unit.get("integral.range") == 0
     assert not np.any(unit.get("integral_att"))
 
@@ -70,16 +78,20 @@ def test_without_back_calculation_the_integral_winds_up(fmu):
 @pytest.mark.parametrize("period", [0.01, 0.05, 0.1, 1.0])
 @pytest.mark.parametrize("T_aw", [40.0, 4.0, 0.025])
 def test_back_calculation_settles_where_it_balances_the_error_at_every_period(fmu, T_aw, period):
-    """Ki T e + u - sat u = 0 with u - sat u = -(Kp e + Ki I) + 4.9, reached at the rate 1/T, Euler ahead of the
-    exponential; T is no less than the period."""
+    """Ki T e + u - sat u = 0 with u - sat u = -(Kp e + Ki I) + 4.9, reached at the rate 1/T, Euler
+    ahead of the exponential; T is no less than the period."""
     _, integral = saturating(fmu, T_aw, period, seconds=200.0)
     T = max(T_aw, period)
     expected = T * 100.0 + (4.9 - Kp[0] * 100.0) / Ki[0]
-    assert abs(integral - expected) < 1.01 * abs(expected) * np.exp(-200.0 / T) + 1e-9 * abs(expected)
+    assert abs(integral - expected) < 1.01 * abs(expected) * np.exp(-200.0 / T) + 1e-9 * abs(
+        expected
+    )
 
 
 def test_the_command_leaves_the_limit_as_soon_as_the_error_does(fmu):
-    """After a minute of saturation a small error is answered by a small command; without it the limit would stay."""
+    """After a minute of saturation a small error is answered by a small command; without it the
+    limit would stay.
+    """
     commands = {}
     for T_aw in (0.0, 4.0):
         unit, _ = saturating(fmu, T_aw)
@@ -91,7 +103,9 @@ def test_the_command_leaves_the_limit_as_soon_as_the_error_does(fmu):
 def test_the_torque_integral_is_kept_from_winding_up_too(fmu):
     """2 rad of error hold the torque at its limit."""
     scene = Scene(turn=np.array((2.0, 0, 0))).inputs()
-    wound, kept = (fmu("pid_controller", {"attitude.T_aw": T, "sample_period": 0.1}) for T in (0.0, 10.0))
+    wound, kept = (
+        fmu("pid_controller", {"attitude.T_aw": T, "sample_period": 0.1}) for T in (0.0, 10.0)
+    )
     w, k = sample(wound, scene, 30.0), sample(kept, scene, 30.0)
     assert w["M_cmd_S"][0] == k["M_cmd_S"][0] == -10
     assert k["integral_att"][0] < 0.1 * w["integral_att"][0]

@@ -36,7 +36,11 @@ def commanded(fmu, z, p=None):
 
 def settings(**channels):
     """Constants of channels by name: settings(range={"k": 2})."""
-    return {f"{channel}.{name}": value for channel, table in channels.items() for name, value in table.items()}
+    return {
+        f"{channel}.{name}": value
+        for channel, table in channels.items()
+        for name, value in table.items()
+    }
 
 
 # ---- against the reference ----
@@ -45,10 +49,23 @@ def settings(**channels):
 @pytest.mark.parametrize("law", [0, 1, 2])
 @pytest.mark.parametrize("up_axis", [1, 2, 3])
 def test_outputs_are_those_of_the_reference_over_three_samples(fmu, rng, law, up_axis):
-    """Funnels begin at 2 s (position), 2.1 s (attitude) and shrink; 1e-7 relative: 1e-9 m of rounding by gains."""
-    p = replace(ppc.Ppc(), law=law, law_att=law, up_axis=up_axis, t_att=2.1, wheel_scale=7.0, force_scale=80.0)
+    """Funnels begin at 2 s (position), 2.1 s (attitude) and shrink; 1e-7 relative: 1e-9 m of
+    rounding by gains.
+    """
     p = replace(
-        p, range=replace(RANGE, delta=0.7), azimuth=replace(ANGLE, delta=0.6), attitude=replace(ATTITUDE, delta=0.9)
+        ppc.Ppc(),
+        law=law,
+        law_att=law,
+        up_axis=up_axis,
+        t_att=2.1,
+        wheel_scale=7.0,
+        force_scale=80.0,
+    )
+    p = replace(
+        p,
+        range=replace(RANGE, delta=0.7),
+        azimuth=replace(ANGLE, delta=0.6),
+        attitude=replace(ATTITUDE, delta=0.9),
     )
     p = replace(p, use_wheels=rng.integers(2))
     unit, x = fmu("ppc_controller", ppc.settings(p), None, 2.0), (None, None)
@@ -68,13 +85,17 @@ def test_the_bound_shrinks_exponentially_from_the_first_sample_on(fmu):
     unit = fmu("ppc_controller", None, Scene().inputs(), 7.0)
     for k in range(5):
         unit.step(0.5)
-        expected = [(c.alpha_0 - c.alpha_inf) * np.exp(-c.beta * 0.5 * k) + c.alpha_inf for c in CHANNELS]
+        expected = [
+            (c.alpha_0 - c.alpha_inf) * np.exp(-c.beta * 0.5 * k) + c.alpha_inf for c in CHANNELS
+        ]
         assert deviation(gathered(unit.outputs())["alpha"], expected, 600) < 1e-14
 
 
 @pytest.mark.parametrize(("sign", "low", "high"), [(1, -0.5, 1.0), (-1, -1.0, 0.5)])
 def test_the_side_of_the_narrow_bound_is_decided_once_by_the_start(fmu, sign, low, high):
-    """delta = 0.5: the side away from the start is half as wide, also later. States in the rate: no range < 0."""
+    """delta = 0.5: the side away from the start is half as wide, also later. States in the rate: no
+    range < 0.
+    """
     unit = fmu("ppc_controller", settings(range={"delta": 0.5, "eta": 0.01}))
 
     def at(theta):
@@ -112,7 +133,11 @@ def test_kappa_is_the_weighted_square_of_the_mapped_state(fmu, rng):
 @pytest.mark.parametrize("age", [0.0, 30.0])
 def test_small_signal_gain_is_k_eta_whatever_the_bound(fmu, law, age):
     """Linear up to (z/alpha)^2 < 1e-8 and 1e-14 m of rounding in z."""
-    unit = fmu("ppc_controller", FREE | {"law": law, "law_att": law, "sample_period": 30.0}, Scene().inputs())
+    unit = fmu(
+        "ppc_controller",
+        FREE | {"law": law, "law_att": law, "sample_period": 30.0},
+        Scene().inputs(),
+    )
     unit.step(age + 1.0)
     z = np.array((1e-4, 1e-6, 1e-6))
     out = sample(unit, scene_of(z).inputs(), 30.0)
@@ -167,8 +192,12 @@ def test_the_law_stays_finite_far_outside_and_points_back_inside(fmu):
 @tried(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.tuples(*[st.floats(-1e6, 1e6)] * 6))
 def test_every_generalised_state_gives_a_bounded_command(kind, flown, state):
-    """Clamps of theta and kappa bound every channel: k eta p s/(1 - kappa) at theta = 0.998, kappa = 0.98."""
-    out = sample(flown, Scene(x1=np.array((abs(state[0]), 0, 0)), x2=np.array(state[3:])).inputs(), 1e-9)
+    """Clamps of theta and kappa bound every channel: k eta p s/(1 - kappa) at theta = 0.998, kappa
+    = 0.98.
+    """
+    out = sample(
+        flown, Scene(x1=np.array((abs(state[0]), 0, 0)), x2=np.array(state[3:])).inputs(), 1e-9
+    )
     s = np.log(0.999 / 0.001)
     for i, c in enumerate(CHANNELS):
         r = 1 / (2 * 0.999 * 0.001 * c.alpha_0)
@@ -183,8 +212,9 @@ def flown(fmu):
 
 
 def test_attitude_torque_carries_the_transpose_of_the_kinematics(fmu, rng):
-    """M = T' u, so that the power of the proof, (R Q s)' T J^-1 T' (R Q s), is positive: with z along x1 it is
-    -k eta z to first order and without the transpose the parts normal to q_vec would turn the wrong way."""
+    """M = T' u, so that the power of the proof, (R Q s)' T J^-1 T' (R Q s), is positive: with z
+    along x1 it is -k eta z to first order and without the transpose the parts normal to q_vec would
+    turn the wrong way."""
     turn = 1.2 * np.array((0.6, -0.8, 0.0))
     z_rate = np.array((0.1, 0.2, 0.3))
     out = sample(fmu("ppc_controller", FREE), Scene(turn=turn, omega=z_rate).inputs())
@@ -218,11 +248,17 @@ def test_the_attitude_error_vector_falls_at_the_rate_that_z_says(fmu, rng):
 def test_it_has_no_parameter_of_mass_inertia_or_gravity(kind):
     """Apart from the two scales that turn a command into newton and rad/s2."""
     variables = kind("ppc_controller").description.modelVariables
-    heavy = {v.name for v in variables if v.causality == "parameter" and ("kg" in (v.unit or "") or v.unit == "m3/s2")}
+    heavy = {
+        v.name
+        for v in variables
+        if v.causality == "parameter" and ("kg" in (v.unit or "") or v.unit == "m3/s2")
+    }
     assert heavy == {"force_scale", "wheel_scale"}
 
 
-def test_commands_do_not_change_by_a_bit_with_what_guidance_believes_of_target_mass_and_gravity(fmu, rng):
+def test_commands_do_not_change_by_a_bit_with_what_guidance_believes_of_target_mass_and_gravity(
+    fmu, rng
+):
     """The references that reach the laws without model depend on geometry and rates only."""
     u = random_bodies(rng, distance=60.0) | {"F_cmd_S": 50 * rng.normal(size=3)}
     beliefs = ({}, {"mu": 0}, {"J_T": np.diag((300, 200, 400))}, {"force_scale": 500})
@@ -230,9 +266,13 @@ def test_commands_do_not_change_by_a_bit_with_what_guidance_believes_of_target_m
     for p in beliefs:
         guidance = fmu("los_guidance", p)
         guidance.step(0.1, u)
-        ref = {name: guidance.get(name) for name in ("rho_ref_N", "drho_ref_N", "ddrho_ref_N", "q_DN")}
+        ref = {
+            name: guidance.get(name) for name in ("rho_ref_N", "drho_ref_N", "ddrho_ref_N", "q_DN")
+        }
         ref |= {name: guidance.get(name) for name in ("omega_DN_D", "alpha_DN_D")}
-        wide = settings(**{c: {"alpha_0": 1e3} for c in ("range", "elevation", "azimuth", "attitude")})
+        wide = settings(
+            **{c: {"alpha_0": 1e3} for c in ("range", "elevation", "azimuth", "attitude")}
+        )
         bodies_only = {name: value for name, value in u.items() if name != "F_cmd_S"}
         unit = fmu("ppc_controller", wide)
         unit.step(0.1, bodies_only | ref | {"wheel_speed": (0, 0, 0)})
@@ -246,7 +286,10 @@ START_REFUSED = {
     "outside the funnel": ((0, 0.9, 0), {}),
     "outside the narrow side": ((-5.0, 0, 0), settings(range={"alpha_0": 4.0})),
     "inside, but kappa >= 1": ((0, 0.6, 0), settings(elevation={"eta": 0.6})),
-    "so near the bound that kappa >= 1": ((40.0, 0, 0), settings(range={"alpha_0": 40 / (1 - 1e-6), "eta": 0.01})),
+    "so near the bound that kappa >= 1": (
+        (40.0, 0, 0),
+        settings(range={"alpha_0": 40 / (1 - 1e-6), "eta": 0.01}),
+    ),
 }
 
 
@@ -260,9 +303,14 @@ def test_a_start_without_the_guarantee_is_refused_in_the_first_step(fmu, z, p):
 
 
 def test_a_start_is_judged_by_kappa_as_it_is_not_as_it_is_clamped(fmu):
-    """theta = 1 - 1e-6: s = 14.5, kappa = 0.84 with eta = 0.004; the law itself never sees more than s = 6.9."""
+    """theta = 1 - 1e-6: s = 14.5, kappa = 0.84 with eta = 0.004; the law itself never sees more
+    than s = 6.9.
+    """
     near = settings(range={"alpha_0": 40 / (1 - 1e-6), "eta": 0.004})
-    out = sample(fmu("ppc_controller", near, scene_of((40.0, 0, 0)).inputs()), scene_of((40.0, 0, 0)).inputs())
+    out = sample(
+        fmu("ppc_controller", near, scene_of((40.0, 0, 0)).inputs()),
+        scene_of((40.0, 0, 0)).inputs(),
+    )
     assert out["start_margin"] == pytest.approx(1e-6, rel=1e-3)
     assert out["kappa"] == pytest.approx(0.004 * np.log(999) ** 2, rel=1e-6)
 

@@ -1,4 +1,6 @@
-"""propulsion.fmu: closed forms of impulse, delay, rejection of short commands, torque table, grid of calls, faults."""
+"""propulsion.fmu: closed forms of impulse, delay, rejection of short commands, torque table, grid
+of calls, faults.
+"""
 
 from __future__ import annotations
 
@@ -59,17 +61,23 @@ def test_exact_lag_follows_the_exponentials(fmu):
     thrust = fly(unit, pulse(9, 30))[:, 12]
     t = 0.1 * np.arange(1, 31)
     rise, top = 50 * (1 - np.exp(-t / 0.3)), 50 * (1 - np.exp(-0.9 / 0.3))
-    assert thrust == pytest.approx(np.where(t < 0.95, rise, top * np.exp(-(t - 0.9) / 0.7)), rel=1e-13)
+    assert thrust == pytest.approx(
+        np.where(t < 0.95, rise, top * np.exp(-(t - 0.9) / 0.7)), rel=1e-13
+    )
 
 
-@pytest.mark.parametrize("lag", [{"T2up": 0.0999, "T2dn": 0.0999}, {"T2up": 0, "T2dn": 0, "exact_lag": 1}])
+@pytest.mark.parametrize(
+    "lag", [{"T2up": 0.0999, "T2dn": 0.0999}, {"T2up": 0, "T2dn": 0, "exact_lag": 1}]
+)
 def test_time_constants_below_the_call_period_act_at_once(fmu, lag):
     thrust = fly(fmu("propulsion", {"Tl": 0} | lag), pulse(2, 4))[:, 12]
     assert thrust.tolist() == [50, 50, 0, 0]
 
 
 def test_rise_uses_one_constant_and_fall_the_other(fmu):
-    """Also when the command falls from full to part: the delayed command is not 0, so the rise constant acts."""
+    """Also when the command falls from full to part: the delayed command is not 0, so the rise
+    constant acts.
+    """
     throttles = np.zeros((3, 16))
     throttles[:, 12] = 1, 0.2, 0
     thrust = fly(fmu("propulsion", {"Tl": 0}), throttles)[:, 12]
@@ -92,7 +100,9 @@ def test_first_force_comes_exactly_after_the_delay(fmu, ticks):
 @pytest.mark.parametrize("delay", [1, 2, 5])
 @pytest.mark.parametrize("ticks", [1, 2, 3, 5, 6])
 def test_commands_that_do_not_outlast_the_delay_are_rejected(fmu, delay, ticks):
-    """A command shorter than Tl/T0 + 1 ticks leaves no trace; one of that length or longer passes with its length."""
+    """A command shorter than Tl/T0 + 1 ticks leaves no trace; one of that length or longer passes
+    with its length.
+    """
     unit = fmu("propulsion", {"Tl": delay * 0.1, "T2up": 0, "T2dn": 0})
     thrust = fly(unit, pulse(ticks, 20))[:, 12]
     assert np.count_nonzero(thrust) == (ticks if ticks > delay else 0)
@@ -106,16 +116,22 @@ def test_short_gaps_are_rejected_too(fmu):
 
 
 def test_latch_samples_the_command_every_third_call(fmu):
-    """Tl = 2 T0: what stands at the calls 2, 5, 8, ... is delivered for three calls, however short it was."""
+    """Tl = 2 T0: what stands at the calls 2, 5, 8, ... is delivered for three calls, however short
+    it was.
+    """
     throttles = np.zeros((12, 16))
     throttles[:, 12] = [1, 0, 1, 0, 1, 0, 0, 0, 1, 1, 1, 1]
     thrust = fly(fmu("propulsion", {"Tl": 0.2, "T2up": 0, "T2dn": 0, "latch": 1}), throttles)[:, 12]
     assert (thrust > 0).tolist() == [False] * 2 + [True] * 3 + [False] * 3 + [True] * 4
 
 
-@pytest.mark.parametrize("options", [{}, {"latch": 1}, {"exact_lag": 1}, {"Tl": 0.3}, {"Tl": 0.25, "T2dn": 0.05}])
+@pytest.mark.parametrize(
+    "options", [{}, {"latch": 1}, {"exact_lag": 1}, {"Tl": 0.3}, {"Tl": 0.25, "T2dn": 0.05}]
+)
 def test_thrust_impulse_and_switches_follow_the_recursion_of_the_reference(fmu, rng, options):
-    """The reference's recursion with random flags of random length; 1e-12 covers exp of two libraries."""
+    """The reference's recursion with random flags of random length; 1e-12 covers exp of two
+    libraries.
+    """
     flags = np.repeat(rng.integers(0, 2, (60, 13)), rng.integers(1, 6, 60), axis=0)
     unit, p = fmu("propulsion", options), relay.Parameters(brake=10, main=50, **options)
     reference, same = relay.Engines(p), 1e-12 if "exact_lag" in options else 0
@@ -132,7 +148,16 @@ def test_thrust_impulse_and_switches_follow_the_recursion_of_the_reference(fmu, 
 # ---- wrench
 
 # docs/models.md B.6, torque about the centre of mass of P1..P8 in N m
-TORQUE = [(0, 0, 0.5), (0, -0.5, 0), (0, 0, -0.5), (0, 0.5, 0), (-0.5, 0, 0), (0.5, 0, 0), (-0.5, 0, 0), (0.5, 0, 0)]
+TORQUE = [
+    (0, 0, 0.5),
+    (0, -0.5, 0),
+    (0, 0, -0.5),
+    (0, 0.5, 0),
+    (-0.5, 0, 0),
+    (0.5, 0, 0),
+    (-0.5, 0, 0),
+    (0.5, 0, 0),
+]
 
 
 @pytest.mark.parametrize("i", range(8))
@@ -167,18 +192,26 @@ def test_torque_is_lever_cross_force_about_the_centre_of_mass(fmu, rng):
     position, centre = rng.uniform(-2, 2, (16, 3)), rng.uniform(-0.5, 0.5, 3)
     direction = np.array([random_direction(rng) for _ in range(16)])
     nominal, throttle = rng.uniform(0.1, 20, 16), rng.uniform(0, 1, 16)
-    geometry = {"thruster_position": position, "thruster_direction": direction, "thrust_nominal": nominal}
+    geometry = {
+        "thruster_position": position,
+        "thruster_direction": direction,
+        "thrust_nominal": nominal,
+    }
     unit = fmu("propulsion", PROMPT | geometry | {"centre_of_mass": centre})
     unit.step(T0, {"throttle": throttle})
     forces = (nominal * throttle)[:, None] * direction
     assert unit.get("F_S") == pytest.approx(forces.sum(axis=0), abs=1e-12)
-    assert unit.get("M_S") == pytest.approx(np.cross(position - centre, forces).sum(axis=0), abs=1e-12)
+    assert unit.get("M_S") == pytest.approx(
+        np.cross(position - centre, forces).sum(axis=0), abs=1e-12
+    )
 
 
 def test_throttle_is_clipped_to_its_range(fmu):
     unit = fmu("propulsion", PROMPT)
     unit.step(T0, {"throttle": np.linspace(-1, 2, 16)})
-    assert unit.get("thrust") == pytest.approx(np.clip(np.linspace(-1, 2, 16), 0, 1) * PAPER, abs=1e-15)
+    assert unit.get("thrust") == pytest.approx(
+        np.clip(np.linspace(-1, 2, 16), 0, 1) * PAPER, abs=1e-15
+    )
 
 
 def test_mass_flow_is_thrust_over_exhaust_velocity(fmu):
@@ -192,7 +225,9 @@ def test_mass_flow_is_thrust_over_exhaust_velocity(fmu):
 
 
 def test_thrust_trace_does_not_depend_on_how_finely_a_master_steps(fmu, rng):
-    """The same commands at the ticks, communication steps of 0.1, 0.05, 0.02, 0.1/3 s: all outputs equal there."""
+    """The same commands at the ticks, communication steps of 0.1, 0.05, 0.02, 0.1/3 s: all outputs
+    equal there.
+    """
     flags = np.repeat(rng.integers(0, 2, (30, 16)), rng.integers(1, 5, 30), axis=0)
     units = {parts: fmu("propulsion", {"Isp": 200}) for parts in (1, 2, 5, 3)}
     for k, row in enumerate(flags):
@@ -213,7 +248,9 @@ def test_many_calls_in_one_step_are_the_same_calls(fmu):
 
 
 def test_a_call_reads_the_input_of_the_step_it_falls_in_and_thrust_is_held_in_between(fmu):
-    """Calls at 0, 0.1, 0.2: communication points at 0.05 and 0.13 change nothing before the next call."""
+    """Calls at 0, 0.1, 0.2: communication points at 0.05 and 0.13 change nothing before the next
+    call.
+    """
     unit = fmu("propulsion", PROMPT)
     unit.step(0.05, only(12))
     assert unit.get("thrust")[12] == 50
@@ -253,7 +290,11 @@ def test_switches_count_rising_edges_of_the_command_even_if_the_delay_rejects_it
 )
 def test_fault_from_its_time_on_leaves_the_other_thrusters_alone(fmu, fault, before, after):
     """Thrust with throttle 0 and 1 before and from the time of the fault."""
-    faults = {"fault_kind": only(12, fault)["throttle"], "fault_factor": [0.3] * 16, "fault_time": [1.0] * 16}
+    faults = {
+        "fault_kind": only(12, fault)["throttle"],
+        "fault_factor": [0.3] * 16,
+        "fault_time": [1.0] * 16,
+    }
     for throttle in (0, 1):
         unit = fmu("propulsion", PROMPT | faults)
         command = only(12, throttle)["throttle"] + only(5)["throttle"]
@@ -265,7 +306,9 @@ def test_fault_from_its_time_on_leaves_the_other_thrusters_alone(fmu, fault, bef
 def test_thruster_that_sticks_still_rises_and_falls_with_its_lag(fmu):
     fault = {"fault_kind": only(12, 1)["throttle"], "fault_time": [0.5] * 16}
     thrust = fly(fmu("propulsion", {"Tl": 0.1} | fault), np.zeros((10, 16)))[:, 12]
-    assert thrust == pytest.approx([0] * 5 + [50 * (1 - (2 / 3) ** n) for n in range(1, 6)], rel=1e-14)
+    assert thrust == pytest.approx(
+        [0] * 5 + [50 * (1 - (2 / 3) ** n) for n in range(1, 6)], rel=1e-14
+    )
 
 
 # ---- refusals

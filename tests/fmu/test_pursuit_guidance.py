@@ -1,4 +1,6 @@
-"""pursuit_guidance.fmu: required attitude and rate, speed laws, modes against an independent state machine."""
+"""pursuit_guidance.fmu: required attitude and rate, speed laws, modes against an independent state
+machine.
+"""
 
 from __future__ import annotations
 
@@ -37,14 +39,20 @@ def printed_matrix(d):
 def test_two_turns_are_the_printed_matrix(fmu, rng):
     for _ in range(50):
         d, C_SN = rng.normal(size=3), random_rotation(rng)
-        unit = fmu("pursuit_guidance", TWO_TURNS, at_range(100, d) | {"q_SN": quaternion_of_dcm(C_SN)})
+        unit = fmu(
+            "pursuit_guidance", TWO_TURNS, at_range(100, d) | {"q_SN": quaternion_of_dcm(C_SN)}
+        )
         assert dcm_of_quaternion(unit.get("q_DN")) == pytest.approx(printed_matrix(d), abs=1e-13)
-        assert dcm_of_quaternion(unit.get("q_DS")) == pytest.approx(printed_matrix(d) @ C_SN.T, abs=1e-13)
+        assert dcm_of_quaternion(unit.get("q_DS")) == pytest.approx(
+            printed_matrix(d) @ C_SN.T, abs=1e-13
+        )
         assert unit.get("q_DS")[0] >= 0
 
 
 def test_initial_geometry_of_the_paper_starts_with_the_positive_half_turn(fmu):
-    """b = 180 deg: the printed formulas divide 0 by 0; L = [0, cos(g/2), -sin(g/2), 0] is what drz > 0 continues."""
+    """b = 180 deg: the printed formulas divide 0 by 0; L = [0, cos(g/2), -sin(g/2), 0] is what drz
+    > 0 continues.
+    """
     g = np.arctan2(100, 500)
     unit = fmu("pursuit_guidance", TWO_TURNS, {"r_TN_N": (500, -100, 0), "v_TN_N": V_T})
     assert unit.get("q_DS") == pytest.approx([0, np.cos(g / 2), -np.sin(g / 2), 0], abs=1e-15)
@@ -53,7 +61,9 @@ def test_initial_geometry_of_the_paper_starts_with_the_positive_half_turn(fmu):
     assert unit.get("q_DS")[0] > 0
 
 
-@pytest.mark.parametrize(("d", "rows"), [((1, 0, 0), np.eye(3)), ((-1, 0, 0), np.diag([-1, -1, 1]))])
+@pytest.mark.parametrize(
+    ("d", "rows"), [((1, 0, 0), np.eye(3)), ((-1, 0, 0), np.diag([-1, -1, 1]))]
+)
 def test_two_turns_along_the_axis_take_b_as_0(fmu, d, rows):
     unit = fmu("pursuit_guidance", TWO_TURNS, at_range(100, d))
     assert dcm_of_quaternion(unit.get("q_DN")) == pytest.approx(rows, abs=1e-15)
@@ -62,7 +72,9 @@ def test_two_turns_along_the_axis_take_b_as_0(fmu, d, rows):
 def test_shortest_arc_brings_the_axis_to_the_line_of_sight_without_roll(fmu, rng):
     for _ in range(50):
         d, C_SN = random_direction(rng), random_rotation(rng)
-        unit = fmu("pursuit_guidance", SHORTEST_ARC, at_range(100, d) | {"q_SN": quaternion_of_dcm(C_SN)})
+        unit = fmu(
+            "pursuit_guidance", SHORTEST_ARC, at_range(100, d) | {"q_SN": quaternion_of_dcm(C_SN)}
+        )
         L, gap = unit.get("q_DS"), np.arccos(C_SN[0] @ d)
         assert dcm_of_quaternion(unit.get("q_DN"))[0] == pytest.approx(d, abs=1e-14)
         assert L[1] == 0
@@ -72,22 +84,28 @@ def test_shortest_arc_brings_the_axis_to_the_line_of_sight_without_roll(fmu, rng
 
 @pytest.mark.parametrize(("d", "L"), [((1, 0, 0), (1, 0, 0, 0)), ((-1, 0, 0), (0, 0, 1, 0))])
 def test_shortest_arc_of_a_target_straight_ahead_and_straight_behind(fmu, d, L):
-    assert fmu("pursuit_guidance", SHORTEST_ARC, at_range(100, d)).get("q_DS") == pytest.approx(L, abs=0)
+    assert fmu("pursuit_guidance", SHORTEST_ARC, at_range(100, d)).get("q_DS") == pytest.approx(
+        L, abs=0
+    )
 
 
 @pytest.mark.parametrize("offset", [1e-3, 1e-6, 1e-9, 1e-12, 1e-15])
 def test_shortest_arc_next_to_straight_behind_goes_the_short_way_round(fmu, offset):
-    """The half angle to the last bit: c = sin(offset)/2, although 1 + b1 has no digits left below 1e-8."""
+    """The half angle to the last bit: c = sin(offset)/2, although 1 + b1 has no digits left below
+    1e-8.
+    """
     unit = fmu("pursuit_guidance", SHORTEST_ARC, {"r_TN_N": (-49, 0, 49 * offset)})
-    assert unit.get("q_DS") == pytest.approx([np.arctan(offset) / 2, 0, -1, 0], abs=2e-16 + offset**2)
+    assert unit.get("q_DS") == pytest.approx(
+        [np.arctan(offset) / 2, 0, -1, 0], abs=2e-16 + offset**2
+    )
 
 
 def test_a_target_straight_behind_is_turned_to_at_every_range_and_attitude(fmu, rng):
     """Where 1 + b1 is rounding: once a target 49 m behind was taken for one ahead."""
     for distance in range(1, 1001, 3):
-        assert fmu("pursuit_guidance", SHORTEST_ARC, at_range(distance, -X)).get("q_DS")[0] == pytest.approx(
-            0, abs=1e-15
-        )
+        assert fmu("pursuit_guidance", SHORTEST_ARC, at_range(distance, -X)).get("q_DS")[
+            0
+        ] == pytest.approx(0, abs=1e-15)
     for _ in range(200):
         C_SN = random_rotation(rng)
         state = at_range(100, -C_SN[0]) | {"q_SN": quaternion_of_dcm(C_SN)}
@@ -98,7 +116,9 @@ def test_a_target_straight_behind_is_turned_to_at_every_range_and_attitude(fmu, 
 @pytest.mark.parametrize(
     "q_SN", [(1, 0, 0, 0), (-1, 0, 0, 0), (0, 1, 0, 0), (0, -1, 0, 0), (0, 0, 0, 1), (0, 0, 0, -1)]
 )
-@pytest.mark.parametrize("d", [(500, -100, 0), (-500, -100, 0), (-1, -5, 0), (500, 0, 0), (-500, 0, 0)])
+@pytest.mark.parametrize(
+    "d", [(500, -100, 0), (-500, -100, 0), (-1, -5, 0), (500, 0, 0), (-500, 0, 0)]
+)
 def test_half_a_turn_goes_the_same_way_whatever_the_sign_of_the_attitude(fmu, d, q_SN):
     """L1 > 0, which the motion selects as soon as drz > 0; else L2 > 0, else L3 > 0."""
     L = fmu("pursuit_guidance", TWO_TURNS, {"r_TN_N": d, "q_SN": q_SN}).get("q_DS")
@@ -120,7 +140,9 @@ def test_half_a_turn_towards_a_target_behind_continues_the_motion(fmu):
 
 @pytest.mark.parametrize("attitude", [TWO_TURNS, SHORTEST_ARC])
 def test_rate_is_along_the_axis_of_the_transition_up_to_its_limit(fmu, rng, attitude):
-    """The same components in servicer and reference axes, because the axis is that of the turn between them."""
+    """The same components in servicer and reference axes, because the axis is that of the turn
+    between them.
+    """
     for _ in range(30):
         k_q, largest = rng.uniform(0.01, 0.1), rng.uniform(0.01, 0.1)
         parameters = attitude | {"k_q": k_q, "omega_max": largest}
@@ -133,7 +155,9 @@ def test_rate_is_along_the_axis_of_the_transition_up_to_its_limit(fmu, rng, atti
 
 
 def test_rate_limit_0_is_none(fmu):
-    unit = fmu("pursuit_guidance", SHORTEST_ARC | {"k_q": 3, "omega_max": 0}, at_range(100, (0, 1, 0)))
+    unit = fmu(
+        "pursuit_guidance", SHORTEST_ARC | {"k_q": 3, "omega_max": 0}, at_range(100, (0, 1, 0))
+    )
     assert unit.get("omega_DN_D") == pytest.approx([0, 0, 6 * np.sin(np.pi / 4)])
 
 
@@ -142,7 +166,15 @@ def test_rate_limit_0_is_none(fmu):
 
 @pytest.mark.parametrize(
     ("distance", "formula", "text"),
-    [(510, 2, 2), (50.001, 2, 2), (50, 0.5, 1), (30, 0.5, 1), (10.001, 0.5, 1), (10, 1, 1), (1, 1, 1)],
+    [
+        (510, 2, 2),
+        (50.001, 2, 2),
+        (50, 0.5, 1),
+        (30, 0.5, 1),
+        (10.001, 0.5, 1),
+        (10, 1, 1),
+        (1, 1, 1),
+    ],
 )
 def test_required_speed_of_the_scalar_law(fmu, distance, formula, text):
     for option, factor in ((0, formula), (1, text)):
@@ -164,7 +196,9 @@ def test_scalar_law_asks_for_its_speed_along_the_thrust_axis(fmu, rng):
     C_SN, v_S = random_rotation(rng), rng.normal(size=3)
     inputs = at_range(300, random_direction(rng)) | {"q_SN": quaternion_of_dcm(C_SN), "v_SN_N": v_S}
     unit = fmu("pursuit_guidance", SCALAR, inputs)
-    assert (V_T + unit.get("drho_ref_N") - v_S) @ C_SN[0] == pytest.approx(0.02 - v_S @ C_SN[0], abs=1e-15)
+    assert (V_T + unit.get("drho_ref_N") - v_S) @ C_SN[0] == pytest.approx(
+        0.02 - v_S @ C_SN[0], abs=1e-15
+    )
     assert unit.get("translate") == 1
     assert unit.get("mode") == BURN
 
@@ -173,7 +207,8 @@ def test_scalar_law_asks_for_its_speed_along_the_thrust_axis(fmu, rng):
 
 
 @pytest.mark.parametrize(
-    ("distance", "closing"), [(510, 0.02), (60, 0.02), (58, 0.016), (50, 0), (48, -0.004), (45, -0.01), (5, -0.01)]
+    ("distance", "closing"),
+    [(510, 0.02), (60, 0.02), (58, 0.016), (50, 0), (48, -0.004), (45, -0.01), (5, -0.01)],
 )
 def test_closing_speed_of_the_vector_law(fmu, rng, distance, closing):
     """clip(2e-3 (range - 50), -|v_T|, 2 |v_T|) along the line of sight."""
@@ -187,19 +222,32 @@ def test_closing_speed_of_the_vector_law(fmu, rng, distance, closing):
 
 
 def test_in_orbit_the_speed_of_the_target_counts_relative_to_the_orbiting_point(fmu):
-    """A quarter of an orbit: velocity of the point by its own definition, 0.03 m/s more for the target."""
+    """A quarter of an orbit: velocity of the point by its own definition, 0.03 m/s more for the
+    target.
+    """
     R = 42164e3
     n = np.sqrt(MU / R**3)
     t = np.pi / 2 / n
     unit = fmu("pursuit_guidance", VECTOR | {"mu": MU, "frame_radius": R, "k_r": 1}, start=t)
-    inputs = {"r_TN_N": (500, R, 0), "r_SN_N": (0, R, 0), "v_TN_N": (-n * R, 0, 0.03), "v_SN_N": (-n * R, 0, 0)}
+    inputs = {
+        "r_TN_N": (500, R, 0),
+        "r_SN_N": (0, R, 0),
+        "v_TN_N": (-n * R, 0, 0.03),
+        "v_SN_N": (-n * R, 0, 0),
+    }
     unit.step(T0, inputs)
     assert unit.get("v_req") == pytest.approx(0.06, abs=1e-11)
 
 
 def needs(error, **more):
-    """Inputs with this velocity error at the hold range, where the closing speed is 0: e_v = -v_S."""
-    return {"r_TN_N": (0, 50, 0), "v_TN_N": (0, 0, 0), "v_SN_N": -np.asarray(error, dtype=float)} | more
+    """Inputs with this velocity error at the hold range, where the closing speed is 0: e_v =
+    -v_S.
+    """
+    return {
+        "r_TN_N": (0, 50, 0),
+        "v_TN_N": (0, 0, 0),
+        "v_SN_N": -np.asarray(error, dtype=float),
+    } | more
 
 
 def modes(unit, *samples):
@@ -217,7 +265,9 @@ def axis_wanted(unit):
 
 
 def test_coast_aligns_at_rho2_and_returns_below_rho1(fmu):
-    """The error is across the thrust axis, so no burn. Both thresholds and the band between them, where modes stay."""
+    """The error is across the thrust axis, so no burn. Both thresholds and the band between them,
+    where modes stay.
+    """
     unit = fmu("pursuit_guidance", VECTOR)
     across = [needs((0, 0, e)) for e in (4.9e-3, 5e-3, 4.5e-3, 4e-3, 3.9e-3, 4.5e-3)]
     assert modes(unit, *across) == [COAST, ALIGN, ALIGN, ALIGN, COAST, COAST]
@@ -231,7 +281,9 @@ def test_axis_looks_at_the_target_in_coast_and_along_the_error_in_align(fmu):
     assert axis_wanted(unit) == pytest.approx([0, 0.6, 0.8], abs=1e-15)
 
 
-@pytest.mark.parametrize(("cosine", "brakes"), [(-0.0099, False), (-0.0101, True), (-1, True), (0.5, False)])
+@pytest.mark.parametrize(
+    ("cosine", "brakes"), [(-0.0099, False), (-0.0101, True), (-1, True), (0.5, False)]
+)
 def test_error_behind_the_axis_is_left_to_the_brakes(fmu, cosine, brakes):
     e = 0.01 * np.array([cosine, 0, np.sqrt(1 - cosine**2)])
     unit = fmu("pursuit_guidance", VECTOR)
@@ -243,7 +295,9 @@ def test_aligned_and_calm_coast_align_and_burn_are_passed_within_one_sample(fmu)
     assert modes(fmu("pursuit_guidance", VECTOR), needs((0.01, 0, 0))) == [BURN]
 
 
-@pytest.mark.parametrize(("angle", "rate", "mode"), [(9.9, 1.9e-3, BURN), (10.1, 0, ALIGN), (0, 2.1e-3, ALIGN)])
+@pytest.mark.parametrize(
+    ("angle", "rate", "mode"), [(9.9, 1.9e-3, BURN), (10.1, 0, ALIGN), (0, 2.1e-3, ALIGN)]
+)
 def test_ignition_needs_pointing_and_calm(fmu, angle, rate, mode):
     e = 0.01 * np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle)), 0])
     assert modes(fmu("pursuit_guidance", VECTOR), needs(e, omega_SN_S=(0, 0, rate))) == [mode]
@@ -282,7 +336,9 @@ def test_burn_goes_on_while_the_error_along_the_axis_is_large_and_keeps_its_dire
 
 
 def test_modes_follow_the_reference_through_random_histories(fmu, rng):
-    """Random walk of error, rate and engines through every transition; mode and direction at every sample."""
+    """Random walk of error, rate and engines through every transition; mode and direction at every
+    sample.
+    """
     p = relay.Parameters()
     unit, reference = fmu("pursuit_guidance", VECTOR), relay.Guidance(p)
     error, visited = np.zeros(3), set()
@@ -323,7 +379,9 @@ def test_turning_the_inertial_frame_turns_the_vectors_and_nothing_else(fmu, rng)
     C_SN, R = random_rotation(rng), random_rotation(rng)
     inputs = {"r_TN_N": 60 * rng.normal(size=3), "v_TN_N": V_T, "v_SN_N": 0.02 * rng.normal(size=3)}
     one = fmu("pursuit_guidance", VECTOR, inputs | {"q_SN": quaternion_of_dcm(C_SN)})
-    turned = {name: R @ value for name, value in inputs.items()} | {"q_SN": quaternion_of_dcm(C_SN @ R.T)}
+    turned = {name: R @ value for name, value in inputs.items()} | {
+        "q_SN": quaternion_of_dcm(C_SN @ R.T)
+    }
     other = fmu("pursuit_guidance", VECTOR, turned)
     for name in ("drho_ref_N", "rho_ref_N", "e_v_N"):
         assert R @ one.get(name) == pytest.approx(other.get(name), abs=1e-12)

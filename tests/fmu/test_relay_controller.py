@@ -1,4 +1,6 @@
-"""relay_controller.fmu: truth table of the relays with memory, derivative terms, frames, limit cycle with thrusters."""
+"""relay_controller.fmu: truth table of the relays with memory, derivative terms, frames, limit
+cycle with thrusters.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +15,21 @@ from .theory import quaternion_of_dcm
 
 T0 = 0.1
 EXACT = {"xi1": [0.25] * 3, "xi2": [0.5] * 3, "rho1": 0.25, "rho2": 0.5, "Kp_v": 1, "Kp_w": [1] * 3}
-"""Thresholds and gains that are exact in binary, so that a switching function can be put on a threshold."""
+"""Thresholds and gains that are exact in binary, so that a switching function can be put on a
+threshold.
+"""
 STATIC = EXACT | {"Kd_v": 0, "Kd_w": [0] * 3}
 FREE = {"translate": 1}
 
 # docs/models.md B.5: engines (0-based) by axis and sign of the rate error
-ROTATION = {(0, 1): (5, 7), (0, -1): (4, 6), (1, 1): (3,), (1, -1): (1,), (2, 1): (0,), (2, -1): (2,)}
+ROTATION = {
+    (0, 1): (5, 7),
+    (0, -1): (4, 6),
+    (1, 1): (3,),
+    (1, -1): (1,),
+    (2, 1): (0,),
+    (2, -1): (2,),
+}
 BRAKES, MAIN = (8, 9, 10, 11), (12,)
 
 
@@ -37,11 +48,26 @@ def on(unit):
     return tuple(np.flatnonzero(unit.get("throttle")))
 
 
-# What a relay does: value of the switching function, then whether it is on with "off" and with "on" before.
-# Thresholds 0.25 and 0.5; a rotation relay stays as it is at its lower threshold, a translation relay goes off there.
+# What a relay does: value of the switching function, then whether it is on with "off" and with "on"
+# before. Thresholds 0.25 and 0.5; a rotation relay stays as it is at its lower threshold, a
+# translation relay goes off there.
 BELOW, LOW, INSIDE, HIGH, ABOVE = 0.125, 0.25, 0.375, 0.5, 0.75
-ROTATION_TABLE = [(BELOW, 0, 0), (LOW, 0, 1), (INSIDE, 0, 1), (HIGH, 1, 1), (ABOVE, 1, 1), (-ABOVE, 0, 0)]
-TRANSLATION_TABLE = [(BELOW, 0, 0), (LOW, 0, 0), (INSIDE, 0, 1), (HIGH, 1, 1), (ABOVE, 1, 1), (-ABOVE, 0, 0)]
+ROTATION_TABLE = [
+    (BELOW, 0, 0),
+    (LOW, 0, 1),
+    (INSIDE, 0, 1),
+    (HIGH, 1, 1),
+    (ABOVE, 1, 1),
+    (-ABOVE, 0, 0),
+]
+TRANSLATION_TABLE = [
+    (BELOW, 0, 0),
+    (LOW, 0, 0),
+    (INSIDE, 0, 1),
+    (HIGH, 1, 1),
+    (ABOVE, 1, 1),
+    (-ABOVE, 0, 0),
+]
 
 
 @pytest.mark.parametrize("before", [0, 1])
@@ -61,8 +87,12 @@ def test_truth_table_of_the_rotation_relays(fmu, axis, sign, value, from_off, fr
 @pytest.mark.parametrize("before", [0, 1])
 @pytest.mark.parametrize(("value", "from_off", "from_on"), TRANSLATION_TABLE)
 @pytest.mark.parametrize(("sign", "engines", "others"), [(1, MAIN, BRAKES), (-1, BRAKES, MAIN)])
-def test_truth_table_of_main_engine_and_brakes(fmu, sign, engines, others, value, from_off, from_on, before):
-    """The brakes go off when sigma_v has risen to -rho1 (B.8: printed with the other sign, they would never go off)."""
+def test_truth_table_of_main_engine_and_brakes(
+    fmu, sign, engines, others, value, from_off, from_on, before
+):
+    """The brakes go off when sigma_v has risen to -rho1 (B.8: printed with the other sign, they
+    would never go off).
+    """
     unit = fmu("relay_controller", STATIC, FREE)
     for error in ((ABOVE if before else 0), value):
         unit.step(T0, {"drho_ref_N": (sign * error, 0, 0)})
@@ -84,7 +114,9 @@ def test_memory_lasts_as_long_as_the_switching_function_stays_inside(fmu):
 
 
 def test_all_relays_follow_the_reference_with_random_errors(fmu, rng):
-    """All four channels at once, derivative terms included; switching functions to 1e-12, relays exactly."""
+    """All four channels at once, derivative terms included; switching functions to 1e-12, relays
+    exactly.
+    """
     p = relay.Parameters()
     unit, reference = fmu("relay_controller", {"law": 1}, FREE), relay.Relays(p)
     for _ in range(300):
@@ -151,7 +183,9 @@ def test_samples_do_not_depend_on_how_finely_a_master_steps(fmu, rng):
 
 
 def test_first_outputs_are_the_law_at_the_first_inputs_and_leave_no_memory(fmu):
-    """On at the start for 0.6; the first step finds 0.4 in the band, with relays that have never been on."""
+    """On at the start for 0.6; the first step finds 0.4 in the band, with relays that have never
+    been on.
+    """
     unit = fmu("relay_controller", STATIC | {"Kd_w": [7] * 3}, {"omega_DN_D": (0.6, 0, 0)})
     assert on(unit) == ROTATION[0, 1]
     unit.step(T0, {"omega_DN_D": (0.4, 0, 0)})
@@ -181,7 +215,9 @@ def test_errors_are_taken_in_servicer_axes(fmu, rng):
     unit = fmu("relay_controller", STATIC, inputs | FREE)
     C_DN = np.linalg.inv(random_rotation(rng))
     unit.step(T0, {"q_DN": -quaternion_of_dcm(C_DN), "q_SN": -inputs["q_SN"]})
-    assert unit.get("domega_S") == pytest.approx(C_SN @ C_DN.T @ inputs["omega_DN_D"] - inputs["omega_SN_S"], abs=1e-14)
+    assert unit.get("domega_S") == pytest.approx(
+        C_SN @ C_DN.T @ inputs["omega_DN_D"] - inputs["omega_SN_S"], abs=1e-14
+    )
     error = C_SN @ (inputs["v_TN_N"] + inputs["drho_ref_N"] - inputs["v_SN_N"])
     assert unit.get("e_v") == pytest.approx(error[0], abs=1e-14)
 
@@ -212,10 +248,14 @@ def test_has_the_inputs_that_every_controller_has(kind):
 
 
 def limit_cycle(controller, engines, axis, k, inertia, rate, steps):
-    """Histories of angle, rate and acceleration of a double integrator whose required rate is -k angle."""
+    """Histories of angle, rate and acceleration of a double integrator whose required rate is -k
+    angle.
+    """
     angle, rows = 0.0, []
     for _ in range(steps):
-        controller.step(T0, {"omega_DN_D": vector(axis, -k * angle), "omega_SN_S": vector(axis, rate)})
+        controller.step(
+            T0, {"omega_DN_D": vector(axis, -k * angle), "omega_SN_S": vector(axis, rate)}
+        )
         engines.step(T0, {"throttle": controller.get("throttle")})
         acceleration = engines.get("M_S")[axis] / inertia
         rows.append((angle, rate, acceleration))
@@ -226,15 +266,20 @@ def limit_cycle(controller, engines, axis, k, inertia, rate, steps):
 @pytest.mark.parametrize("delay", [0, 0.1, 0.4])
 @pytest.mark.parametrize("axis", [1, 2])
 def test_limit_cycle_of_a_double_integrator_has_the_period_of_theory(fmu, axis, delay):
-    """T = 4 (theta + w d)/w: coasting at rate w between the switching lines at +-theta, the reversal comes d later.
+    """T = 4 (theta + w d)/w: coasting at rate w between the switching lines at +-theta, the
+    reversal comes d later.
 
-    An engine comes on at k angle + rate = xi2, that is at theta = (xi2 - w)/k, and takes 2 w from the rate: the
-    difference of the thresholds and what it gives during the delay. Half the pulse is delivered d = Tl + (length of the
-    pulse)/2 after the switching. The start is on the cycle; a tick is 0.2 % of its period, a delay of 0.4 s makes 3 %.
+    An engine comes on at k angle + rate = xi2, that is at theta = (xi2 - w)/k, and takes 2 w from
+    the rate: the difference of the thresholds and what it gives during the delay. Half the pulse is
+    delivered d = Tl + (length of the pulse)/2 after the switching. The start is on the cycle; a
+    tick is 0.2 % of its period, a delay of 0.4 s makes 3 %.
     """
     k, xi1, xi2, inertia = 0.1, 4e-3, 2e-2, 60.0
     gains = {"Kp_w": [1] * 3, "Kd_w": [0] * 3, "xi1": [xi1] * 3, "xi2": [xi2] * 3}
-    controller, engines = fmu("relay_controller", gains), fmu("propulsion", {"Tl": delay, "T2up": 0, "T2dn": 0})
+    controller, engines = (
+        fmu("relay_controller", gains),
+        fmu("propulsion", {"Tl": delay, "T2up": 0, "T2dn": 0}),
+    )
     start = (xi2 - xi1 + 0.5 / inertia * delay) / 2
     angle, rate, acceleration = limit_cycle(controller, engines, axis, k, inertia, start, 4000)
     rising = np.flatnonzero((angle[:-1] < 0) & (angle[1:] >= 0))

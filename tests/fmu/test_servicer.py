@@ -1,4 +1,6 @@
-"""servicer.fmu against theory: thrust, relative motion, disturbances, frozen attitude, integration. Wheels apart."""
+"""servicer.fmu against theory: thrust, relative motion, disturbances, frozen attitude, integration.
+Wheels apart.
+"""
 
 from __future__ import annotations
 
@@ -66,7 +68,12 @@ def test_step_that_would_use_more_than_the_whole_mass_is_refused(fmu):
 def test_force_turns_with_the_body_and_torque_acts_in_body_axes(fmu):
     """Spin at w about z: the force stays in body axes. Then a torque about z: w grows by M t/J."""
     w, mass, F, sigma_0, t = 0.05, 70.0, np.array([3.0, -2.0, 1.0]), (0.1, -0.2, 0.3), 60.0
-    body = {"J_S": np.diag([100, 100, 120]), "mass_0": mass, "omega_SN_S_0": (0, 0, w), "sigma_SN_0": sigma_0}
+    body = {
+        "J_S": np.diag([100, 100, 120]),
+        "mass_0": mass,
+        "omega_SN_S_0": (0, 0, w),
+        "sigma_SN_0": sigma_0,
+    }
     unit = fmu("servicer", DEEP_SPACE | body)
     unit.step(t, {"F_S": F})
     s, c = np.sin(w * t) / w, (1 - np.cos(w * t)) / w
@@ -78,7 +85,9 @@ def test_force_turns_with_the_body_and_torque_acts_in_body_axes(fmu):
 
 
 def test_velocity_turns_with_the_body_only_where_the_unphysical_option_asks_for_it(fmu, rng):
-    """Components in body axes stay; before the attitude is released nothing turns. RK4 at 0.02 rad/s: 1e-12."""
+    """Components in body axes stay; before the attitude is released nothing turns. RK4 at 0.02
+    rad/s: 1e-12.
+    """
     p = cases.spinning_servicer(rng) | {"v_0_N": rng.normal(size=3), "t_att": 10.0}
     unit, free = fmu("servicer", p | {"velocity_follows_attitude": 1}), fmu("servicer", p)
     v_S = attitude(unit) @ p["v_0_N"]
@@ -93,20 +102,26 @@ def test_velocity_turns_with_the_body_only_where_the_unphysical_option_asks_for_
 
 
 def test_without_offset_the_servicer_starts_on_the_elements_of_the_target(fmu, rng):
-    elements = {"a": 7.3e6, "e": 0.1} | dict(zip(("inc", "argp", "raan", "nu"), rng.uniform(0.2, 2.8, 4), strict=True))
+    elements = {"a": 7.3e6, "e": 0.1} | dict(
+        zip(("inc", "argp", "raan", "nu"), rng.uniform(0.2, 2.8, 4), strict=True)
+    )
     unit = fmu("servicer", EARTH | elements | {"rho_0_H": (0, 0, 0)})
     found = elements_of_state(unit.get("r_SN_N"), unit.get("v_SN_N"))
     assert found == pytest.approx(elements, rel=1e-13, abs=1e-13)
 
 
 def test_start_relative_to_the_target_is_as_seen_in_the_turning_hill_frame(fmu, rng):
-    """d/dt of C_HN (r_S - r_T) by a complex step along the Kepler motion of the target. Rounding of 7e6 m, 7e3 m/s."""
+    """d/dt of C_HN (r_S - r_T) by a complex step along the Kepler motion of the target. Rounding of
+    7e6 m, 7e3 m/s.
+    """
     rho, drho = 50 * rng.normal(size=3), 0.1 * rng.normal(size=3)
     at_target = fmu("servicer", ORBIT | {"rho_0_H": (0, 0, 0)})
     unit = fmu("servicer", ORBIT | {"rho_0_H": rho, "drho_0_H": drho})
     r, v = at_target.get("r_SN_N"), at_target.get("v_SN_N")
     dr, dv, h = unit.get("r_SN_N") - r, unit.get("v_SN_N") - v, 1e-20
-    later = hill_axes(r + 1j * h * v, v - 1j * h * MU * r / np.linalg.norm(r) ** 3) @ (dr + 1j * h * dv)
+    later = hill_axes(r + 1j * h * v, v - 1j * h * MU * r / np.linalg.norm(r) ** 3) @ (
+        dr + 1j * h * dv
+    )
     assert deviation(later.real, rho) < 1e-8
     assert deviation(later.imag / h, drho) < 1e-11
 
@@ -138,7 +153,9 @@ def clohessy_wiltshire(n, t, x):
 
 
 def test_relative_motion_is_clohessy_wiltshire_up_to_the_second_order(fmu, rng):
-    """Bounded relative orbits (dy = -2 n x) over one revolution: difference <= 25 rho^2/a, growing as rho^2."""
+    """Bounded relative orbits (dy = -2 n x) over one revolution: difference <= 25 rho^2/a, growing
+    as rho^2.
+    """
     a, sizes = ELEMENTS["a"], np.array([300.0, 1e3, 3e3, 1e4])
     n = np.sqrt(MU / a**3)
     times = np.linspace(0, 2 * np.pi / n, 9)[1:]
@@ -147,8 +164,18 @@ def test_relative_motion_is_clohessy_wiltshire_up_to_the_second_order(fmu, rng):
     linear = np.array([clohessy_wiltshire(n, t, x) for t in times])
 
     def difference(size):
-        start = {"a": a, "e": 0, "rho_0_H": size * x[:3], "drho_0_H": size * x[3:], "use_J2": 0, "max_step": 1}
-        unit, rho = fmu("servicer", EARTH | {"inc": 0.5, "argp": 1.0, "raan": 2.0, "nu": 0.6} | start), []
+        start = {
+            "a": a,
+            "e": 0,
+            "rho_0_H": size * x[:3],
+            "drho_0_H": size * x[3:],
+            "use_J2": 0,
+            "max_step": 1,
+        }
+        unit, rho = (
+            fmu("servicer", EARTH | {"inc": 0.5, "argp": 1.0, "raan": 2.0, "nu": 0.6} | start),
+            [],
+        )
         for t in times:
             unit.step(t - unit.time)
             R_NH = Rotation.from_euler("ZXZ", [2.0, 0.5, 1.6 + n * t]).as_matrix()
@@ -165,9 +192,15 @@ def test_relative_motion_is_clohessy_wiltshire_up_to_the_second_order(fmu, rng):
 
 
 def test_attitude_is_frozen_before_its_release_while_the_force_acts_in_its_axes(fmu, rng):
-    """Torques, wheel commands and disturbances before t_att leave no trace; then motion is that of a fresh start."""
+    """Torques, wheel commands and disturbances before t_att leave no trace; then motion is that of
+    a fresh start.
+    """
     p = cases.spinning_servicer(rng) | {"M_dist_S": random_wave(rng, 0.01), "mass_0": 50}
-    u = {"F_S": rng.normal(size=3), "M_S": 0.1 * rng.normal(size=3), "wheel_accel_cmd": 0.01 * rng.normal(size=3)}
+    u = {
+        "F_S": rng.normal(size=3),
+        "M_S": 0.1 * rng.normal(size=3),
+        "wheel_accel_cmd": 0.01 * rng.normal(size=3),
+    }
     unit, fresh = fmu("servicer", p | {"t_att": 30.0}, u), fmu("servicer", p, u, start=30.0)
     _, sigma, omega, Omega = unit.history(1, 29, "sigma_SN", "omega_SN_S", "wheel_speed")
     assert deviation(sigma, p["sigma_SN_0"]) == 0
@@ -182,14 +215,18 @@ def test_attitude_is_frozen_before_its_release_while_the_force_acts_in_its_axes(
         fresh.step(1)
     for name in ("sigma_SN", "q_SN", "omega_SN_S", "wheel_speed"):
         assert deviation(unit.get(name), fresh.get(name)) == 0
-    assert deviation(unit.get("wheel_speed"), p["wheel_speed_0"] + 20 * u["wheel_accel_cmd"]) < 1e-12
+    assert (
+        deviation(unit.get("wheel_speed"), p["wheel_speed_0"] + 20 * u["wheel_accel_cmd"]) < 1e-12
+    )
 
 
 # ---- disturbances ----
 
 
 def test_disturbance_torque_acts_on_each_body_axis_by_its_own_wave(fmu, rng):
-    """A ball has no gyroscopic coupling in body axes. RK4 is Simpson's rule here: error (f h)^4/2880 = 1e-10."""
+    """A ball has no gyroscopic coupling in body axes. RK4 is Simpson's rule here: error (f
+    h)^4/2880 = 1e-10.
+    """
     w = random_wave(rng, 0.01)
     unit = fmu("servicer", DEEP_SPACE | {"J_S": 50 * np.eye(3), "M_dist_S": w})
     unit.step(77.7)
@@ -224,10 +261,24 @@ def test_nothing_acts_before_the_start_time_and_time_is_absolute(fmu, rng, recor
 
 
 def everything(rng):
-    """Parameters with all loads on; random inertias, attitude, rate and place near the orbit of the target."""
-    body = cases.spinning_servicer(rng, rate=0.05) | {"mass_0": rng.uniform(50, 200), "max_step": 0.05}
-    place = {"nu": rng.uniform(0, 6), "rho_0_H": 100 * rng.normal(size=3), "drho_0_H": rng.normal(size=3)}
-    return body | ORBIT | place | {"M_dist_S": random_wave(rng, 0.01), "a_dist": random_wave(rng, 1e-3)}
+    """Parameters with all loads on; random inertias, attitude, rate and place near the orbit of the
+    target.
+    """
+    body = cases.spinning_servicer(rng, rate=0.05) | {
+        "mass_0": rng.uniform(50, 200),
+        "max_step": 0.05,
+    }
+    place = {
+        "nu": rng.uniform(0, 6),
+        "rho_0_H": 100 * rng.normal(size=3),
+        "drho_0_H": rng.normal(size=3),
+    }
+    return (
+        body
+        | ORBIT
+        | place
+        | {"M_dist_S": random_wave(rng, 0.01), "a_dist": random_wave(rng, 1e-3)}
+    )
 
 
 def commands(rng):
@@ -242,9 +293,15 @@ def vehicle(p, u):
         A=p["A_w"],
         F_B=u["F_S"],
         M_B=lambda t: wave(p["M_dist_S"], t) + u["M_S"],
-        a_N=lambda t, r, v: (hill_axes(r, v) if p["a_dist_axes"] else np.eye(3)).T @ wave(p["a_dist"], t),
-        gravity=lambda r: minus_gradient(lambda x: potential(x, oblateness=p["use_J2"] * EARTH["J2"]), r),
-        torque_of_gravity=lambda r_S: p["use_gravity_gradient"] * torque_on_point_masses(r_S, p["J_S"]),
+        a_N=lambda t, r, v: (
+            (hill_axes(r, v) if p["a_dist_axes"] else np.eye(3)).T @ wave(p["a_dist"], t)
+        ),
+        gravity=lambda r: minus_gradient(
+            lambda x: potential(x, oblateness=p["use_J2"] * EARTH["J2"]), r
+        ),
+        torque_of_gravity=lambda r_S: (
+            p["use_gravity_gradient"] * torque_on_point_masses(r_S, p["J_S"])
+        ),
         wheel_accel=u["wheel_accel_cmd"],
         mdot=u["mdot"],
     )
@@ -253,7 +310,9 @@ def vehicle(p, u):
 @pytest.mark.parametrize("options", [(0, 0, 1), (1, 1, 0), (1, 0, 1)])
 def test_all_loads_together_follow_the_momentum_balance(fmu, rng, options):
     """Orbit: rounding of 7e6 m and 7e3 m/s. Attitude: RK4 at 0.05 s, (w h)^4 t = 1e-12 rad."""
-    p = everything(rng) | dict(zip(("use_J2", "use_gravity_gradient", "a_dist_axes"), options, strict=True))
+    p = everything(rng) | dict(
+        zip(("use_J2", "use_gravity_gradient", "a_dist_axes"), options, strict=True)
+    )
     u = commands(rng)
     unit, v = fmu("servicer", p, u), vehicle(p, u)
     start = {"wheel_speed": p["wheel_speed_0"], "mass": p["mass_0"]}
@@ -287,7 +346,8 @@ def test_rodrigues_parameters_switch_to_the_shadow_set_at_half_a_turn(fmu):
 
 
 @pytest.mark.parametrize(
-    ("names", "h", "duration"), [(("omega_SN_S", "q_SN"), 0.1, 40), (("r_SN_N", "v_SN_N"), 2.5, 2000)]
+    ("names", "h", "duration"),
+    [(("omega_SN_S", "q_SN"), 0.1, 40), (("r_SN_N", "v_SN_N"), 2.5, 2000)],
 )
 def test_integration_error_is_of_fourth_order(fmu, names, h, duration):
     def result(max_step):
@@ -314,11 +374,15 @@ def test_result_does_not_depend_on_how_the_step_is_cut(fmu, rng, h):
 
 
 def test_result_is_that_of_the_reference_implementation(fmu, rng):
-    """The same RK4 on quaternions instead of Rodrigues parameters: attitude differs by truncation, (w h)^5 a step."""
+    """The same RK4 on quaternions instead of Rodrigues parameters: attitude differs by truncation,
+    (w h)^5 a step.
+    """
     p = everything(rng) | {"use_J2": 1, "use_gravity_gradient": 1, "a_dist_axes": 1, "t_att": 4.0}
     u = commands(rng)
     unit = fmu("servicer", p, u)
-    q = reference.Parameters(**(p | {k: reference_sinusoid.Sinusoid(**p[k]) for k in ("M_dist_S", "a_dist")}))
+    q = reference.Parameters(
+        **(p | {k: reference_sinusoid.Sinusoid(**p[k]) for k in ("M_dist_S", "a_dist")})
+    )
     unit.step(20)
     y = reference.step(q, reference.initial_state(q), 0, 20, reference.Input(**u))
     expected = reference.outputs(20, y, q)

@@ -1,4 +1,6 @@
-"""servicer.fmu: momentum wheels against theory: exchange of momentum and energy with the body, limits."""
+"""servicer.fmu: momentum wheels against theory: exchange of momentum and energy with the body,
+limits.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ def test_total_momentum_is_conserved_under_arbitrary_wheel_commands(fmu, rng, li
     unit = fmu("servicer", p)
 
     def momentum():
-        return attitude(unit).T @ (p["J_S"] @ unit.get("omega_SN_S") + p["A_w"] @ unit.get("wheel_speed"))
+        return attitude(unit).T @ (
+            p["J_S"] @ unit.get("omega_SN_S") + p["A_w"] @ unit.get("wheel_speed")
+        )
 
     H = momentum()
     for _ in range(300):
@@ -44,17 +48,26 @@ def test_single_wheel_turns_the_body_back_by_its_share_of_inertia(fmu, axis):
 def test_running_wheel_stiffens_the_nutation_of_an_axisymmetric_body(fmu):
     """Dual spin: rates turn at ((I3 - It) w3 + A Omega)/It about the common axis."""
     It, I3, A3, Omega, w1, w3 = 180.0, 150.0, 10.0, 0.8, 0.01, 0.03
-    body = {"J_S": np.diag([It, It, I3]), "A_w": np.diag([A3, A3, A3]), "wheel_speed_0": (0, 0, Omega)}
+    body = {
+        "J_S": np.diag([It, It, I3]),
+        "A_w": np.diag([A3, A3, A3]),
+        "wheel_speed_0": (0, 0, Omega),
+    }
     unit = fmu("servicer", DEEP_SPACE | body | {"omega_SN_S_0": (w1, 0, w3)})
     nutation = ((I3 - It) * w3 + A3 * Omega) / It
     for _ in range(10):
         unit.step(30)
         angle = nutation * unit.time
-        assert deviation(unit.get("omega_SN_S"), (w1 * np.cos(angle), w1 * np.sin(angle), w3), w1) < 1e-9
+        assert (
+            deviation(unit.get("omega_SN_S"), (w1 * np.cos(angle), w1 * np.sin(angle), w3), w1)
+            < 1e-9
+        )
 
 
 def test_kinetic_energy_changes_by_motor_power_and_external_power(fmu, rng):
-    """dT/dt = u.Omega + M.w with motor torque u = A (dw/dt + dOmega/dt); five-point stencil, error (w h)^4 = 1e-12."""
+    """dT/dt = u.Omega + M.w with motor torque u = A (dw/dt + dOmega/dt); five-point stencil, error
+    (w h)^4 = 1e-12.
+    """
     p, h = spinning_servicer(rng, rate=0.05), 0.05
     J, A, M, accel = p["J_S"], p["A_w"], 0.2 * rng.normal(size=3), 0.02 * rng.normal(size=3)
     unit = fmu("servicer", p, {"M_S": M, "wheel_accel_cmd": accel})

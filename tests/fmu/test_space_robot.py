@@ -1,4 +1,6 @@
-"""space_robot.fmu: against point masses, the pitch equation, closed forms, and what must stay constant."""
+"""space_robot.fmu: against point masses, the pitch equation, closed forms, and what must stay
+constant.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,12 @@ from .robot_cases import PAPER, Q, pitch_constants, same_sign
 from .theory import dcm_of_quaternion
 
 ODD = Robot(
-    mass=(900, 120, 60), Ixx=(300, 2, 1), Iyy=(420, 40, 9), Izz=(380, 41, 9.5), l=(0.3, 0.7, 0.6), r=(0.8, 1.1, 0.5)
+    mass=(900, 120, 60),
+    Ixx=(300, 2, 1),
+    Iyy=(420, 40, 9),
+    Izz=(380, 41, 9.5),
+    l=(0.3, 0.7, 0.6),
+    r=(0.8, 1.1, 0.5),
 )
 MOVING = {
     "euler_0": (0.1, -0.2, 0.3),
@@ -32,7 +39,9 @@ def parameters(robot):
 
 
 def state(unit):
-    return np.concatenate([unit.get(n) for n in ("q_SN", "omega_SN_S", "joint_angle", "joint_rate")])
+    return np.concatenate(
+        [unit.get(n) for n in ("q_SN", "omega_SN_S", "joint_angle", "joint_rate")]
+    )
 
 
 def flown(unit, seconds, h=1.0, inputs=lambda t: {}):
@@ -50,7 +59,9 @@ def flown(unit, seconds, h=1.0, inputs=lambda t: {}):
 @pytest.mark.parametrize("robot", [PAPER, ODD], ids=["paper", "odd"])
 @pytest.mark.parametrize("locked", [False, True], ids=["free", "locked"])
 def test_motion_is_that_of_point_masses_on_an_eccentric_orbit(fmu, robot, locked):
-    unit = fmu("space_robot", parameters(robot) | MOVING | {"e": 0.1, "nu": 0.7}, {"joint_lock": locked})
+    unit = fmu(
+        "space_robot", parameters(robot) | MOVING | {"e": 0.1, "nu": 0.7}, {"joint_lock": locked}
+    )
     orbit, rows = Orbit(e=0.1, nu=0.7), flown(unit, 200, 10)
     expected = fly(robot, orbit, rows[0], np.arange(0, 201, 10.0), locked=locked)
     assert rows[:, 4:] == pytest.approx(expected[:, 4:], abs=1e-10)
@@ -60,7 +71,9 @@ def test_motion_is_that_of_point_masses_on_an_eccentric_orbit(fmu, robot, locked
 def test_motion_under_loads_and_torques_is_that_of_point_masses(fmu):
     """In deep space, held inputs: force and torque on the base, torques at the joints."""
     F, M, tau = np.array([3.0, -2.0, 1.0]), np.array([0.5, -0.3, 0.4]), np.array([0.4, -0.2])
-    unit = fmu("space_robot", parameters(ODD) | MOVING | SPACE, {"F_S": F, "M_S": M, "joint_torque": tau})
+    unit = fmu(
+        "space_robot", parameters(ODD) | MOVING | SPACE, {"F_S": F, "M_S": M, "joint_torque": tau}
+    )
     rows = flown(unit, 30)
     expected = fly(
         ODD,
@@ -76,7 +89,10 @@ def test_motion_under_loads_and_torques_is_that_of_point_masses(fmu):
 
 
 def test_true_anomaly_is_keplers_and_counts_turns(fmu):
-    unit, orbit = fmu("space_robot", {"e": 0.3, "nu": -2.0, "max_step": 5}, {"joint_lock": 1}), Orbit(e=0.3, nu=-2.0)
+    unit, orbit = (
+        fmu("space_robot", {"e": 0.3, "nu": -2.0, "max_step": 5}, {"joint_lock": 1}),
+        Orbit(e=0.3, nu=-2.0),
+    )
     for k in range(1, 25):
         unit.step(500.0)
         assert unit.get("true_anomaly") == pytest.approx(orbit.anomaly(500.0 * k), abs=1e-7)
@@ -100,13 +116,18 @@ def test_joint_torques_do_the_work_that_the_kinetic_energy_gains(fmu, rng):
     unit = fmu("space_robot", MOVING | SPACE, {"joint_torque": tau})
     T, q = unit.get("kinetic_energy"), unit.get("joint_angle")
     unit.step(30.0)
-    assert unit.get("kinetic_energy") - T == pytest.approx(tau @ (unit.get("joint_angle") - q), rel=1e-8)
+    assert unit.get("kinetic_energy") - T == pytest.approx(
+        tau @ (unit.get("joint_angle") - q), rel=1e-8
+    )
 
 
 @pytest.mark.parametrize("locked", [0, 1])
 def test_jacobi_integral_is_constant_on_a_circular_orbit(fmu, locked):
     """T + V - n h_z; it fails if any part of the differential force is missing."""
-    unit, n = fmu("space_robot", parameters(ODD) | MOVING, {"joint_lock": locked}), np.sqrt(MU / 7e6**3)
+    unit, n = (
+        fmu("space_robot", parameters(ODD) | MOVING, {"joint_lock": locked}),
+        np.sqrt(MU / 7e6**3),
+    )
     J = []
     for _ in range(40):
         J.append(unit.get("kinetic_energy") + unit.get("potential_energy") - n * unit.get("h_N")[2])
@@ -116,7 +137,12 @@ def test_jacobi_integral_is_constant_on_a_circular_orbit(fmu, locked):
 
 def test_energies_are_those_of_the_point_masses(fmu, rng):
     """T = sum m v^2 / 2 and V = sum m g (s^2 - 3 (a.s)^2) / 2, on an eccentric orbit."""
-    start = MOVING | {"euler_0": rng.uniform(-1, 1, 3), "joint_rate_0": 0.1 * rng.normal(size=2), "e": 0.3, "nu": 1.0}
+    start = MOVING | {
+        "euler_0": rng.uniform(-1, 1, 3),
+        "joint_rate_0": 0.1 * rng.normal(size=2),
+        "e": 0.3,
+        "nu": 1.0,
+    }
     unit, orbit = fmu("space_robot", parameters(ODD) | start), Orbit(e=0.3, nu=1.0)
     mass, rho = ODD.points(unit.get("joint_angle"))
     moved = sum(
@@ -141,24 +167,36 @@ def test_gravity_gradient_can_be_switched_off(fmu):
 def test_angular_momentum_changes_by_torque_and_moment_of_the_force(fmu):
     """About the centre of mass of the whole, which is not that of the base."""
     F, M = np.array([2.0, 1.0, -1.0]), np.array([0.1, 0.2, -0.3])
-    unit = fmu("space_robot", parameters(ODD) | {"mu": 0, "max_step": 1e-3}, {"F_S": F, "M_S": M, "joint_lock": 1})
+    unit = fmu(
+        "space_robot",
+        parameters(ODD) | {"mu": 0, "max_step": 1e-3},
+        {"F_S": F, "M_S": M, "joint_lock": 1},
+    )
     _, rho = ODD.points(np.array(Q))
     before, C = unit.get("h_N"), dcm_of_quaternion(unit.get("q_SN"))
     unit.step(1e-3)
     arm = rho[:6].mean(axis=0)
-    assert (unit.get("h_N") - before) / 1e-3 == pytest.approx(C.T @ (M + np.cross(arm, F)), rel=1e-6)
+    assert (unit.get("h_N") - before) / 1e-3 == pytest.approx(
+        C.T @ (M + np.cross(arm, F)), rel=1e-6
+    )
 
 
 # ---- planar motion with locked joints
 
 
 @pytest.mark.parametrize(
-    ("robot", "e", "theta", "rate"), [(PAPER, 0.05, -0.3, 0.0), (ODD, 0.2, 0.4, 3e-4), (PAPER, 0.0, 1.2, 2e-3)]
+    ("robot", "e", "theta", "rate"),
+    [(PAPER, 0.05, -0.3, 0.0), (ODD, 0.2, 0.4, 3e-4), (PAPER, 0.0, 1.2, 2e-3)],
 )
 def test_locked_planar_motion_is_the_pitch_equation(fmu, robot, e, theta, rate):
-    """(1 + e cos nu) delta'' - 2 e sin nu delta' + kappa/2 sin 2 delta = 2 e sin nu, over one orbit; tumbling too."""
+    """(1 + e cos nu) delta'' - 2 e sin nu delta' + kappa/2 sin 2 delta = 2 e sin nu, over one
+    orbit; tumbling too.
+    """
     kappa, theta_hat = pitch_constants(robot, Q)
-    orbit, start = Orbit(e=e), {"euler_0": (0, 0, theta), "deuler_0": (0, 0, rate), "joint_angle_0": Q, "max_step": 2}
+    orbit, start = (
+        Orbit(e=e),
+        {"euler_0": (0, 0, theta), "deuler_0": (0, 0, rate), "joint_angle_0": Q, "max_step": 2},
+    )
     unit = fmu("space_robot", parameters(robot) | start | {"e": e}, {"joint_lock": 1})
 
     def pitch(nu, x):
@@ -171,12 +209,16 @@ def test_locked_planar_motion_is_the_pitch_equation(fmu, robot, e, theta, rate):
     expected = solve_ivp(pitch, (0, nus[-1]), x0, "DOP853", nus, rtol=1e-12, atol=1e-13).y
     for k, t in enumerate(times):
         assert unit.get("pitch") - theta_hat == pytest.approx(expected[0, k], abs=1e-8), t
-        assert unit.get("pitch_rate") / orbit.rate(nus[k]) == pytest.approx(expected[1, k], abs=1e-8), t
+        assert unit.get("pitch_rate") / orbit.rate(nus[k]) == pytest.approx(
+            expected[1, k], abs=1e-8
+        ), t
         unit.step(500.0)
 
 
 def test_libration_on_a_circular_orbit_has_the_period_of_the_elliptic_integral(fmu):
-    """4 K(sin A) / sqrt(kappa) in true anomaly, A = 60 deg: at a whole period the motion repeats."""
+    """4 K(sin A) / sqrt(kappa) in true anomaly, A = 60 deg: at a whole period the motion
+    repeats.
+    """
     kappa, theta_hat = pitch_constants(PAPER, Q)
     A = np.radians(60)
     start = {"euler_0": (0, 0, theta_hat + A), "joint_angle_0": Q, "max_step": 1}

@@ -1,7 +1,8 @@
-"""sync_guidance.fmu against kinematics: published derivatives are derivatives, the frame D is what (6) says it is.
+"""sync_guidance.fmu against kinematics: published derivatives are derivatives, the frame D is what
+(6) says it is.
 
-Where a target moves it is the target FMU without what the software does not model (J2, manoeuvre), so that its orbit
-frame and attitude move exactly as the software believes.
+Where a target moves it is the target FMU without what the software does not model (J2, manoeuvre),
+so that its orbit frame and attitude move exactly as the software believes.
 """
 
 from __future__ import annotations
@@ -46,7 +47,12 @@ GUARD = np.radians(5)
 
 def parameters(rng):
     distances = {"rho_M": 4.0, "rho_0": 20.0, "beta": 0.01}
-    return distances | {"mu": MU, "J_T": random_inertia(rng), "p_T": random_direction(rng), "guard_angle": GUARD}
+    return distances | {
+        "mu": MU,
+        "J_T": random_inertia(rng),
+        "p_T": random_direction(rng),
+        "guard_angle": GUARD,
+    }
 
 
 def at_once(fmu, p, states, t=0.0):
@@ -55,9 +61,16 @@ def at_once(fmu, p, states, t=0.0):
 
 
 def fly(fmu, p, target, steps=200, h=H):
-    """Guidance beside moving target and servicer, sampled every h: time, inputs and outputs, one row per sample."""
+    """Guidance beside moving target and servicer, sampled every h: time, inputs and outputs, one
+    row per sample.
+    """
     T = fmu("target", target)
-    near = {"rho_0_H": (3, 20, -5), "drho_0_H": (0.02, -0.05, 0.01), "omega_SN_S_0": (0.01, 0, 0.02), "max_step": h}
+    near = {
+        "rho_0_H": (3, 20, -5),
+        "drho_0_H": (0.02, -0.05, 0.01),
+        "omega_SN_S_0": (0.01, 0, 0.02),
+        "max_step": h,
+    }
     shared = {k: v for k, v in target.items() if k in ("mu", "use_J2") or k in ELEMENTS}
     S = fmu("servicer", shared | near)
     unit, rows = fmu("sync_guidance", p), []
@@ -88,7 +101,9 @@ def tumbling(rng, p):
 
 
 def assert_published_derivatives_are_derivatives(f):
-    """Scales: 20 m, 0.03 rad/s. The roll rate of D grows as 1/|u| near the orbit normal, its derivatives likewise."""
+    """Scales: 20 m, 0.03 rad/s. The roll rate of D grows as 1/|u| near the orbit normal, its
+    derivatives likewise.
+    """
     assert deviation(derivative(f["rho_ref_N"]), f["drho_ref_N"][2:-2]) < 1e-7
     assert deviation(derivative(f["drho_ref_N"]), f["ddrho_ref_N"][2:-2]) < 1e-8
     size = max(1e-2, np.abs(f["omega_DN_D"]).max())
@@ -106,7 +121,9 @@ def test_published_rates_and_accelerations_are_derivatives_of_the_published_refe
 
 def test_with_known_disturbance_torque_they_still_are(fmu, rng):
     p, w = parameters(rng), {"M_dist_T": random_wave(rng, 0.05)}
-    assert_published_derivatives_are_derivatives(fly(fmu, p | w | {"know_M_dist": 1}, tumbling(rng, p) | w))
+    assert_published_derivatives_are_derivatives(
+        fly(fmu, p | w | {"know_M_dist": 1}, tumbling(rng, p) | w)
+    )
 
 
 def test_in_deep_space_they_are_derivatives_too_and_the_hill_frame_is_inertial(fmu, rng):
@@ -130,7 +147,11 @@ def acceleration_by(torque, p, states, out):
 
 
 def test_knowledge_of_the_disturbance_torque_adds_its_angular_acceleration(fmu, rng):
-    p, states, t = parameters(rng) | {"M_dist_T": random_wave(rng, 1.0, start=5.0)}, random_bodies(rng), 30.0
+    p, states, t = (
+        parameters(rng) | {"M_dist_T": random_wave(rng, 1.0, start=5.0)},
+        random_bodies(rng),
+        30.0,
+    )
     known, unknown = (at_once(fmu, p | {"know_M_dist": k}, states, t) for k in (1, 0))
     expected = acceleration_by(wave(p["M_dist_T"], t), p, states, known)
     assert deviation(known["ddrho_ref_N"] - unknown["ddrho_ref_N"], expected) < 1e-14
@@ -139,12 +160,17 @@ def test_knowledge_of_the_disturbance_torque_adds_its_angular_acceleration(fmu, 
 
 
 def test_modelled_gravity_gradient_adds_its_angular_acceleration(fmu, rng):
-    """Point masses: 1e-9 of the torque; the difference of the two outputs: rounding of 1e-2 m/s2."""
+    """Point masses: 1e-9 of the torque; the difference of the two outputs: rounding of 1e-2
+    m/s2.
+    """
     p, states = parameters(rng), random_bodies(rng)
     on, off = (at_once(fmu, p | {"use_gravity_gradient": k}, states) for k in (1, 0))
     torque = torque_on_point_masses(dcm_of_quaternion(states["q_TN"]) @ states["r_TN_N"], p["J_T"])
     expected = acceleration_by(torque, p, states, on)
-    assert deviation(on["ddrho_ref_N"] - off["ddrho_ref_N"], expected) < 1e-6 * np.abs(expected).max() + 1e-16
+    assert (
+        deviation(on["ddrho_ref_N"] - off["ddrho_ref_N"], expected)
+        < 1e-6 * np.abs(expected).max() + 1e-16
+    )
 
 
 # ---- reference position ----
@@ -182,7 +208,9 @@ def test_relative_state_is_that_of_the_inputs_in_the_turning_frame(fmu, rng):
     states = random_bodies(rng)
     out, (r, v) = at_once(fmu, parameters(rng), states), (states["r_TN_N"], states["v_TN_N"])
     rho, drho, h = states["r_SN_N"] - r, states["v_SN_N"] - v, 1e-20
-    later = hill_axes(r + 1j * h * v, v - 1j * h * MU * r / np.linalg.norm(r) ** 3) @ (rho + 1j * h * drho)
+    later = hill_axes(r + 1j * h * v, v - 1j * h * MU * r / np.linalg.norm(r) ** 3) @ (
+        rho + 1j * h * drho
+    )
     assert deviation(out["rho_H"], later.real) < 1e-12
     assert deviation(out["drho_H"], later.imag / h) < 1e-14
     assert deviation(out["range"], np.linalg.norm(rho)) < 1e-13
@@ -218,7 +246,9 @@ def desired_axes(states, p):
     return np.array([i, np.cross(k, i), k])
 
 
-def test_reference_attitude_looks_back_along_the_grasp_axis_with_its_z_axis_in_the_orbit_plane(fmu, rng):
+def test_reference_attitude_looks_back_along_the_grasp_axis_with_its_z_axis_in_the_orbit_plane(
+    fmu, rng
+):
     p, states = parameters(rng), random_bodies(rng)
     q = at_once(fmu, p, states)["q_DN"]
     assert deviation(np.linalg.norm(q), 1) < 1e-14
@@ -229,7 +259,9 @@ def test_reference_attitude_looks_back_along_the_grasp_axis_with_its_z_axis_in_t
 
 
 def passage(fmu, rng, pole, h=0.1, steps=400):
-    """A ball whose grasp axis passes the orbit normal (pole = 1) or its opposite (-1) at 2 deg, at 20 s."""
+    """A ball whose grasp axis passes the orbit normal (pole = 1) or its opposite (-1) at 2 deg, at
+    20 s.
+    """
     rate, closest = 0.02, np.radians(2)
     spin = np.array([np.cos(closest), 0, np.sin(closest)])
     nearest = pole * np.array([-np.sin(closest), 0, np.cos(closest)])
@@ -237,7 +269,10 @@ def passage(fmu, rng, pole, h=0.1, steps=400):
     body = {"J_T": 100 * np.eye(3), "use_J2": 0, "max_step": h}
     still = fmu("target", EARTH | ELEMENTS)
     C_NH, C_TN = hill_axes(still.get("r_TN_N"), still.get("v_TN_N")).T, random_rotation(rng)
-    motion = {"sigma_TN_0": Rotation.from_matrix(C_TN.T).as_mrp(), "omega_TN_T_0": rate * C_TN @ C_NH @ spin}
+    motion = {
+        "sigma_TN_0": Rotation.from_matrix(C_TN.T).as_mrp(),
+        "omega_TN_T_0": rate * C_TN @ C_NH @ spin,
+    }
     p = parameters(rng) | {"J_T": body["J_T"], "p_T": C_TN @ C_NH @ p_H}
     return fly(fmu, p, EARTH | ELEMENTS | body | motion, steps, h), p
 
@@ -247,7 +282,9 @@ def states_of(f, k):
 
 
 @pytest.mark.parametrize("pole", [1, -1])
-def test_guard_is_on_within_its_angle_of_the_orbit_normal_and_arm_axis_never_leaves_the_grasp_axis(fmu, rng, pole):
+def test_guard_is_on_within_its_angle_of_the_orbit_normal_and_arm_axis_never_leaves_the_grasp_axis(
+    fmu, rng, pole
+):
     f, p = passage(fmu, rng, pole)
     C_NT = [dcm_of_quaternion(q).T for q in f["q_TN"]]
     axis = np.array([C @ p["p_T"] for C in C_NT])
@@ -276,7 +313,9 @@ def test_reference_attitude_is_continuous_into_the_guard_and_within_it(fmu, rng,
 
 @pytest.mark.parametrize("pole", [1, -1])
 def test_rates_within_the_guard_are_those_of_the_published_attitude(fmu, rng, pole):
-    """The roll reference is held from sample to sample, so that its rate is right to the first order, rate^2 h."""
+    """The roll reference is held from sample to sample, so that its rate is right to the first
+    order, rate^2 h.
+    """
     h = 0.1
     f, _ = passage(fmu, rng, pole, h)
     first, last = np.flatnonzero(f["attitude_guard"])[[0, -1]]
@@ -301,11 +340,16 @@ def test_first_sample_within_the_guard_turns_the_z_axis_to_the_radial_direction(
 
 
 def test_turning_everything_given_in_inertial_axes_turns_the_references_with_it(fmu, rng):
-    """1e-12 of each output; components of 7e6 m turned with rounding 1e-9 m, which is 1e-10 rad seen from 20 m."""
+    """1e-12 of each output; components of 7e6 m turned with rounding 1e-9 m, which is 1e-10 rad
+    seen from 20 m.
+    """
     p, states, R = parameters(rng), random_bodies(rng), random_rotation(rng)
     one, other = at_once(fmu, p, states, 30.0), at_once(fmu, p, turned(states, R), 30.0)
     expected = turned(one, R)
-    assert angle_between_attitudes(*(dcm_of_quaternion(x.pop("q_DN")) for x in (other, expected))) < 1e-12
+    assert (
+        angle_between_attitudes(*(dcm_of_quaternion(x.pop("q_DN")) for x in (other, expected)))
+        < 1e-12
+    )
     for name, value in expected.items():
         seen_from_20_m = name in ("rho_H", "drho_H", "range", "beta_t", "beta_p")
         size = np.abs(value).max() if np.abs(value).max() > 0 else 1
@@ -321,7 +365,9 @@ def test_quaternions_of_either_sign_are_the_same_attitude(fmu, rng):
 
 @pytest.mark.parametrize("h", [0.1, 0.25, 0.5])
 def test_samples_are_taken_at_multiples_of_the_period_and_held(fmu, rng, h):
-    """Inputs change at every call; only those at 0, 0.5, 1.0, ... s count, whatever the step of the master."""
+    """Inputs change at every call; only those at 0, 0.5, 1.0, ... s count, whatever the step of the
+    master.
+    """
     period, p = 0.5, parameters(rng) | {"sample_period": 0.5}
     states = [random_bodies(np.random.default_rng(k)) for k in range(4)]
     slow, sampled = fmu("sync_guidance", p, states[0]), fmu("sync_guidance", p, states[0])
@@ -334,7 +380,9 @@ def test_samples_are_taken_at_multiples_of_the_period_and_held(fmu, rng, h):
 
 @pytest.mark.parametrize("h", [0.1, 0.2, 2.5])
 def test_a_sample_belongs_to_its_own_time_however_the_steps_lie(fmu, rng, h):
-    """Steps across sample times, or over several: the law at the last multiple of the period before the end."""
+    """Steps across sample times, or over several: the law at the last multiple of the period before
+    the end.
+    """
     p, states = parameters(rng) | {"beta": 0.05}, random_bodies(rng)
     unit = fmu("sync_guidance", p | {"sample_period": 0.5}, states)
     for _ in range(round(2.5 / h)):
@@ -349,7 +397,10 @@ def test_a_sample_belongs_to_its_own_time_however_the_steps_lie(fmu, rng, h):
 
 def test_outputs_are_those_of_the_reference_implementation(fmu, rng):
     """Also along a passage of the guard, where each sample depends on the one before."""
-    p, states = parameters(rng) | {"know_M_dist": 1, "M_dist_T": random_wave(rng, 0.1)}, random_bodies(rng)
+    p, states = (
+        parameters(rng) | {"know_M_dist": 1, "M_dist_T": random_wave(rng, 0.1)},
+        random_bodies(rng),
+    )
     assert_equal_outputs(at_once(fmu, p, states, 25.0), by_reference(25.0, states, p)[0])
     f, p = passage(fmu, rng, 1, h=0.5, steps=80)
     held = None
@@ -369,4 +420,6 @@ def by_reference(t, states, p, held=None):
 def assert_equal_outputs(found, expected):
     for name, value in expected.items():
         sign = -1 if name == "q_DN" and value @ found[name] < 0 else 1
-        assert deviation(found[name], sign * np.asarray(value), np.abs(value).max() or 1) < 1e-9, name
+        assert deviation(found[name], sign * np.asarray(value), np.abs(value).max() or 1) < 1e-9, (
+            name
+        )

@@ -1,4 +1,6 @@
-"""target.fmu against theory: free tumbling, orbits, gravity gradient, disturbances, contact loads, integration."""
+"""target.fmu against theory: free tumbling, orbits, gravity gradient, disturbances, contact loads,
+integration.
+"""
 
 from __future__ import annotations
 
@@ -45,9 +47,14 @@ def energy(r, v, oblateness):
 
 @pytest.mark.parametrize(("rate", "tolerance"), [(0.01, 1e-12), (0.3, 1e-6)])
 def test_free_tumbling_keeps_energy_and_inertial_angular_momentum(fmu, rng, rate, tolerance):
-    """Levels of RK4 at 0.1 s: truncation grows with the fifth power of the rate; at 0.01 rad/s it is rounding."""
+    """Levels of RK4 at 0.1 s: truncation grows with the fifth power of the rate; at 0.01 rad/s it
+    is rounding.
+    """
     J, omega = random_inertia(rng), rate * random_direction(rng)
-    unit = fmu("target", DEEP_SPACE | {"J_T": J, "omega_TN_T_0": omega, "sigma_TN_0": rng.uniform(-0.4, 0.4, 3)})
+    unit = fmu(
+        "target",
+        DEEP_SPACE | {"J_T": J, "omega_TN_T_0": omega, "sigma_TN_0": rng.uniform(-0.4, 0.4, 3)},
+    )
     H, T = attitude(unit).T @ J @ omega, omega @ J @ omega
     for _ in range(10):
         unit.step(100)
@@ -57,7 +64,9 @@ def test_free_tumbling_keeps_energy_and_inertial_angular_momentum(fmu, rng, rate
 
 
 def test_axisymmetric_body_nutates_at_its_closed_form(fmu, rng):
-    """Rates turn at (I3 - It) w3/It about the symmetry axis, the body precesses at H/It about the fixed H."""
+    """Rates turn at (I3 - It) w3/It about the symmetry axis, the body precesses at H/It about the
+    fixed H.
+    """
     It, I3 = rng.uniform(80, 120, 2)
     w1, w3 = 0.03, 0.05
     C_0 = dcm_of_mrp(sigma_0 := rng.uniform(-0.4, 0.4, 3))
@@ -91,14 +100,19 @@ def test_triaxial_body_follows_jacobi_elliptic_functions(fmu):
 
 
 def test_rodrigues_parameters_switch_to_the_shadow_set_at_half_a_turn(fmu):
-    """Spin about a fixed axis: |sigma| = tan(angle/4) of the rotation by at most 180 degrees, over five turns."""
+    """Spin about a fixed axis: |sigma| = tan(angle/4) of the rotation by at most 180 degrees, over
+    five turns.
+    """
     rate, axis = 0.1, np.array([0.6, 0.0, 0.8])
     body = {"J_T": 100 * np.eye(3), "omega_TN_T_0": rate * axis, "sigma_TN_0": (0, 0, 0)}
     t, sigma, q = fmu("target", DEEP_SPACE | body).history(0.5, 600, "sigma_TN", "q_TN")
     turned = (rate * t + np.pi) % (2 * np.pi) - np.pi
     assert deviation(4 * np.arctan(np.linalg.norm(sigma, axis=1)), abs(turned)) < 1e-9
     assert deviation(sigma, np.outer(np.tan(turned / 4), axis)) < 1e-9
-    assert deviation(q, np.column_stack([np.cos(turned / 2), np.outer(np.sin(turned / 2), axis)])) < 1e-9
+    assert (
+        deviation(q, np.column_stack([np.cos(turned / 2), np.outer(np.sin(turned / 2), axis)]))
+        < 1e-9
+    )
 
 
 def test_quaternion_and_rodrigues_parameters_are_the_same_attitude(fmu, rng):
@@ -115,7 +129,9 @@ def test_quaternion_and_rodrigues_parameters_are_the_same_attitude(fmu, rng):
 
 
 def test_elements_at_the_start_are_the_parameters(fmu, rng):
-    elements = {"a": 7.3e6, "e": 0.1} | dict(zip(("inc", "argp", "raan", "nu"), rng.uniform(0.2, 2.8, 4), strict=True))
+    elements = {"a": 7.3e6, "e": 0.1} | dict(
+        zip(("inc", "argp", "raan", "nu"), rng.uniform(0.2, 2.8, 4), strict=True)
+    )
     unit = fmu("target", EARTH | elements)
     found = elements_of_state(unit.get("r_TN_N"), unit.get("v_TN_N"))
     assert found == pytest.approx(elements, rel=1e-13, abs=1e-13)
@@ -165,7 +181,9 @@ def test_oblate_planet_keeps_energy_and_polar_angular_momentum_over_a_day(day):
 
 
 def test_node_drifts_at_the_secular_rate(day):
-    """-1.5 n J2 (R/p)^2 cos i; 2 %: osculating instead of mean elements, and periodic terms left in the fit."""
+    """-1.5 n J2 (R/p)^2 cos i; 2 %: osculating instead of mean elements, and periodic terms left in
+    the fit.
+    """
     t, r, v = day
     h = np.cross(r, v)
     node = np.unwrap(np.arctan2(h[:, 0], -h[:, 1]))
@@ -175,7 +193,9 @@ def test_node_drifts_at_the_secular_rate(day):
 
 
 def test_oblateness_acceleration_is_the_gradient_of_the_potential(fmu, rng):
-    """From rest over 0.1 s with and without J2: what the two have in common cancels, error (n h)^2 = 1e-8."""
+    """From rest over 0.1 s with and without J2: what the two have in common cancels, error (n h)^2
+    = 1e-8.
+    """
     r, h = 7.0e6 * random_direction(rng), 0.1
 
     def speed(use_J2):
@@ -214,13 +234,22 @@ def test_gravity_gradient_can_be_switched_off(fmu):
 
 
 def test_libration_in_the_orbit_plane_has_the_linear_frequency(fmu):
-    """Pitch about the orbit normal y, z to the nadir: n sqrt(3 (Ix - Iz)/Iy); amplitude 1e-3 detunes it by 2.5e-7."""
+    """Pitch about the orbit normal y, z to the nadir: n sqrt(3 (Ix - Iz)/Iy); amplitude 1e-3
+    detunes it by 2.5e-7.
+    """
     Ix, Iy, Iz = 140.0, 150.0, 90.0
     n, amplitude = np.sqrt(MU / ELEMENTS["a"] ** 3), 1e-3
-    local = np.array([[0, 1, 0], [0, 0, -1], [-1, 0, 0]])  # rows: along track, minus normal, nadir at nu = 0
-    sigma_0 = Rotation.from_matrix((Rotation.from_euler("y", -amplitude).as_matrix() @ local).T).as_mrp()
+    local = np.array(
+        [[0, 1, 0], [0, 0, -1], [-1, 0, 0]]
+    )  # rows: along track, minus normal, nadir at nu = 0
+    sigma_0 = Rotation.from_matrix(
+        (Rotation.from_euler("y", -amplitude).as_matrix() @ local).T
+    ).as_mrp()
     circle = EARTH | dict.fromkeys(ELEMENTS, 0) | {"a": ELEMENTS["a"], "use_J2": 0, "max_step": 1}
-    unit = fmu("target", circle | {"J_T": np.diag([Ix, Iy, Iz]), "sigma_TN_0": sigma_0, "omega_TN_T_0": (0, -n, 0)})
+    unit = fmu(
+        "target",
+        circle | {"J_T": np.diag([Ix, Iy, Iz]), "sigma_TN_0": sigma_0, "omega_TN_T_0": (0, -n, 0)},
+    )
     t, sigma, r = unit.history(20, 2500, "sigma_TN", "r_TN_N")
     x_N = np.array([dcm_of_mrp(s)[0] for s in sigma])
     pitch = np.arcsin((x_N * r).sum(axis=1) / np.linalg.norm(r, axis=1))
@@ -235,7 +264,9 @@ def test_libration_in_the_orbit_plane_has_the_linear_frequency(fmu):
 
 
 def test_disturbance_torque_acts_on_each_body_axis_by_its_own_wave(fmu, rng):
-    """A ball has no gyroscopic coupling in body axes. RK4 is Simpson's rule here: error (f h)^4/2880 = 1e-10."""
+    """A ball has no gyroscopic coupling in body axes. RK4 is Simpson's rule here: error (f
+    h)^4/2880 = 1e-10.
+    """
     w = random_wave(rng, 0.01)
     unit = fmu("target", DEEP_SPACE | AT_REST | {"J_T": 50 * np.eye(3), "M_dist_T": w})
     unit.step(77.7)
@@ -244,7 +275,9 @@ def test_disturbance_torque_acts_on_each_body_axis_by_its_own_wave(fmu, rng):
 
 
 @pytest.mark.parametrize("record", ["a_dist", "a_manoeuvre_N"])
-def test_disturbance_acceleration_and_manoeuvre_act_on_each_inertial_axis_by_their_own_wave(fmu, rng, record):
+def test_disturbance_acceleration_and_manoeuvre_act_on_each_inertial_axis_by_their_own_wave(
+    fmu, rng, record
+):
     w = random_wave(rng, 0.01)
     unit = fmu("target", DEEP_SPACE | {record: w, "omega_TN_T_0": (0.02, 0.03, 0.01)})
     unit.step(77.7)
@@ -254,7 +287,8 @@ def test_disturbance_acceleration_and_manoeuvre_act_on_each_inertial_axis_by_the
 
 
 @pytest.mark.parametrize(
-    ("record", "effect"), [("M_dist_T", "omega_TN_T"), ("a_dist", "v_TN_N"), ("a_manoeuvre_N", "v_TN_N")]
+    ("record", "effect"),
+    [("M_dist_T", "omega_TN_T"), ("a_dist", "v_TN_N"), ("a_manoeuvre_N", "v_TN_N")],
 )
 def test_nothing_acts_before_the_start_time_and_time_is_absolute(fmu, rng, record, effect):
     """Not even in the last stage of the step that ends at the start time."""
@@ -272,7 +306,12 @@ def test_nothing_acts_before_the_start_time_and_time_is_absolute(fmu, rng, recor
 def test_contact_force_turns_with_the_body_and_contact_torque_acts_in_body_axes(fmu):
     """Spin at w about z: the force stays in body axes. Then a torque about z: w grows by M t/J."""
     w, mass, F, sigma_0, t = 0.05, 70.0, np.array([3.0, -2.0, 1.0]), (0.1, -0.2, 0.3), 60.0
-    body = {"J_T": np.diag([100, 100, 120]), "mass": mass, "omega_TN_T_0": (0, 0, w), "sigma_TN_0": sigma_0}
+    body = {
+        "J_T": np.diag([100, 100, 120]),
+        "mass": mass,
+        "omega_TN_T_0": (0, 0, w),
+        "sigma_TN_0": sigma_0,
+    }
     unit = fmu("target", DEEP_SPACE | body)
     unit.step(t, {"F_T": F})
     s, c = np.sin(w * t) / w, (1 - np.cos(w * t)) / w
@@ -321,7 +360,9 @@ def test_all_loads_together_follow_the_momentum_balance(fmu, rng, axes):
     p = everything(rng) | {"a_dist_axes": axes}
     F_T, M_T = rng.normal(size=3), 0.01 * rng.normal(size=3)
     unit, v = fmu("target", p), vehicle(p, F_T, M_T)
-    y = v.state(unit.get("r_TN_N"), unit.get("v_TN_N"), attitude(unit), p["omega_TN_T_0"], mass=p["mass"])
+    y = v.state(
+        unit.get("r_TN_N"), unit.get("v_TN_N"), attitude(unit), p["omega_TN_T_0"], mass=p["mass"]
+    )
     for _ in range(60):
         unit.step(1, {"F_T": F_T, "M_T": M_T})
     y = v.propagate(y, 0, 60)
@@ -335,7 +376,8 @@ def test_all_loads_together_follow_the_momentum_balance(fmu, rng, axes):
 
 
 @pytest.mark.parametrize(
-    ("names", "h", "duration"), [(("omega_TN_T", "q_TN"), 0.25, 40), (("r_TN_N", "v_TN_N"), 2.5, 2000)]
+    ("names", "h", "duration"),
+    [(("omega_TN_T", "q_TN"), 0.25, 40), (("r_TN_N", "v_TN_N"), 2.5, 2000)],
 )
 def test_integration_error_is_of_fourth_order(fmu, names, h, duration):
     def result(max_step):
@@ -357,7 +399,9 @@ def test_result_does_not_depend_on_how_the_step_is_cut(fmu, rng, h):
 
 
 def test_steps_off_the_grid_only_add_their_own_truncation_error(fmu, rng):
-    """Cutting at 0.07 s shortens internal steps of 0.1 s; both within the error of RK4 at 0.1 s and 0.1 rad/s."""
+    """Cutting at 0.07 s shortens internal steps of 0.1 s; both within the error of RK4 at 0.1 s and
+    0.1 rad/s.
+    """
     p = everything(rng) | {"max_step": 0.1}
     whole, cut = fmu("target", p), fmu("target", p)
     whole.step(21)
@@ -371,14 +415,20 @@ def test_steps_off_the_grid_only_add_their_own_truncation_error(fmu, rng):
 
 
 def test_result_is_that_of_the_reference_implementation(fmu, rng):
-    """The same RK4 on quaternions instead of Rodrigues parameters: attitude differs by truncation, (w h)^5 a step."""
+    """The same RK4 on quaternions instead of Rodrigues parameters: attitude differs by truncation,
+    (w h)^5 a step.
+    """
     p = everything(rng) | {"a_dist_axes": 1}
     u = {"F_T": rng.normal(size=3), "M_T": 0.01 * rng.normal(size=3)}
     unit = fmu("target", p, u)
-    waves = {k: reference_sinusoid.Sinusoid(**p[k]) for k in ("M_dist_T", "a_dist", "a_manoeuvre_N")}
+    waves = {
+        k: reference_sinusoid.Sinusoid(**p[k]) for k in ("M_dist_T", "a_dist", "a_manoeuvre_N")
+    }
     q = reference.Parameters(**(p | waves | {"use_J2": 1, "use_gravity_gradient": 1}))
     unit.step(20)
-    expected = reference.outputs(reference.step(q, reference.initial_state(q), 0, 20, reference.Input(**u)), q)
+    expected = reference.outputs(
+        reference.step(q, reference.initial_state(q), 0, 20, reference.Input(**u)), q
+    )
     for name in ("r_TN_N", "v_TN_N", "omega_TN_T", "M_gg_T"):
         assert deviation(unit.get(name), expected[name], np.abs(expected[name]).max()) < 1e-10, name
     assert angle_between_attitudes(attitude(unit), dcm_of_quaternion(expected["q_TN"])) < 1e-9

@@ -1,4 +1,6 @@
-"""theta_d_controller.fmu: a linear quadratic regulator where nothing depends on the state, and what it adds."""
+"""theta_d_controller.fmu: a linear quadratic regulator where nothing depends on the state, and what
+it adds.
+"""
 
 from __future__ import annotations
 
@@ -23,16 +25,34 @@ SIGMA = np.array((-1, -1, 1))
 
 
 def random_weights(rng):
-    channels = {c: theta_d.Weights(*np.exp(rng.uniform(-2, 2, 3))) for c in ("range", "elevation", "azimuth")}
+    channels = {
+        c: theta_d.Weights(*np.exp(rng.uniform(-2, 2, 3)))
+        for c in ("range", "elevation", "azimuth")
+    }
     turning = theta_d.Weights(*rng.uniform((100, 500, 0.5), (2000, 4000, 2.0)))
-    p = theta_d.ThetaD(**channels, attitude=turning, J_hat=random_inertia(rng), A_hat=random_inertia(rng, 2, 12))
-    return replace(p, **dict(zip(("k_1", "k_2", "l_1", "l_2", "k_att", "l_att"), rng.uniform(0, 1, 6), strict=True)))
+    p = theta_d.ThetaD(
+        **channels, attitude=turning, J_hat=random_inertia(rng), A_hat=random_inertia(rng, 2, 12)
+    )
+    return replace(
+        p,
+        **dict(
+            zip(("k_1", "k_2", "l_1", "l_2", "k_att", "l_att"), rng.uniform(0, 1, 6), strict=True)
+        ),
+    )
 
 
 @pytest.mark.parametrize("up_axis", [1, 2, 3])
 def test_outputs_are_those_of_the_reference_over_three_samples(fmu, rng, up_axis):
-    """Riccati by scipy, Lyapunov by Kronecker products; 1e-7 relative: 1e-9 m of cancellation by gains."""
-    p = replace(random_weights(rng), up_axis=up_axis, t_att=2.1, use_wheels=rng.integers(2), force_scale=80.0)
+    """Riccati by scipy, Lyapunov by Kronecker products; 1e-7 relative: 1e-9 m of cancellation by
+    gains.
+    """
+    p = replace(
+        random_weights(rng),
+        up_axis=up_axis,
+        t_att=2.1,
+        use_wheels=rng.integers(2),
+        force_scale=80.0,
+    )
     unit, law = fmu("theta_d_controller", shared.settings(p), None, 2.0), theta_d.ThetaDLaw(p, 2.0)
     for k in range(3):
         wheels = rng.normal(size=3)
@@ -47,7 +67,9 @@ def test_outputs_are_those_of_the_reference_over_three_samples(fmu, rng, up_axis
 
 
 def test_position_gains_are_those_of_the_double_integrator(fmu, rng):
-    """kp = sqrt(qp/r), kd = sqrt(qv/r + 2 kp); control per channel divided by g = (1, 1/rho, 1/(rho ce))."""
+    """kp = sqrt(qp/r), kd = sqrt(qv/r + 2 kp); control per channel divided by g = (1, 1/rho, 1/(rho
+    ce)).
+    """
     p = random_weights(rng)
     scene = replace(random_scene(rng), r_TN_N=np.zeros(3), v_TN_N=np.zeros(3))
     at_rest = replace(scene, dref=np.zeros(3), ddrho_ref_N=np.zeros(3))
@@ -84,9 +106,13 @@ def test_attitude_gains_of_the_spec(fmu):
 
 
 def test_without_rates_the_full_law_is_the_regulator(fmu, rng):
-    """All of A is proportional to rates: at rest the corrections vanish although they are not suppressed."""
+    """All of A is proportional to rates: at rest the corrections vanish although they are not
+    suppressed.
+    """
     scene = Scene(x1=rng.normal(size=3) * (5, 0.1, 0.1))
-    full, linear = (sample(fmu("theta_d_controller", SPACE | p), scene.inputs()) for p in ({}, LINEAR))
+    full, linear = (
+        sample(fmu("theta_d_controller", SPACE | p), scene.inputs()) for p in ({}, LINEAR)
+    )
     assert deviation(full["a_cmd_L"], linear["a_cmd_L"]) < 1e-12
 
 
@@ -116,12 +142,21 @@ def test_factorisation_is_exact(rng):
     """A x = f(x) - f(0), with a reference whose range moves."""
     now, ref = random_pair(rng)
     x = np.concatenate((now.q.x - ref.q.x, now.q.d - ref.q.d))
-    difference = los.kinematic_acceleration(now.q.x, now.q.d) - los.kinematic_acceleration(ref.q.x, ref.q.d)
-    assert deviation(theta_d.kinematic_matrix(now, ref) @ x, difference, 1 + np.max(np.abs(difference))) < 1e-12
+    difference = los.kinematic_acceleration(now.q.x, now.q.d) - los.kinematic_acceleration(
+        ref.q.x, ref.q.d
+    )
+    assert (
+        deviation(
+            theta_d.kinematic_matrix(now, ref) @ x, difference, 1 + np.max(np.abs(difference))
+        )
+        < 1e-12
+    )
 
 
 @pytest.mark.parametrize("regulator", [theta_d.position_regulator, theta_d.attitude_regulator])
-def test_expansion_approaches_the_state_dependent_riccati_equation_with_the_third_power(rng, regulator):
+def test_expansion_approaches_the_state_dependent_riccati_equation_with_the_third_power(
+    rng, regulator
+):
     """|T0 + T1 + T2 - T(A)| = O(|A|^3): halving A divides it by 8."""
     w = theta_d.Weights(0.5, 1.0, 1.0)
     p = theta_d.ThetaD(range=w, elevation=w, azimuth=w, J_hat=np.diag((1.0, 1.5, 2.0)), attitude=w)
@@ -129,13 +164,17 @@ def test_expansion_approaches_the_state_dependent_riccati_equation_with_the_thir
     lower[3:] = 0.02 * rng.normal(size=(3, 6))
 
     def error(A):
-        return np.linalg.norm(reg.cost_matrix(A, 1, 1) - solve_continuous_are(reg.A0 + A, reg.B, reg.Q, reg.R))
+        return np.linalg.norm(
+            reg.cost_matrix(A, 1, 1) - solve_continuous_are(reg.A0 + A, reg.B, reg.Q, reg.R)
+        )
 
     assert abs(error(lower) / error(lower / 2) - 8) < 1
 
 
 def test_corrections_are_released_with_time(fmu, rng):
-    """eps = 1 - k exp(-l t): for k = 1 the regulator at first, the full expansion in the end; attitude from t_att."""
+    """eps = 1 - k exp(-l t): for k = 1 the regulator at first, the full expansion in the end;
+    attitude from t_att.
+    """
     scene = replace(random_scene(rng), r_TN_N=np.zeros(3), v_TN_N=np.zeros(3)).inputs()
     late = {"k_1": 1, "k_2": 1, "k_att": 1, "l_1": 1, "l_2": 1, "l_att": 1}
     linear, full = (
@@ -156,11 +195,17 @@ def test_corrections_are_released_with_time(fmu, rng):
 
 def test_spinning_wheels_are_reckoned_with(fmu, rng):
     """Their momentum turned by the body adds omega x A Omega."""
-    scene, wheels, A = Scene(omega=0.1 * rng.normal(size=3)), rng.normal(size=3), random_inertia(rng, 2, 12)
+    scene, wheels, A = (
+        Scene(omega=0.1 * rng.normal(size=3)),
+        rng.normal(size=3),
+        random_inertia(rng, 2, 12),
+    )
     p = SPACE | {"A_hat": A}
     still = sample(fmu("theta_d_controller", p), scene.inputs())
     running = sample(fmu("theta_d_controller", p), scene.inputs() | {"wheel_speed": wheels})
-    assert deviation(running["M_cmd_S"] - still["M_cmd_S"], np.cross(scene.omega, A @ wheels)) < 1e-11
+    assert (
+        deviation(running["M_cmd_S"] - still["M_cmd_S"], np.cross(scene.omega, A @ wheels)) < 1e-11
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,6 @@
-"""thruster_allocation.fmu: throttles against scipy's solvers on random geometries, scaling, pulses."""
+"""thruster_allocation.fmu: throttles against scipy's solvers on random geometries, scaling,
+pulses.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +17,12 @@ N = 16
 
 
 def box_of_thrusters():
-    """Four thrusters along +x and -x each, two along each other direction: all six degrees of freedom."""
-    rows = [((-0.5 * s, y, z), (s, 0, 0)) for s in (1, -1) for y in (0.5, -0.5) for z in (0.5, -0.5)]
+    """Four thrusters along +x and -x each, two along each other direction: all six degrees of
+    freedom.
+    """
+    rows = [
+        ((-0.5 * s, y, z), (s, 0, 0)) for s in (1, -1) for y in (0.5, -0.5) for z in (0.5, -0.5)
+    ]
     rows += [((x, -0.5 * s, 0), (0, s, 0)) for s in (1, -1) for x in (0.5, -0.5)]
     rows += [((0, y, -0.5 * s), (0, 0, s)) for s in (1, -1) for y in (0.5, -0.5)]
     position, direction = zip(*rows, strict=True)
@@ -35,7 +41,12 @@ def geometry(position, direction, nominal, centre=(0, 0, 0)):
 def random_geometry(rng):
     """Strengths over a decade and a half, centre of mass off the origin."""
     direction = [random_direction(rng) for _ in range(N)]
-    return geometry(rng.uniform(-1, 1, (N, 3)), direction, 10 ** rng.uniform(-1, 0.5, N), 0.1 * rng.normal(size=3))
+    return geometry(
+        rng.uniform(-1, 1, (N, 3)),
+        direction,
+        10 ** rng.uniform(-1, 0.5, N),
+        0.1 * rng.normal(size=3),
+    )
 
 
 def effect(g):
@@ -57,7 +68,9 @@ def damped(A):
 
 
 def bounded_least_squares(B, w):
-    """min |B x - w|, 0 <= x <= 1; in units in which |w| = 1, because scipy's tolerance is absolute."""
+    """min |B x - w|, 0 <= x <= 1; in units in which |w| = 1, because scipy's tolerance is
+    absolute.
+    """
     c = np.linalg.norm(w)
     b = np.concatenate([w / c, np.zeros(len(B) - len(w))])
     return c * lsq_linear(B, b, (0, 1 / c), method="bvls", tol=1e-16, max_iter=500).x
@@ -65,7 +78,9 @@ def bounded_least_squares(B, w):
 
 def largest_scale(A, w):
     """max s <= 1 with A x = s w, 0 <= x <= 1."""
-    return linprog([*np.zeros(N), -1], A_eq=np.c_[A, -w], b_eq=np.zeros(6), bounds=[(0, 1)] * (N + 1)).x[N]
+    return linprog(
+        [*np.zeros(N), -1], A_eq=np.c_[A, -w], b_eq=np.zeros(6), bounds=[(0, 1)] * (N + 1)
+    ).x[N]
 
 
 # ---- bounded least squares
@@ -80,7 +95,9 @@ def test_throttles_are_the_bounded_least_squares_solution(fmu, rng):
         for _ in range(20):
             w = A @ rng.uniform(0, 1, N) * 10 ** rng.uniform(-3, 1)
             unit.step(T0, command(w / weight))
-            assert unit.get("throttle") == pytest.approx(bounded_least_squares(damped(A), w), abs=1e-8)
+            assert unit.get("throttle") == pytest.approx(
+                bounded_least_squares(damped(A), w), abs=1e-8
+            )
 
 
 def test_a_command_in_reach_is_met(fmu, rng):
@@ -95,7 +112,9 @@ def test_a_command_in_reach_is_met(fmu, rng):
 
 
 def test_a_command_out_of_reach_is_scaled_to_the_largest_part_in_reach(fmu, rng):
-    """Against a linear program; "in reach" means within 1e-6 of the command, and the facet may be oblique: 1e-5."""
+    """Against a linear program; "in reach" means within 1e-6 of the command, and the facet may be
+    oblique: 1e-5.
+    """
     for g in (box_of_thrusters(), random_geometry(rng), random_geometry(rng)):
         unit, A = fmu("thruster_allocation", g), effect(g)
         for _ in range(15):
@@ -108,7 +127,9 @@ def test_a_command_out_of_reach_is_scaled_to_the_largest_part_in_reach(fmu, rng)
 
 
 def test_command_that_no_thruster_can_serve_gives_nothing(fmu):
-    """The eight attitude thrusters of the paper have no pure force along Y: P1 and P3 also turn the vehicle."""
+    """The eight attitude thrusters of the paper have no pure force along Y: P1 and P3 also turn the
+    vehicle.
+    """
     unit = fmu("thruster_allocation", {"thrust_nominal": [0.5] * 8 + [0] * 8})
     unit.step(T0, command(np.array([0, 0.1, 0, 0, 0, 0])))
     assert unit.get("throttle") == pytest.approx(np.zeros(N), abs=1e-9)
@@ -118,7 +139,9 @@ def test_command_that_no_thruster_can_serve_gives_nothing(fmu):
 
 def test_weights_of_0_free_an_axis(fmu):
     """With torque about Z free, P3 alone gives the force along Y."""
-    unit = fmu("thruster_allocation", {"thrust_nominal": [0.5] * 8 + [0] * 8, "weight_M": (1, 1, 0)})
+    unit = fmu(
+        "thruster_allocation", {"thrust_nominal": [0.5] * 8 + [0] * 8, "weight_M": (1, 1, 0)}
+    )
     unit.step(T0, command(np.array([0, 0.1, 0, 0, 0, 0])))
     assert unit.get("throttle")[2] == pytest.approx(0.2, abs=1e-6)
     assert unit.get("infeasible") == 0
@@ -141,7 +164,9 @@ def test_force_along_an_axis_is_shared_and_nobody_works_against_it(fmu):
 def test_opposite_thrusters_are_never_both_on(fmu, rng):
     """Thrusters in pairs with the same line of action: what both give could be taken from both."""
     position = np.repeat(rng.uniform(-1, 1, (8, 3)), 2, axis=0)
-    direction = np.array([s * d for d in (random_direction(rng) for _ in range(8)) for s in (1, -1)])
+    direction = np.array(
+        [s * d for d in (random_direction(rng) for _ in range(8)) for s in (1, -1)]
+    )
     unit = fmu("thruster_allocation", geometry(position, direction, np.ones(N)))
     for _ in range(30):
         unit.step(T0, command(rng.normal(size=6)))
@@ -150,7 +175,9 @@ def test_opposite_thrusters_are_never_both_on(fmu, rng):
 
 
 def test_throttles_are_continuous_in_the_command(fmu, rng):
-    """Along a straight line, partly out of reach: the largest of 1000 steps, cut into 200, falls into small ones."""
+    """Along a straight line, partly out of reach: the largest of 1000 steps, cut into 200, falls
+    into small ones.
+    """
     g = random_geometry(rng)
     unit, A = fmu("thruster_allocation", g), effect(g)
     a, b = A @ rng.uniform(0, 1, N), A @ rng.uniform(-1, 2, N)
@@ -180,7 +207,9 @@ def test_order_of_the_thrusters_does_not_matter(fmu, rng):
 
 
 def test_hostile_geometries_end_in_bounds(fmu, rng):
-    """Parallel columns, columns nearly dependent, thrusters that do not exist, strengths over six decades."""
+    """Parallel columns, columns nearly dependent, thrusters that do not exist, strengths over six
+    decades.
+    """
     for _ in range(10):
         g = random_geometry(rng)
         g["thruster_direction"][:8] = g["thruster_direction"][0]
@@ -198,7 +227,9 @@ PULSES = {"pulsed": 1, "pulse_period": 1.0, "min_on_time": 0.2, "sample_period":
 
 
 def test_on_time_follows_the_demand_with_what_is_unspent_carried_over(fmu, rng):
-    """At every end of a period: demanded minus given on-time is what is unspent, below the shortest pulse."""
+    """At every end of a period: demanded minus given on-time is what is unspent, below the shortest
+    pulse.
+    """
     unit = fmu("thruster_allocation", box_of_thrusters() | PULSES)
     demanded = given = np.zeros(N)
     for _ in range(60):
@@ -225,7 +256,9 @@ def test_pulses_stand_at_the_start_of_the_period_and_are_not_too_short(fmu, rng,
 
 
 def test_full_thrust_fills_the_first_period(fmu):
-    """A command out of reach asks for all of a thruster but rounding; nothing is left to be given later."""
+    """A command out of reach asks for all of a thruster but rounding; nothing is left to be given
+    later.
+    """
     unit = fmu("thruster_allocation", {"pulsed": 1, "pulse_period": 1.0})
     on = []
     for k in range(30):
@@ -257,7 +290,10 @@ def test_the_command_of_the_first_sample_of_a_period_rules_it(fmu):
 
 @pytest.mark.parametrize("pulsed", [0, 1])
 def test_samples_do_not_depend_on_how_finely_a_master_steps(fmu, rng, pulsed):
-    coarse, fine = (fmu("thruster_allocation", box_of_thrusters() | PULSES | {"pulsed": pulsed}) for _ in range(2))
+    coarse, fine = (
+        fmu("thruster_allocation", box_of_thrusters() | PULSES | {"pulsed": pulsed})
+        for _ in range(2)
+    )
     for k in range(50):
         inputs = command(rng.normal(size=6) * 0.3)
         coarse.step(T0, inputs)
@@ -283,12 +319,18 @@ def test_first_outputs_leave_no_memory(fmu):
 @pytest.mark.parametrize(
     ("parameters", "rule"),
     [
-        ({"thruster_direction": [[2, 0, 0]] * N}, "|thruster_direction[1]| = 2: must be a unit vector"),
+        (
+            {"thruster_direction": [[2, 0, 0]] * N},
+            "|thruster_direction[1]| = 2: must be a unit vector",
+        ),
         ({"thrust_nominal": [-1] * N}, "thrust_nominal[1] = -1: must be >= 0"),
         ({"weight_F": (1, -1, 1)}, "weight_F[2] = -1: must be >= 0"),
         ({"pulse_period": 0}, "pulse_period = 0: must be > 0"),
         (PULSES | {"sample_period": 0}, "sample_period = 0: must be > 0 with pulses"),
-        (PULSES | {"pulse_period": 0.25}, "pulse_period = 0.25: must be a multiple of sample_period"),
+        (
+            PULSES | {"pulse_period": 0.25},
+            "pulse_period = 0.25: must be a multiple of sample_period",
+        ),
         (PULSES | {"min_on_time": 1.1}, "min_on_time = 1.1: must not be above pulse_period"),
     ],
 )

@@ -1,4 +1,6 @@
-"""servicer.fmu with velocity_follows_attitude: the kinematics of Kozlova & Fomichev, u' = F/m in body components."""
+"""servicer.fmu with velocity_follows_attitude: the kinematics of Kozlova & Fomichev, u' = F/m in
+body components.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,11 @@ from .cases import DEEP_SPACE
 from .driver import bits
 from .theory import MU, dcm_of_quaternion
 
-SLAVED = DEEP_SPACE | {"velocity_follows_attitude": 1, "mass_0": 70.0, "J_S": np.diag([100, 100, 120])}
+SLAVED = DEEP_SPACE | {
+    "velocity_follows_attitude": 1,
+    "mass_0": 70.0,
+    "J_S": np.diag([100, 100, 120]),
+}
 F = np.array([3.0, -2.0, 1.0])
 SPIN = (0.03, -0.02, 0.05)
 
@@ -20,7 +26,9 @@ def body_velocity(unit):
 
 
 def test_body_components_of_the_velocity_are_the_integral_of_force_over_mass(fmu):
-    """While the vehicle turns by more than a revolution: RK4 at 0.1 s and 0.06 rad/s errs by 1e-11 per step."""
+    """While the vehicle turns by more than a revolution: RK4 at 0.1 s and 0.06 rad/s errs by 1e-11
+    per step.
+    """
     start = {"v_0_N": (0.4, 0.1, -0.2), "omega_SN_S_0": SPIN}
     unit = fmu("servicer", SLAVED | start)
     unit.step(120, {"F_S": F})
@@ -66,7 +74,14 @@ def test_frozen_attitude_does_not_turn_the_velocity(fmu):
 def test_gravity_acts_on_the_turning_velocity_too(fmu):
     """u' = C g: over one second the velocity changes by g besides the turn."""
     r = np.array([7e6, 0, 0])
-    orbit = {"a": 0, "mu": MU, "use_J2": 0, "r_0_N": r, "v_0_N": (0, 0, 0), "omega_SN_S_0": (0, 0, 1e-6)}
+    orbit = {
+        "a": 0,
+        "mu": MU,
+        "use_J2": 0,
+        "r_0_N": r,
+        "v_0_N": (0, 0, 0),
+        "omega_SN_S_0": (0, 0, 1e-6),
+    }
     unit = fmu("servicer", SLAVED | orbit)
     unit.step(1)
     assert unit.get("v_SN_N") == pytest.approx(-MU * r / 7e6**3, abs=1e-4)

@@ -1,7 +1,9 @@
-"""What theory says about attitude, gravity and orbits, written without the formulas of the models under test.
+"""What theory says about attitude, gravity and orbits, written without the formulas of the models
+under test.
 
-Attitude is a rotation matrix instead of Rodrigues parameters, gravity the gradient of its potential, gravity gradient a
-sum over point masses. C_XY maps components in frame Y to components in frame X. SI units, radians.
+Attitude is a rotation matrix instead of Rodrigues parameters, gravity the gradient of its
+potential, gravity gradient a sum over point masses. C_XY maps components in frame Y to components
+in frame X. SI units, radians.
 """
 
 from __future__ import annotations
@@ -48,7 +50,9 @@ def vee(M):
 
 
 def potential(r, mu=MU, oblateness=J2):
-    """Potential energy per mass of a planet with second zonal harmonic; analytic, so that complex steps pass."""
+    """Potential energy per mass of a planet with second zonal harmonic; analytic, so that complex
+    steps pass.
+    """
     distance = np.sqrt(r @ r)
     P2 = (3 * (r[2] / distance) ** 2 - 1) / 2
     return -mu / distance * (1 - oblateness * (R_E / distance) ** 2 * P2)
@@ -61,14 +65,17 @@ def minus_gradient(U, r):
 
 
 def torque_on_point_masses(r_B, J, mu=MU, size=100.0):
-    """Torque of a point-mass planet on six masses that have the inertia J [N.m], r_B: centre of mass in body axes.
+    """Torque of a point-mass planet on six masses that have the inertia J [N.m], r_B: centre of
+    mass in body axes.
 
     Pairs at +-size on the principal axes: error (size/r)^2 relative, 2e-10 in a low orbit.
     """
     moments, axes = np.linalg.eigh(J)
     masses = (moments.sum() / 2 - moments) / (2 * size**2)
     torque = np.zeros(3)
-    for m, axis in zip(np.repeat(masses, 2), np.vstack([axes.T, -axes.T])[[0, 3, 1, 4, 2, 5]], strict=True):
+    for m, axis in zip(
+        np.repeat(masses, 2), np.vstack([axes.T, -axes.T])[[0, 3, 1, 4, 2, 5]], strict=True
+    ):
         x = size * axis
         force = -mu * m * (r_B + x) / np.linalg.norm(r_B + x) ** 3
         torque += np.cross(x, force)

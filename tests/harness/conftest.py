@@ -29,7 +29,9 @@ def fmus(fmu_folder: Path) -> dict[str, Path]:
 
 @pytest.fixture
 def make(fmus: dict[str, Path]) -> Callable[..., System]:
-    """Systems from few words: components name -> FMU, connections "a.y > b.u", parameters "a.k" -> value."""
+    """Systems from few words: components name -> FMU, connections "a.y > b.u", parameters "a.k" ->
+    value.
+    """
 
     def make_system(
         components: Mapping[str, str],
@@ -43,7 +45,9 @@ def make(fmus: dict[str, Path]) -> Callable[..., System]:
             component, _, variable = name.partition(".")
             values[component][variable] = Parameter(value)
         timing = timing or {}
-        parts = tuple(Component(n, fmus[f], values[n], *timing.get(n, ())) for n, f in components.items())
+        parts = tuple(
+            Component(n, fmus[f], values[n], *timing.get(n, ())) for n, f in components.items()
+        )
         wires = tuple(Connection(*map(_port, text.split(" > "))) for text in connections)
         given = {"start": 0.0, "stop": 6.0, "step": 1.0, "algorithm": "gauss-seidel"} | experiment
         return System("test", parts, wires, Experiment(**given))

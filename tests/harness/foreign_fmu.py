@@ -1,9 +1,10 @@
-"""Small FMUs from a few lines of C, built with gcc and FMPy's headers; they share no code with the project.
+"""Small FMUs from a few lines of C, built with gcc and FMPy's headers; they share no code with the
+project.
 
-A model is a list of variables and pieces of C in which they go by their own names (`x[1]` is x_1, `a.b` is a_b):
-`outputs` computes the outputs from inputs, parameters and states, in initialization and after every step; `step`
-advances over h from time t; `check` judges the parameters at the end of initialization. All may `return fail(status,
-text)`.
+A model is a list of variables and pieces of C in which they go by their own names (`x[1]` is x_1,
+`a.b` is a_b): `outputs` computes the outputs from inputs, parameters and states, in initialization
+and after every step; `step` advances over h from time t; `check` judges the parameters at the end
+of initialization. All may `return fail(status, text)`.
 """
 
 from __future__ import annotations
@@ -85,7 +86,10 @@ LADDER = Model(
     outputs="w_1 = v_1 + 1; w_2 = v_2 + 1; w_3 = v_3 + 1;",
 )
 SOURCE = Model(
-    "source", [*(y(f"v[{i}]", "m") for i in (1, 2, 3)), x("n")], "v_1 = n; v_2 = 10 * n; v_3 = 100 * n;", "n += 1;"
+    "source",
+    [*(y(f"v[{i}]", "m") for i in (1, 2, 3)), x("n")],
+    "v_1 = n; v_2 = 10 * n; v_3 = 100 * n;",
+    "n += 1;",
 )
 FAILING = Model(
     "failing",
@@ -94,10 +98,18 @@ FAILING = Model(
     step='if (t >= t_fail - 1e-9) return fail((int)status, "burnt through\\nafter too much heat"); t_ = t;',
 )
 SILENT = Model("silent", [y("y")], step="return fmi2Error;")
-NOT_A_NUMBER = Model("not_a_number", [y("y"), p("t_nan", 3.0, "s"), x("t_")], "y = t_ >= t_nan ? NAN : t_;", "t_ = t;")
+NOT_A_NUMBER = Model(
+    "not_a_number",
+    [y("y"), p("t_nan", 3.0, "s"), x("t_")],
+    "y = t_ >= t_nan ? NAN : t_;",
+    "t_ = t;",
+)
 PLUS_ONE = Model("plus_one", [u("u"), y("y")], outputs="y = u + 1;")
 PICKY = Model(
-    "picky", [y("y"), p("mass", 1.0)], "y = mass;", check='if (!(mass > 0)) return fail(3, "mass must be > 0");'
+    "picky",
+    [y("y"), p("mass", 1.0)],
+    "y = mass;",
+    check='if (!(mass > 0)) return fail(3, "mass must be > 0");',
 )
 NO_STATE = Model("no_state", [u("u"), y("y"), x("z")], "y = z;", "z += h * u;", can_save=False)
 MIXED = Model(
@@ -117,12 +129,21 @@ MIXED = Model(
     outputs="n = (int)z + offset; odd = (n % 2 != 0) != flip; r_out = 1000 * r + 10 * i + b;",
     step="z += 1;",
 )
-SLOW = Model("slow", [y("n"), x("z")], "n = z;", 'if (!z) fclose(fopen("stepping", "w")); z += 1; usleep(2000);')
-KILOMETRES = Model("kilometres", [u("u", "km"), y("y", "km"), p("k", 1.0, "km")], "y = u + k;", units=("1", "km"))
+SLOW = Model(
+    "slow",
+    [y("n"), x("z")],
+    "n = z;",
+    'if (!z) fclose(fopen("stepping", "w")); z += 1; usleep(2000);',
+)
+KILOMETRES = Model(
+    "kilometres", [u("u", "km"), y("y", "km"), p("k", 1.0, "km")], "y = u + k;", units=("1", "km")
+)
 CELSIUS = Model("celsius", [u("u", "degC"), y("y", "degC")], "y = u;", units=("degC",))
 KELVIN = Model("kelvin", [u("u", "K"), y("y", "K")], "y = u;", units=("K",))
 MODED = Model("moded", [y("y"), p("mode", 1, None, "Enumeration")], "y = 10 * mode;")
-CRASHING = Model("crashing", [y("y"), x("z")], "y = z;", "z += 1; if (z > 2) *(volatile int *)0 = 1;")
+CRASHING = Model(
+    "crashing", [y("y"), x("z")], "y = z;", "z += 1; if (z > 2) *(volatile int *)0 = 1;"
+)
 WARNING = Model("warning", [y("y")], step='say(c, 1, "getting warm"); return fmi2Warning;')
 
 MODELS = (
@@ -144,26 +165,30 @@ typedef struct {
     int integer[@COUNT@];
     char name[100];
     const fmi2CallbackFunctions *call;
-    int latched; /* outputs stand since the last step; before the first one they follow the inputs */
+    int latched; /* outputs stand since the last step; before the first one they follow the inputs
+    */
 } Instance;
 
 static void say(Instance *c, int status, const char *text)
 {
-    c->call->logger(c->call->componentEnvironment, c->name, (fmi2Status)status, "logStatusError", "%s", text);
+    c->call->logger(c->call->componentEnvironment, c->name, (fmi2Status)status, "logStatusError",
+    "%s", text);
 }
 #define fail(status, text) (say(c, status, text), (fmi2Status)(status))
 @NAMES@
 static fmi2Status outputs(Instance *c) { (void)c; @OUTPUTS@ return fmi2OK; }
-static fmi2Status step(Instance *c, double t, double h) { (void)c; (void)t; (void)h; @STEP@ return fmi2OK; }
-static fmi2Status check(Instance *c) { (void)c; @CHECK@ return fmi2OK; }
+static fmi2Status step(Instance *c, double t, double h) { (void)c; (void)t; (void)h; @STEP@ return
+fmi2OK; } static fmi2Status check(Instance *c) { (void)c; @CHECK@ return fmi2OK; }
 @NO_NAMES@
 #define NOTHING { return fmi2OK; }
 #define ERROR { return fmi2Error; }
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
 const char *fmi2GetVersion(void) { return fmi2Version; }
-fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const fmi2String k[]) NOTHING
-fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String place,
-                              const fmi2CallbackFunctions *call, fmi2Boolean visible, fmi2Boolean logging)
+fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const fmi2String k[])
+NOTHING fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String
+place,
+                              const fmi2CallbackFunctions *call, fmi2Boolean visible, fmi2Boolean
+                              logging)
 {
     Instance *c = calloc(1, sizeof *c);
     strncpy(c->name, name, sizeof c->name - 1);
@@ -172,7 +197,8 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     return c;
 }
 void fmi2FreeInstance(fmi2Component c) { free(c); }
-fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerant, fmi2Real tolerance, fmi2Real start,
+fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerant, fmi2Real tolerance, fmi2Real
+start,
                                fmi2Boolean stops, fmi2Real stop) NOTHING
 fmi2Status fmi2EnterInitializationMode(fmi2Component c) NOTHING
 fmi2Status fmi2ExitInitializationMode(fmi2Component c) { return check(c); }
@@ -191,36 +217,36 @@ fmi2Status fmi2GetReal(fmi2Component m, const fmi2ValueReference vr[], size_t n,
     for (size_t i = 0; i < n; i++) value[i] = c->real[vr[i]];
     return fmi2OK;
 }
-fmi2Status fmi2GetInteger(fmi2Component m, const fmi2ValueReference vr[], size_t n, fmi2Integer value[])
-{
+fmi2Status fmi2GetInteger(fmi2Component m, const fmi2ValueReference vr[], size_t n, fmi2Integer
+value[]) {
     Instance *c = m;
     if (!c->latched) outputs(c);
     for (size_t i = 0; i < n; i++) value[i] = c->integer[vr[i]];
     return fmi2OK;
 }
-fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Boolean value[])
-{
+fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Boolean
+value[]) {
     return fmi2GetInteger(c, vr, n, value);
 }
-fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2String value[]) ERROR
-fmi2Status fmi2SetReal(fmi2Component m, const fmi2ValueReference vr[], size_t n, const fmi2Real value[])
-{
+fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2String
+value[]) ERROR fmi2Status fmi2SetReal(fmi2Component m, const fmi2ValueReference vr[], size_t n,
+const fmi2Real value[]) {
     Instance *c = m;
     for (size_t i = 0; i < n; i++) c->real[vr[i]] = value[i];
     return fmi2OK;
 }
-fmi2Status fmi2SetInteger(fmi2Component m, const fmi2ValueReference vr[], size_t n, const fmi2Integer value[])
-{
+fmi2Status fmi2SetInteger(fmi2Component m, const fmi2ValueReference vr[], size_t n, const
+fmi2Integer value[]) {
     Instance *c = m;
     for (size_t i = 0; i < n; i++) c->integer[vr[i]] = value[i];
     return fmi2OK;
 }
-fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Boolean value[])
-{
+fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t n, const
+fmi2Boolean value[]) {
     return fmi2SetInteger(c, vr, n, value);
 }
-fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2String value[]) NOTHING
-fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state)
+fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2String
+value[]) NOTHING fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state)
 {
     *state = malloc(sizeof(Instance));
     memcpy(*state, c, sizeof(Instance));
@@ -239,8 +265,9 @@ fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
 }
 fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate s, size_t *n) ERROR
 fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate s, fmi2Byte b[], size_t n) ERROR
-fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte b[], size_t n, fmi2FMUstate *s) ERROR
-fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference a[], size_t na,
+fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte b[], size_t n, fmi2FMUstate *s)
+ERROR fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference a[], size_t
+na,
     const fmi2ValueReference b[], size_t nb, const fmi2Real d[], fmi2Real e[]) ERROR
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t n,
     const fmi2Integer o[], const fmi2Real v[]) ERROR
@@ -268,26 +295,45 @@ def build(model: Model, folder: Path) -> Path:
     """Compile and pack a model; returns the .fmu."""
     source, library = folder / f"{model.name}.c", folder / f"{model.name}.so"
     source.write_text(source_text(model))
-    command = ["gcc", "-O1", "-shared", "-fPIC", "-w", f"-I{HEADERS}", str(source), "-o", str(library), "-lm"]
+    command = [
+        "gcc",
+        "-O1",
+        "-shared",
+        "-fPIC",
+        "-w",
+        f"-I{HEADERS}",
+        str(source),
+        "-o",
+        str(library),
+        "-lm",
+    ]
     subprocess.run(command, check=True)
     fmu = folder / f"{model.name}.fmu"
     with zipfile.ZipFile(fmu, "w") as archive:
         archive.writestr("modelDescription.xml", description(model))
-        archive.write(library, f"binaries/{fmpy.platform}/{model.name}{fmpy.sharedLibraryExtension}")
+        archive.write(
+            library, f"binaries/{fmpy.platform}/{model.name}{fmpy.sharedLibraryExtension}"
+        )
     return fmu
 
 
 def source_text(model: Model) -> str:
     """C source of a model."""
     names = {
-        re.sub(r"\W+", "_", v.name).strip("_") + "_" * v.name.endswith("_"): i for i, v in enumerate(model.variables)
+        re.sub(r"\W+", "_", v.name).strip("_") + "_" * v.name.endswith("_"): i
+        for i, v in enumerate(model.variables)
     }
-    array = ["integer" if v.type in ("Integer", "Boolean", "Enumeration") else "real" for v in model.variables]
+    array = [
+        "integer" if v.type in ("Integer", "Boolean", "Enumeration") else "real"
+        for v in model.variables
+    ]
     parts = {
         "COUNT": str(len(model.variables) + 1),
         "NAMES": "\n".join(f"#define {name} c->{array[i]}[{i}]" for name, i in names.items()),
         "NO_NAMES": "\n".join(f"#undef {name}" for name in names),
-        "START": " ".join(f"c->{array[i]}[{i}] = {v.start};" for i, v in enumerate(model.variables)),
+        "START": " ".join(
+            f"c->{array[i]}[{i}] = {v.start};" for i, v in enumerate(model.variables)
+        ),
         "OUTPUTS": model.outputs,
         "STEP": model.step,
         "CHECK": model.check,
@@ -331,7 +377,12 @@ VARIABILITY = {"parameter": "fixed", "local": "continuous"}
 def _variable(i: int, v: Var) -> str:
     variability = VARIABILITY.get(v.causality, "continuous" if v.type == "Real" else "discrete")
     number = int(v.start)
-    texts = {"Boolean": str(bool(v.start)).lower(), "Integer": number, "Enumeration": number, "String": ""}
+    texts = {
+        "Boolean": str(bool(v.start)).lower(),
+        "Integer": number,
+        "Enumeration": number,
+        "String": "",
+    }
     start = texts.get(v.type, v.start)
     starts = f' start="{start}"' if v.causality in ("input", "parameter") else ""
     kind = ' declaredType="Mode"' if v.type == "Enumeration" else ""

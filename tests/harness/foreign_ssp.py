@@ -1,4 +1,6 @@
-"""Hand-made .ssp files as other tools write them, put together from a few words; no code of the project is used."""
+"""Hand-made .ssp files as other tools write them, put together from a few words; no code of the
+project is used.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,11 @@ UNITS = {
 
 
 def units(prefix: str) -> str:
-    return f"<{prefix}:Units>" + "".join(unit(n, base) for n, base in UNITS.items()) + f"</{prefix}:Units>"
+    return (
+        f"<{prefix}:Units>"
+        + "".join(unit(n, base) for n, base in UNITS.items())
+        + f"</{prefix}:Units>"
+    )
 
 
 def unit(name: str, base: str) -> str:
@@ -30,7 +36,9 @@ def unit(name: str, base: str) -> str:
 
 
 def connectors(names: Iterable[str]) -> str:
-    """`u<` is an input, `y>` an output, `k=` a parameter, `z~` a calculated one; `u< km` has a unit."""
+    """`u<` is an input, `y>` an output, `k=` a parameter, `z~` a calculated one; `u< km` has a
+    unit.
+    """
     parts = []
     for text in names:
         name, _, unit_ = text.partition(" ")
@@ -48,8 +56,12 @@ def component(name: str, fmu: str, *ports: str, bindings: str = "", **attributes
     )
 
 
-def system(name: str, elements: Iterable[str], wires: Iterable[str], *ports: str, bindings: str = "") -> str:
-    """Wires are `a.y b.u` or `y b.u` for an own connector, with further XML after a second space."""
+def system(
+    name: str, elements: Iterable[str], wires: Iterable[str], *ports: str, bindings: str = ""
+) -> str:
+    """Wires are `a.y b.u` or `y b.u` for an own connector, with further XML after a second
+    space.
+    """
     connections = "".join(map(connection, wires))
     connections = f"<d:Connections>{connections}</d:Connections>" if connections else ""
     inside = f"<d:Elements>{''.join(elements)}</d:Elements>"
@@ -67,7 +79,11 @@ def connection(text: str) -> str:
 
 def _end(side: str, port: str) -> str:
     element, dot, connector = port.partition(".")
-    return f' {side}Element="{element}" {side}Connector="{connector}"' if dot else f' {side}Connector="{port}"'
+    return (
+        f' {side}Element="{element}" {side}Connector="{connector}"'
+        if dot
+        else f' {side}Connector="{port}"'
+    )
 
 
 def bound(bindings: str) -> str:
@@ -77,11 +93,15 @@ def bound(bindings: str) -> str:
 def inline(parameters: str, mapping: str = "", prefix: str = "") -> str:
     mapped = f"<d:ParameterMapping>{mapping}</d:ParameterMapping>" if mapping else ""
     begin = f'<d:ParameterBinding prefix="{prefix}">' if prefix else "<d:ParameterBinding>"
-    return f"{begin}<d:ParameterValues>{parameters}</d:ParameterValues>{mapped}</d:ParameterBinding>"
+    return (
+        f"{begin}<d:ParameterValues>{parameters}</d:ParameterValues>{mapped}</d:ParameterBinding>"
+    )
 
 
 def ssv(*parameters: str, namespaces: bool = False, version: str = "1.0") -> str:
-    """Parameters as `name=value`, `name=value unit`; `name=Item!` is an enumeration, `name=true`, `name=3i`."""
+    """Parameters as `name=value`, `name=value unit`; `name=Item!` is an enumeration, `name=true`,
+    `name=3i`.
+    """
     space = NAMESPACES if namespaces else ""
     inside = "".join(map(_parameter, parameters))
     return (
@@ -118,7 +138,9 @@ def ssm(*entries: str, namespaces: bool = False) -> str:
 
 def _entry(text: str) -> str:
     source, target, *further = text.split(" ", 2)
-    return f'<p:MappingEntry source="{source}" target="{target}">{"".join(further)}</p:MappingEntry>'
+    return (
+        f'<p:MappingEntry source="{source}" target="{target}">{"".join(further)}</p:MappingEntry>'
+    )
 
 
 def linear(factor: float = 1.0, offset: float = 0.0) -> str:

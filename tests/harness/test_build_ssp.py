@@ -1,4 +1,6 @@
-"""TOML to .ssp: wiring by name, parameter sets, the dialect that other tools accept, and all mistakes at once."""
+"""TOML to .ssp: wiring by name, parameter sets, the dialect that other tools accept, and all
+mistakes at once.
+"""
 
 from __future__ import annotations
 
@@ -87,19 +89,30 @@ def test_parameters_open_inputs_sets_and_schedule_arrive_where_they_belong(fmus)
     assert {n: p.value for n, p in third.parameters.items()} == {"u": 0.5, "k": 4.0}
     assert (first.every, third.every, third.latency) == (1, 3, 2)
     other = system.sets[0]
-    assert (other.name, other.description, other.stop, other.step) == ("other", "another bias", 6.0, None)
+    assert (other.name, other.description, other.stop, other.step) == (
+        "other",
+        "another bias",
+        6.0,
+        None,
+    )
     assert other.parameters["second"]["M.bias"].value == 8.0
     assert other.parameters["second"]["J[2,1]"].value == 3.0  # a set is complete
     assert system.strict
 
 
 def test_an_explicit_connection_wins_over_the_name_and_may_name_single_elements(fmus):
-    text = TOML.replace('[open]\n"third.u" = 0.5', '[connections]\n"third.u" = "second.w[3]"').replace("w[3]", "w[3]")
+    text = TOML.replace(
+        '[open]\n"third.u" = 0.5', '[connections]\n"third.u" = "second.w[3]"'
+    ).replace("w[3]", "w[3]")
     with pytest.raises(StructureError, match=r"third\.u: wants unit 1, second\.w\[3\] has m"):
         composed(fmus, text)
     swapped = TOML + '[connections]\n"second.v[1]" = "first.v[2]"\n"second.v[2]" = "first.v[1]"\n'
     wires = {str(c.target): str(c.source) for c in composed(fmus, swapped).connections}
-    assert wires == {"second.v[1]": "first.v[2]", "second.v[2]": "first.v[1]", "second.v[3]": "first.v[3]"}
+    assert wires == {
+        "second.v[1]": "first.v[2]",
+        "second.v[2]": "first.v[1]",
+        "second.v[3]": "first.v[3]",
+    }
 
 
 # ---- mistakes
@@ -109,18 +122,33 @@ def test_an_explicit_connection_wins_over_the_name_and_may_name_single_elements(
     ("change", "expected"),
     [
         (('first = "source"', 'first = "sauce"'), ["first: there is no FMU sauce (close: source)"]),
-        (("[schedule.third]", "[schedule.thirt]"), ["[schedule]: unknown key thirt (close: third, first)"]),
-        (("every = 3\nlatency = 2", 'every = "often"'), ["[schedule.third] every: 'often' is not a number"]),
+        (
+            ("[schedule.third]", "[schedule.thirt]"),
+            ["[schedule]: unknown key thirt (close: third, first)"],
+        ),
+        (
+            ("every = 3\nlatency = 2", 'every = "often"'),
+            ["[schedule.third] every: 'often' is not a number"],
+        ),
         (("step = 1.0", "stepp = 1.0"), None),
         (("stop = 12.0", "stop = 12.5"), None),
-        (("latency = 2", "latency = 4"), ["third: latency must lie in 0..3 macro steps under gauss-seidel, not 4"]),
+        (
+            ("latency = 2", "latency = 4"),
+            ["third: latency must lie in 0..3 macro steps under gauss-seidel, not 4"],
+        ),
         (("[parameters.second]", "[parameters.sekond]"), None),
-        (("k = 4", "kk = 4"), ["[parameters] shared.kk: no component has such a parameter (close: k)"]),
+        (
+            ("k = 4", "kk = 4"),
+            ["[parameters] shared.kk: no component has such a parameter (close: k)"],
+        ),
         (
             ("M.bias = 0.125", "M.bios = 0.125"),
             ["[parameters] second.M.bios: there is no such variable (close: M.bias)"],
         ),
-        (("J = [[1, 2], [3, 4]]", "J = [1, 2]"), ["[parameters] second.J: it wants 2 x 2 elements, not 2 elements"]),
+        (
+            ("J = [[1, 2], [3, 4]]", "J = [1, 2]"),
+            ["[parameters] second.J: it wants 2 x 2 elements, not 2 elements"],
+        ),
         (("M.bias = 8", "M.bias = nan"), ["[sets.other] second.M.bias: it must not be NaN"]),
         (('"third.u" = 0.5', '"third.v" = 0.5'), None),
         (('"third.u" = 0.5', '"fourth.u" = 0.5'), None),
@@ -165,7 +193,11 @@ def test_connections_between_unequal_shapes_or_unknown_ports_are_refused(fmus):
 
 
 def test_all_mistakes_come_at_once(fmus):
-    text = TOML.replace('"third.u" = 0.5', "").replace("k = 4", "kk = 4").replace("latency = 2", "latency = 9")
+    text = (
+        TOML.replace('"third.u" = 0.5', "")
+        .replace("k = 4", "kk = 4")
+        .replace("latency = 2", "latency = 9")
+    )
     assert len(problems(fmus, text)) == 3
 
 
@@ -194,9 +226,18 @@ def test_the_description_is_valid_and_read_by_fmpy(archive):
 def test_the_dialect_is_the_one_that_other_tools_match_as_text(archive):
     with zipfile.ZipFile(archive) as files:
         text = files.read("SystemStructure.ssd").decode()
-        sets = [files.read(n).decode() for n in files.namelist() if re.fullmatch(r"resources/\w+\.ssv", n)]
+        sets = [
+            files.read(n).decode()
+            for n in files.namelist()
+            if re.fullmatch(r"resources/\w+\.ssv", n)
+        ]
     root = etree.fromstring(text.encode())
-    assert [etree.QName(e).localname for e in root] == ["System", "Units", "DefaultExperiment", "Annotations"]
+    assert [etree.QName(e).localname for e in root] == [
+        "System",
+        "Units",
+        "DefaultExperiment",
+        "Annotations",
+    ]
     opening = text[text.index("<ssd:SystemStructureDescription") : text.index("<ssd:System ")]
     for prefix in ("ssd", "ssc", "ssv", "osp"):
         assert f"xmlns:{prefix}=" in opening
@@ -204,7 +245,10 @@ def test_the_dialect_is_the_one_that_other_tools_match_as_text(archive):
     assert '<ssd:DefaultExperiment startTime="0.0" stopTime="12.0">' in text
     assert '<osp:FixedStepAlgorithm baseStepSize="1.0" numWorkerThreads="0"/>' in text
     assert '<osp:StepSizeHint value="3.0"/>' in text
-    assert 'type="application/x-fmu-sharedlibrary" source="resources/source.fmu" implementation="CoSimulation"' in text
+    assert (
+        'type="application/x-fmu-sharedlibrary" source="resources/source.fmu" implementation="CoSimulation"'
+        in text
+    )
     assert sets
     assert all('name="default"' in each for each in sets)
 
@@ -240,7 +284,9 @@ def test_two_fmus_of_one_file_name_are_kept_apart(fmus, tmp_path):
     )
     write_ssp(system, tmp_path / "x.ssp")
     with ssp.opened(tmp_path / "x.ssp") as back:
-        assert [c.fmu.read_bytes() for c in back.components] == [fmus[n].read_bytes() for n in ("gain", "counter")]
+        assert [c.fmu.read_bytes() for c in back.components] == [
+            fmus[n].read_bytes() for n in ("gain", "counter")
+        ]
 
 
 def test_one_unit_name_with_two_meanings_is_refused(fmus, tmp_path):
@@ -253,10 +299,14 @@ def test_one_unit_name_with_two_meanings_is_refused(fmus, tmp_path):
         parts = {name: old.read(name) for name in old.namelist()}
     with zipfile.ZipFile(path, "w") as new:
         for name, data in parts.items():
-            new.writestr(name, data.replace(b'<BaseUnit m="1"/>', b'<BaseUnit m="1" factor="1000"/>'))
+            new.writestr(
+                name, data.replace(b'<BaseUnit m="1"/>', b'<BaseUnit m="1" factor="1000"/>')
+            )
     text = 'name = "x"\n[experiment]\nstop = 1\nstep = 1\n[components]\na = "source"\nb = "odd"\n'
     system = compose(tomllib.loads(text), {**fmus, "odd": path})
-    with pytest.raises(StructureError, match="b: its unit m is not the m of the components before it"):
+    with pytest.raises(
+        StructureError, match="b: its unit m is not the m of the components before it"
+    ):
         write_ssp(system, tmp_path / "x.ssp")
 
 
@@ -265,7 +315,18 @@ def test_one_unit_name_with_two_meanings_is_refused(fmus, tmp_path):
 
 def test_the_build_command_writes_the_file(fmu_folder, tmp_path, capsys):
     (tmp_path / "demo.toml").write_text(TOML)
-    assert main([str(tmp_path / "demo.toml"), "--fmus", str(fmu_folder), "-o", str(tmp_path / "demo.ssp")]) == 0
+    assert (
+        main(
+            [
+                str(tmp_path / "demo.toml"),
+                "--fmus",
+                str(fmu_folder),
+                "-o",
+                str(tmp_path / "demo.ssp"),
+            ]
+        )
+        == 0
+    )
     assert (tmp_path / "demo.ssp").is_file()
     assert capsys.readouterr().err == ""
 
@@ -278,11 +339,15 @@ def test_the_build_command_writes_the_file(fmu_folder, tmp_path, capsys):
         (TOML.replace("k = 4", "kk = 4"), 1, r"demo\.toml: \[parameters\] shared\.kk: .*"),
     ],
 )
-def test_the_build_command_says_in_one_line_what_is_wrong(fmu_folder, tmp_path, capsys, text, status, line):
+def test_the_build_command_says_in_one_line_what_is_wrong(
+    fmu_folder, tmp_path, capsys, text, status, line
+):
     source = tmp_path / "demo.toml"
     if text is not None:
         source.write_text(text)
-    assert main([str(source), "--fmus", str(fmu_folder), "-o", str(tmp_path / "demo.ssp")]) == status
+    assert (
+        main([str(source), "--fmus", str(fmu_folder), "-o", str(tmp_path / "demo.ssp")]) == status
+    )
     assert re.fullmatch(line + "\n", capsys.readouterr().err)
     assert not (tmp_path / "demo.ssp").exists()
 

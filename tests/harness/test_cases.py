@@ -29,7 +29,8 @@ def test_paths_are_labelled_by_their_stems_unless_these_are_equal():
 
 def test_changes_are_those_of_a_run():
     last = cases(
-        {"set": ["a.b=1"], "stop": 3.0}, [("params", "calm"), SWAP, ("swap", "plant=p"), ("latency", "plant=0,1")]
+        {"set": ["a.b=1"], "stop": 3.0},
+        [("params", "calm"), SWAP, ("swap", "plant=p"), ("latency", "plant=0,1")],
     )[-1]
     assert last.label == "b, plant 1 late"
     assert last.changes == {
@@ -42,7 +43,9 @@ def test_changes_are_those_of_a_run():
 
 
 def test_values_of_a_parameter_are_flown_over_the_fixed_ones():
-    flights = cases({"set": ["a.b=1", "a.k=0"]}, [("set", "a.k=1, 2"), ("set", "a.v=[1,2],[[3,4],[5,6]]")])
+    flights = cases(
+        {"set": ["a.b=1", "a.k=0"]}, [("set", "a.k=1, 2"), ("set", "a.v=[1,2],[[3,4],[5,6]]")]
+    )
     assert [case.label for case in flights][:2] == ["k=1, v=[1,2]", "k=1, v=[[3,4],[5,6]]"]
     assert flights[-1].changes == {"set": {"a.b": "1", "a.k": "2", "a.v": "[[3,4],[5,6]]"}}
 

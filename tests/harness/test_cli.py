@@ -50,7 +50,9 @@ def test_run_writes_the_results_and_says_so_in_one_line(command, folder):
     status, out, err = command("run", "demo", "-o", "x.csv")
     assert (status, err) == (0, [])
     assert re.fullmatch(r"demo: 6 s in \d+\.\d+ s, 7 rows in x\.csv", "\n".join(out))
-    assert (folder / "x.csv").read_text().splitlines()[0] == "time,count.n,count.t_last,count.h_last,twice.y,bad.y"
+    assert (folder / "x.csv").read_text().splitlines()[
+        0
+    ] == "time,count.n,count.t_last,count.h_last,twice.y,bad.y"
     assert result_files.read(folder / "x.csv")["twice.y"].tolist() == [0, 2, 4, 6, 8, 10, 12]
 
 
@@ -84,14 +86,28 @@ def test_list_shows_systems_with_sets_components_and_fmus(command):
 
 def test_check_finds_nothing_wrong_with_a_good_system_and_a_good_fmu(command):
     assert command("check", "demo") == (0, ["demo: fine (3 components, 1 connections, 2 sets)"], [])
-    assert command("check", "gain") == (0, ["gain.fmu: fine (1 inputs, 1 outputs, 1 parameters)"], [])
+    assert command("check", "gain") == (
+        0,
+        ["gain.fmu: fine (1 inputs, 1 outputs, 1 parameters)"],
+        [],
+    )
 
 
 def test_help_names_every_command(command):
     for arguments in ((), ("--help",)):
         status, out, _ = command(*arguments)
         assert status == 0
-        for name in ("run", "list", "check", "export", "draw", "linearize", "plot", "report", "bench"):
+        for name in (
+            "run",
+            "list",
+            "check",
+            "export",
+            "draw",
+            "linearize",
+            "plot",
+            "report",
+            "bench",
+        ):
             assert any(line.strip().startswith(name) for line in out)
 
 
@@ -102,13 +118,25 @@ def test_help_names_every_command(command):
     ("arguments", "line"),
     [
         (["run", "dmo"], "dmo: there is no such system (close: demo)"),
-        (["run", "demo", "-o", "x.txt"], "x.txt: results are written as .csv, .nc, .mat, not as '.txt'"),
-        (["run", "demo", "--set", "twice.kk=1"], "--set twice.kk: there is no such variable (close: k)"),
+        (
+            ["run", "demo", "-o", "x.txt"],
+            "x.txt: results are written as .csv, .nc, .mat, not as '.txt'",
+        ),
+        (
+            ["run", "demo", "--set", "twice.kk=1"],
+            "--set twice.kk: there is no such variable (close: k)",
+        ),
         (["run", "demo", "--set", "twice.k=nan"], "--set twice.k: it must not be NaN"),
         (["run", "demo", "--set", "twice.k"], "--set twice.k: wants name=value"),
-        (["run", "demo", "--params", "cold"], "--params cold: demo has no such set, only default, hot"),
+        (
+            ["run", "demo", "--params", "cold"],
+            "--params cold: demo has no such set, only default, hot",
+        ),
         (["run", "demo", "--swap", "count=nothing"], "nothing: there is no such FMU"),
-        (["run", "demo", "--swap", "cunt=gain"], "--swap cunt: demo has no such component (close: count)"),
+        (
+            ["run", "demo", "--swap", "cunt=gain"],
+            "--swap cunt: demo has no such component (close: count)",
+        ),
         (["run", "demo", "--executor", "rust"], "there is no executor rust, only c and python"),
         (["run", "demo", "--every", "0"], "--every must be at least 1, not 0"),
         (["check", "gian"], "gian: there is no such system or FMU (close: gain)"),
@@ -157,13 +185,19 @@ def test_a_run_that_cannot_be_is_status_1_and_one_line(command, arguments, line)
 def test_the_output_is_tried_before_the_run(command, folder, monkeypatch):
     monkeypatch.setattr(sys.modules["harness.run"], "run", lambda *_, **__: pytest.fail("it ran"))
     (folder / "x.csv").mkdir()
-    assert command("run", "demo", "-o", "x.csv") == (1, [], ["harness: x.csv: cannot be written, it is a folder"])
+    assert command("run", "demo", "-o", "x.csv") == (
+        1,
+        [],
+        ["harness: x.csv: cannot be written, it is a folder"],
+    )
 
 
 def test_a_failing_fmu_leaves_everything_before_in_the_file(command, folder):
     status, out, err = command("run", "demo", "--params", "hot", "-o", "x.csv")
     assert (status, out) == (1, [])
-    assert err == ["harness: bad: step failed: burnt through after too much heat (at t = 3 s); 4 rows kept in x.csv"]
+    assert err == [
+        "harness: bad: step failed: burnt through after too much heat (at t = 3 s); 4 rows kept in x.csv"
+    ]
     kept = result_files.read(folder / "x.csv")
     assert not kept.complete
     assert kept["count.n"].tolist() == [0, 1, 2, 3]
@@ -208,7 +242,9 @@ SSD = "SystemStructure.ssd"
         ),
     ],
 )  # fmt: skip
-def test_a_broken_system_is_status_1_and_one_line_under_run_and_check(command, folder, change, line):
+def test_a_broken_system_is_status_1_and_one_line_under_run_and_check(
+    command, folder, change, line
+):
     repacked(folder / "demo.ssp", change)
     for arguments in (["run", "demo.ssp", "-o", "x.csv"], ["check", "demo.ssp"]):
         status, out, err = command(*arguments)
@@ -229,12 +265,22 @@ def test_a_truncated_system_is_status_1_and_one_line(command, folder):
 def test_check_prints_everything_that_is_wrong_with_an_fmu(command, folder, fmus):
     path = folder / "odd.fmu"
     path.write_bytes(fmus["gain"].read_bytes())
-    repacked(path, lambda f: {"modelDescription.xml": f["modelDescription.xml"].replace(b'unit="1"', b'unit="parsec"')})
+    repacked(
+        path,
+        lambda f: {
+            "modelDescription.xml": f["modelDescription.xml"].replace(b'unit="1"', b'unit="parsec"')
+        },
+    )
     status, out, err = command("check", path)
     assert (status, out) == (1, [])
     assert len(err) == 3  # u, y and k
     assert all(line.startswith("harness: odd.fmu: ") and "parsec" in line for line in err)
-    repacked(path, lambda f: {"modelDescription.xml": f["modelDescription.xml"].replace(b"fmiVersion", b"version")})
+    repacked(
+        path,
+        lambda f: {
+            "modelDescription.xml": f["modelDescription.xml"].replace(b"fmiVersion", b"version")
+        },
+    )
     assert command("check", path)[0] == 1
 
 
@@ -243,14 +289,18 @@ def test_plot_and_report_of_a_file_that_is_no_result_are_one_line(command, folde
     for name in ("plot", "report"):
         status, _, err = command(name, "x.csv")
         assert status == 1
-        assert err == ["harness: x.csv: cannot be read (it does not begin with a column named time)"]
+        assert err == [
+            "harness: x.csv: cannot be read (it does not begin with a column named time)"
+        ]
 
 
 def test_a_mistake_of_ours_is_one_line_unless_a_traceback_is_wanted(command, monkeypatch):
     monkeypatch.setattr("harness.catalogue.text", lambda _: 1 / 0)
     status, _, err = command("list")
     assert status == 1
-    assert err == ["harness: internal error, HARNESS_TRACEBACK=1 shows where: ZeroDivisionError: division by zero"]
+    assert err == [
+        "harness: internal error, HARNESS_TRACEBACK=1 shows where: ZeroDivisionError: division by zero"
+    ]
     monkeypatch.setenv("HARNESS_TRACEBACK", "1")
     with pytest.raises(ZeroDivisionError):
         command("list")
@@ -285,7 +335,9 @@ def test_ctrl_c_ends_the_run_with_one_line_and_keeps_what_was_recorded(fmus, tmp
     out, err = running.communicate(timeout=20)
     assert running.returncode == 1
     assert out == ""
-    assert re.fullmatch(r"harness: endless: interrupted \(at t = \d+ s\); \d+ rows kept in x\.csv\n", err)
+    assert re.fullmatch(
+        r"harness: endless: interrupted \(at t = \d+ s\); \d+ rows kept in x\.csv\n", err
+    )
     kept = result_files.read(tmp_path / "x.csv")
     assert not kept.complete
     assert kept["a.n"].tolist() == list(range(len(kept.time)))
@@ -309,7 +361,9 @@ def test_a_reader_that_goes_away_is_no_error_message(folder):
 
 
 def test_linearize_writes_matrices_with_names(command, folder):
-    status, out, err = command("linearize", "integrator", "--step", "0.5", "--set", "u=2", "-o", "new/model.npz")
+    status, out, err = command(
+        "linearize", "integrator", "--step", "0.5", "--set", "u=2", "-o", "new/model.npz"
+    )
     assert (status, err) == (0, [])
     assert out == ["new/model.npz: 1 states, 1 inputs, 1 outputs"]
     with np.load(folder / "new" / "model.npz") as model:
@@ -323,7 +377,11 @@ def test_linearize_writes_matrices_with_names(command, folder):
     [
         (["integratr", "-o", "x.npz"], 2, "integratr: there is no such FMU (close: integrator)"),
         (["integrator", "-o", "x.npz", "--set", "v=1"], 2, "v: there is no such variable"),
-        (["integrator", "-o", "demo.ssp/x.npz"], 1, "demo.ssp/x.npz: cannot be written (File exists)"),
+        (
+            ["integrator", "-o", "demo.ssp/x.npz"],
+            1,
+            "demo.ssp/x.npz: cannot be written (File exists)",
+        ),
     ],
 )
 def test_a_linear_model_that_cannot_be_is_one_line(command, arguments, status, line):

@@ -93,13 +93,20 @@ def test_a_warning_about_a_flight_comes_once(system, fmus, tmp_path, caplog):
 
 def test_progress_counts_the_flights(system, tmp_path):
     seen = []
-    compare(system, cases({}, [("algorithm", "jacobi,gauss-seidel")]), tmp_path / "out", progress=seen.append)
+    compare(
+        system,
+        cases({}, [("algorithm", "jacobi,gauss-seidel")]),
+        tmp_path / "out",
+        progress=seen.append,
+    )
     assert seen == [1, 2]
 
 
 def test_a_flight_that_fails_ends_early_and_the_others_go_on(system, tmp_path):
     found = flown(system, tmp_path, ("params", "default,hot"))
-    assert found.failures == ["hot: bad: step failed: burnt through after too much heat (at t = 3 s)"]
+    assert found.failures == [
+        "hot: bad: step failed: burnt through after too much heat (at t = 3 s)"
+    ]
     assert found.results["default"].complete
     assert not found.results["hot"].complete
     assert found.results["hot"].time[-1] == 3.0
@@ -108,7 +115,9 @@ def test_a_flight_that_fails_ends_early_and_the_others_go_on(system, tmp_path):
 
 def test_a_crash_inside_an_fmu_takes_no_other_flight_with_it(system, fmus, crashing, tmp_path):
     found = flown(system, tmp_path, ("swap", f"twice={crashing},{fmus['gain']}"))
-    assert found.failures == ["crashing: its process was ended from outside, or by a crash inside an FMU"]
+    assert found.failures == [
+        "crashing: its process was ended from outside, or by a crash inside an FMU"
+    ]
     assert list(found.results) == ["gain"]
     assert found.results["gain"].complete
 
@@ -121,7 +130,9 @@ def test_a_crash_inside_an_fmu_takes_no_other_flight_with_it(system, fmus, crash
         (("latency", "twice=0,7"), StructureError, "twice: latency must lie in"),
     ],
 )
-def test_what_is_wrong_with_a_flight_is_found_before_any_takes_off(system, tmp_path, varied, error, problem):
+def test_what_is_wrong_with_a_flight_is_found_before_any_takes_off(
+    system, tmp_path, varied, error, problem
+):
     with pytest.raises(error, match=problem):
         flown(system, tmp_path, varied)
     assert not (tmp_path / "out").exists()
@@ -135,7 +146,9 @@ def test_what_is_wrong_with_the_parameters_of_every_flight_is_found_too(system, 
 # ---- the command
 
 
-def test_the_command_prints_the_table_and_fails_with_one_line_per_failed_flight(system, tmp_path, capsys, monkeypatch):
+def test_the_command_prints_the_table_and_fails_with_one_line_per_failed_flight(
+    system, tmp_path, capsys, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     assert main(["compare", str(system), "--params", "default,hot", "--stop", "5"]) == 1
     out, err = capsys.readouterr()
@@ -148,8 +161,12 @@ def test_the_command_prints_the_table_and_fails_with_one_line_per_failed_flight(
     ]
 
 
-@pytest.mark.parametrize("arguments", [["compare"], ["compare", "demo.ssp"], ["compare", "demo.ssp", "--swap", "x"]])
-def test_wrong_use_of_the_command_is_status_2_and_one_line(system, tmp_path, capsys, monkeypatch, arguments):
+@pytest.mark.parametrize(
+    "arguments", [["compare"], ["compare", "demo.ssp"], ["compare", "demo.ssp", "--swap", "x"]]
+)
+def test_wrong_use_of_the_command_is_status_2_and_one_line(
+    system, tmp_path, capsys, monkeypatch, arguments
+):
     monkeypatch.chdir(tmp_path)
     assert main(arguments) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
@@ -160,7 +177,15 @@ def comparing(fmus, tmp_path):
     """A comparison of flights that take hours, already stepping."""
     toml = 'name = "long"\n[experiment]\nstop = 1e7\nstep = 1.0\n[components]\na = "slow"\n'
     write_ssp(compose(tomllib.loads(toml), fmus), tmp_path / "long.ssp")
-    command = [sys.executable, "-m", "harness", "compare", "long.ssp", "--algorithm", "jacobi,gauss-seidel"]
+    command = [
+        sys.executable,
+        "-m",
+        "harness",
+        "compare",
+        "long.ssp",
+        "--algorithm",
+        "jacobi,gauss-seidel",
+    ]
     process = subprocess.Popen(
         command,
         cwd=tmp_path,

@@ -1,4 +1,6 @@
-"""The block diagram of a system: every signal once, nothing outside the picture, nothing across a block."""
+"""The block diagram of a system: every signal once, nothing outside the picture, nothing across a
+block.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""`harness export`: one file with everything inside that flies like the original with its options."""
+"""`harness export`: one file with everything inside that flies like the original with its
+options.
+"""
 
 from __future__ import annotations
 
@@ -101,10 +103,18 @@ def test_two_fmus_of_one_file_name_stay_apart(demo, fmus, tmp_path):
 def test_a_system_of_another_tool_becomes_flat_and_keeps_its_numbers(fmus, tmp_path):
     elements, wires = nested()
     wires = [wire + f" {linear(0.1, 3)}" for wire in wires]
-    elements += [component("s", "source"), component("far", "kilometres"), component("mode", "moded")]
+    elements += [
+        component("s", "source"),
+        component("far", "kilometres"),
+        component("mode", "moded"),
+    ]
     mapping = ssm(f"length far.k {linear(2)}", "m mode.mode", "gone nobody")
-    values = inline(ssv("length=70 m", "m=hold!", "gone=1"), mapping) + inline(ssv("count.n_0=1", "plant.tank.rate=3"))
-    path = write(tmp_path / "x.ssp", system("top", elements, [*wires, "s.v[1] far.u"], bindings=values), fmus)
+    values = inline(ssv("length=70 m", "m=hold!", "gone=1"), mapping) + inline(
+        ssv("count.n_0=1", "plant.tank.rate=3")
+    )
+    path = write(
+        tmp_path / "x.ssp", system("top", elements, [*wires, "s.v[1] far.u"], bindings=values), fmus
+    )
     exported = export(path, tmp_path / "out.ssp")
     same(run(exported), run(path))
     with ssp.opened(exported) as found:
@@ -151,7 +161,8 @@ def test_without_fmucontainer_one_line_says_what_to_install(demo, tmp_path, monk
     monkeypatch.setitem(sys.modules, "fmu_manipulation_toolbox", None)
     monkeypatch.setitem(sys.modules, "fmu_manipulation_toolbox.assembly", None)
     with pytest.raises(
-        StructureError, match="store: steps every 2 macro steps with a latency of 0, a container cannot"
+        StructureError,
+        match="store: steps every 2 macro steps with a latency of 0, a container cannot",
     ):
         export(demo, tmp_path / "x.fmu")
     with pytest.raises(UsageError, match="pip install fmu-manipulation-toolbox"):
@@ -173,4 +184,6 @@ def test_a_transformed_signal_cannot_go_into_a_container(fmus, tmp_path, caplog)
     path = write(tmp_path / "x.ssp", system("top", elements, ["s.v[1] far.u"]), fmus)
     with caplog.at_level(logging.ERROR), pytest.raises(StructureError) as caught:
         export(path, tmp_path / "x.fmu")
-    assert caught.value.problems == ("far.u: the signal from s.v[1] is transformed, a container cannot",)
+    assert caught.value.problems == (
+        "far.u: the signal from s.v[1] is transformed, a container cannot",
+    )

@@ -25,10 +25,16 @@ LAUGHS = '<!DOCTYPE x [<!ENTITY a0 "ha">' + "".join(
 
 
 @pytest.mark.parametrize("kind", ["laughs", "external", "utf-16"])
-@pytest.mark.parametrize("place", ["SystemStructure.ssd", "set.ssv", "map.ssm", "modelDescription.xml"])
+@pytest.mark.parametrize(
+    "place", ["SystemStructure.ssd", "set.ssv", "map.ssm", "modelDescription.xml"]
+)
 def test_no_entity_is_read_in_any_file(fmus, tmp_path, place, kind):
     (tmp_path / "secret").write_text("secret")
-    doctype = f'<!DOCTYPE x [<!ENTITY a11 SYSTEM "file://{tmp_path}/secret">]>' if kind == "external" else LAUGHS
+    doctype = (
+        f'<!DOCTYPE x [<!ENTITY a11 SYSTEM "file://{tmp_path}/secret">]>'
+        if kind == "external"
+        else LAUGHS
+    )
     began = time.perf_counter()
     with pytest.raises(HarnessError) as caught:
         run(poisoned(fmus, tmp_path, place, doctype, "utf-16" if kind == "utf-16" else "utf-8"))
@@ -70,7 +76,9 @@ def test_an_fmu_inside_a_system_is_judged_like_the_system(fmus, tmp_path):
         for name in good.namelist():
             archive.writestr(name, good.read(name))
         archive.writestr("../../outside", "evil")
-    path = write(tmp_path / "x.ssp", system("top", [component("c", "counter")], []), {"counter": evil})
+    path = write(
+        tmp_path / "x.ssp", system("top", [component("c", "counter")], []), {"counter": evil}
+    )
     with pytest.raises(ArchiveError, match="a path that leaves the archive"):
         run(path)
     assert not (tmp_path.parent / "outside").exists()
@@ -115,16 +123,33 @@ def test_too_many_files_are_refused(tmp_path, monkeypatch):
 
 @pytest.fixture
 def process(fmus, tmp_path):
-    """Start a run of one FMU with temporary files in a folder of its own; gives process and folder."""
+    """Start a run of one FMU with temporary files in a folder of its own; gives process and
+    folder.
+    """
     scratch = tmp_path / "scratch"
     scratch.mkdir()
 
     def start(fmu):
         path = write(tmp_path / "x.ssp", system("top", [component("a", fmu)], []), fmus)
-        command = [sys.executable, "-m", "harness", "run", str(path), "-o", "x.csv", "--stop", "100000"]
-        environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p), "TMPDIR": str(scratch)}
+        command = [
+            sys.executable,
+            "-m",
+            "harness",
+            "run",
+            str(path),
+            "-o",
+            "x.csv",
+            "--stop",
+            "100000",
+        ]
+        environment = os.environ | {
+            "PYTHONPATH": os.pathsep.join(p for p in sys.path if p),
+            "TMPDIR": str(scratch),
+        }
         quiet = subprocess.DEVNULL
-        return subprocess.Popen(command, env=environment, cwd=tmp_path, stdout=quiet, stderr=quiet), scratch
+        return subprocess.Popen(
+            command, env=environment, cwd=tmp_path, stdout=quiet, stderr=quiet
+        ), scratch
 
     return start
 

@@ -1,4 +1,6 @@
-"""Systems written by other tools: bindings, mappings, nested systems, units and transformations of signals."""
+"""Systems written by other tools: bindings, mappings, nested systems, units and transformations of
+signals.
+"""
 
 from __future__ import annotations
 
@@ -60,8 +62,18 @@ def test_external_and_inline_sets_later_ones_win(fly):
     files = {"resources/a b.ssv": ssv("k=5", namespaces=True)}
     external = binding('source="resources/a%20b.ssv"')
     assert fly(pair(bindings=external), files)["gain.y"].tolist() == [0, 0, 5, 10]
-    assert fly(pair(bindings=external + inline(ssv("k=7"))), files)["gain.y"].tolist() == [0, 0, 7, 14]
-    assert fly(pair(bindings=inline(ssv("k=7")) + external), files)["gain.y"].tolist() == [0, 0, 5, 10]
+    assert fly(pair(bindings=external + inline(ssv("k=7"))), files)["gain.y"].tolist() == [
+        0,
+        0,
+        7,
+        14,
+    ]
+    assert fly(pair(bindings=inline(ssv("k=7")) + external), files)["gain.y"].tolist() == [
+        0,
+        0,
+        5,
+        10,
+    ]
 
 
 def test_a_set_may_lie_inside_the_fmu(fly, fmus, tmp_path):
@@ -72,7 +84,11 @@ def test_a_set_may_lie_inside_the_fmu(fly, fmus, tmp_path):
         archive.writestr("resources/map.ssm", ssm(f"k k {linear(2)}", namespaces=True))
     source = 'source="resources/set.ssv" sourceBase="component"'
     mapping = '<d:ParameterMapping source="resources/map.ssm" sourceBase="component"/>'
-    top = system("top", [COUNT, component("gain", "gain", bindings=binding(source, mapping))], ["count.n gain.u"])
+    top = system(
+        "top",
+        [COUNT, component("gain", "gain", bindings=binding(source, mapping))],
+        ["count.n gain.u"],
+    )
     path = write(
         tmp_path / "x.ssp",
         top.replace("resources/gain.fmu", "resources/stuffed.fmu"),
@@ -81,7 +97,9 @@ def test_a_set_may_lie_inside_the_fmu(fly, fmus, tmp_path):
     assert run(path)["gain.y"].tolist() == [0, 0, 18, 36]
 
 
-def test_a_binding_of_the_system_wins_over_that_of_a_component_and_takes_dotted_names_and_prefixes(fly):
+def test_a_binding_of_the_system_wins_over_that_of_a_component_and_takes_dotted_names_and_prefixes(
+    fly,
+):
     gain = component("gain", "gain", bindings=inline(ssv("k=5")))
     for outer in (inline(ssv("gain.k=8")), inline(ssv("k=8"), prefix="gain.")):
         top = system("top", [COUNT, gain], ["count.n gain.u"], bindings=outer)
@@ -92,7 +110,9 @@ def test_a_parameter_in_another_unit_is_converted(fly, complaints):
     top = system("top", [component("far", "kilometres", bindings=inline(ssv("k=1500 m")))], [])
     assert fly(top)["far.y"].tolist() == [1.5] * 4
     top = top.replace('unit="m"', 'unit="s"')
-    assert complaints(top) == ["far.k: is given in s, but its unit is km (s [s] cannot be converted to km [m])"]
+    assert complaints(top) == [
+        "far.k: is given in s, but its unit is km (s [s] cannot be converted to km [m])"
+    ]
 
 
 def test_an_enumeration_is_given_by_the_name_of_its_item(fly, complaints):
@@ -104,11 +124,18 @@ def test_an_enumeration_is_given_by_the_name_of_its_item(fly, complaints):
 
 
 def test_a_name_that_nothing_has_is_ignored_as_ssp_wants_it_and_the_log_says_so(fly, caplog):
-    top = system("top", [COUNT, GAIN], ["count.n gain.u"], bindings=inline(ssv("gain.kk=1", "nobody.k=2", "gain.k=3")))
+    top = system(
+        "top",
+        [COUNT, GAIN],
+        ["count.n gain.u"],
+        bindings=inline(ssv("gain.kk=1", "nobody.k=2", "gain.k=3")),
+    )
     with caplog.at_level(logging.WARNING):
         assert fly(top)["gain.y"].tolist() == [0, 0, 3, 6]
     assert "gain.kk: gain.fmu does not have it, ignored" in caplog.messages
-    assert "nobody.k: no element or connector of the system has this name, ignored" in caplog.messages
+    assert (
+        "nobody.k: no element or connector of the system has this name, ignored" in caplog.messages
+    )
 
 
 # ---- parameter mappings
@@ -127,8 +154,15 @@ def test_an_external_mapping_of_the_system_converts_units_before_it_transforms(f
     with_file = inline(ssv("length=1500 m")).replace(
         "</d:ParameterBinding>", '<d:ParameterMapping source="m.ssm"/></d:ParameterBinding>'
     )
-    assert fly(system("top", [component("far", "kilometres")], [], bindings=with_file), files)["far.y"][0] == 3.5
-    files["m.ssm"] = files["m.ssm"].replace("<p:MappingEntry", '<p:MappingEntry suppressUnitConversion="true"')
+    assert (
+        fly(system("top", [component("far", "kilometres")], [], bindings=with_file), files)[
+            "far.y"
+        ][0]
+        == 3.5
+    )
+    files["m.ssm"] = files["m.ssm"].replace(
+        "<p:MappingEntry", '<p:MappingEntry suppressUnitConversion="true"'
+    )
     suppressed = fly(system("top", [component("far", "kilometres")], [], bindings=with_file), files)
     assert suppressed["far.y"][0] == 3000.5
 
@@ -136,8 +170,18 @@ def test_an_external_mapping_of_the_system_converts_units_before_it_transforms(f
 @pytest.mark.parametrize(
     ("parameter", "table", "variable", "expected"),
     [
-        ("a=true", '<c:BooleanMappingTransformation><c:MapEntry source="1" target="false"/>', "flip", [1, 0, 1, 0]),
-        ("a=4i", '<c:IntegerMappingTransformation><c:MapEntry source="4" target="1"/>', "offset", [1, 0, 1, 0]),
+        (
+            "a=true",
+            '<c:BooleanMappingTransformation><c:MapEntry source="1" target="false"/>',
+            "flip",
+            [1, 0, 1, 0],
+        ),
+        (
+            "a=4i",
+            '<c:IntegerMappingTransformation><c:MapEntry source="4" target="1"/>',
+            "offset",
+            [1, 0, 1, 0],
+        ),
     ],
 )
 def test_tables_of_booleans_and_integers(fly, parameter, table, variable, expected):
@@ -148,7 +192,9 @@ def test_tables_of_booleans_and_integers(fly, parameter, table, variable, expect
 
 def test_a_table_of_enumeration_items(fly, complaints):
     entry = '<c:MapEntry source="slow" target="hold"/>'
-    mapping = ssm(f"a mode <c:EnumerationMappingTransformation>{entry}</c:EnumerationMappingTransformation>")
+    mapping = ssm(
+        f"a mode <c:EnumerationMappingTransformation>{entry}</c:EnumerationMappingTransformation>"
+    )
     top = system("top", [component("m", "moded", bindings=inline(ssv("a=slow!"), mapping))], [])
     assert fly(top)["m.y"][0] == 40
     assert complaints(top.replace('"slow"/></v:', '"fast"/></v:')) == [
@@ -167,7 +213,10 @@ def nested():
         "level_in<", "level>", "rate=",
     )  # fmt: skip
     plant = system("plant", [tank], ["feed tank.level_in", "tank.level out"], "feed<", "out>")
-    return [COUNT, plant, component("last", "plus_one", "u<", "y>")], ["count.n plant.feed", "plant.out last.u"]
+    return [COUNT, plant, component("last", "plus_one", "u<", "y>")], [
+        "count.n plant.feed",
+        "plant.out last.u",
+    ]
 
 
 START = inline(ssv("count.n_0=1"))
@@ -179,7 +228,11 @@ FLAT = [
     component("plant_tank_store", "integrator"),
     component("last", "plus_one"),
 ]
-FLAT_WIRES = ["count.n plant_tank_gain.u", "plant_tank_gain.y plant_tank_store.u", "plant_tank_store.y last.u"]
+FLAT_WIRES = [
+    "count.n plant_tank_gain.u",
+    "plant_tank_gain.y plant_tank_store.u",
+    "plant_tank_store.y last.u",
+]
 
 
 def test_nested_systems_are_the_flat_system_under_joined_names(fly):
@@ -194,7 +247,9 @@ def test_connections_may_be_written_from_the_input_to_the_output(fly):
     elements, wires = nested()
     turned = [" ".join(reversed(wire.split(" "))) for wire in wires]
     straight = fly(system("top", elements, wires, bindings=START))
-    assert np.array_equal(fly(system("top", elements, turned, bindings=START)).values, straight.values)
+    assert np.array_equal(
+        fly(system("top", elements, turned, bindings=START)).values, straight.values
+    )
 
 
 def test_parameters_of_nested_systems_by_connector_and_by_dotted_name(fly):
@@ -213,7 +268,9 @@ def test_inputs_of_the_top_system_take_their_value_from_its_bindings(fly):
 
 
 def test_a_value_for_an_input_of_the_top_system_is_in_the_unit_of_its_connector(fly):
-    top = system("top", [component("far", "kilometres")], ["u far.u"], "u< m", bindings=inline(ssv("u=2000")))
+    top = system(
+        "top", [component("far", "kilometres")], ["u far.u"], "u< m", bindings=inline(ssv("u=2000"))
+    )
     assert fly(top)["far.y"][0] == 3
     assert fly(top.replace('value="2000"', 'value="500000" unit="cm"'))["far.y"][0] == 6
 
@@ -248,19 +305,29 @@ def test_connectors_of_systems_that_drive_each_other_are_refused(complaints):
 )
 def test_a_linear_transformation_of_a_signal(fly, attribute, factor, offset):
     result = fly(pair(f"count.n gain.u {attribute}{linear(factor, offset)}"))
-    assert result["gain.y"][1:].tolist() == (2.0 * (factor * result["count.n"][:-1] + offset)).tolist()
+    assert (
+        result["gain.y"][1:].tolist() == (2.0 * (factor * result["count.n"][:-1] + offset)).tolist()
+    )
 
 
 def test_units_of_signals_are_converted(fly):
-    top = system("top", [component("s", "source"), component("far", "kilometres")], ["s.v[2] far.u"])
+    top = system(
+        "top", [component("s", "source"), component("far", "kilometres")], ["s.v[2] far.u"]
+    )
     result = fly(top)
     assert result["far.y"][1:].tolist() == [1 + v / 1000 for v in result["s.v[2]"][:-1]]
     warm = system(
-        "top", [component("c", "celsius"), component("k", "kelvin")], ["c.y k.u"], bindings=inline(ssv("c.u=20"))
+        "top",
+        [component("c", "celsius"), component("k", "kelvin")],
+        ["c.y k.u"],
+        bindings=inline(ssv("c.u=20")),
     )
     assert fly(warm)["k.y"].tolist() == [293.15] * 4
     cold = system(
-        "top", [component("c", "celsius"), component("k", "kelvin")], ["k.y c.u"], bindings=inline(ssv("k.u=0"))
+        "top",
+        [component("c", "celsius"), component("k", "kelvin")],
+        ["k.y c.u"],
+        bindings=inline(ssv("k.u=0")),
     )
     assert fly(cold)["c.y"].tolist() == [-273.15] * 4
 
@@ -268,11 +335,16 @@ def test_units_of_signals_are_converted(fly):
 def test_units_convert_back_and_forth_through_connectors_of_systems(fly):
     """From m to cm, times 2 plus 50 cm, suppressed conversion (cm taken as km), minus 1."""
     inner = system(
-        "inner", [component("far", "kilometres")], [f'u far.u suppressUnitConversion="true" {linear(1, -1)}'], "u< cm"
+        "inner",
+        [component("far", "kilometres")],
+        [f'u far.u suppressUnitConversion="true" {linear(1, -1)}'],
+        "u< cm",
     )
     top = system("top", [component("s", "source"), inner], [f"s.v[1] inner.u {linear(2, 50)}"])
     result = fly(top)
-    assert result["inner_far.y"][1:].tolist() == [1 + (200 * v + 50 - 1) for v in result["s.v[1]"][:-1]]
+    assert result["inner_far.y"][1:].tolist() == [
+        1 + (200 * v + 50 - 1) for v in result["s.v[1]"][:-1]
+    ]
 
 
 @pytest.mark.parametrize(
@@ -283,7 +355,9 @@ def test_units_convert_back_and_forth_through_connectors_of_systems(fly):
             "far.u: wants unit km, count.t_last has s (s [s] cannot be converted to km [m])",
         ),
         (
-            system("top", [component("m", "mixed"), component("n", "mixed")], [f"m.n n.i {linear(2)}"]),
+            system(
+                "top", [component("m", "mixed"), component("n", "mixed")], [f"m.n n.i {linear(2)}"]
+            ),
             "n.i: is Integer, only a Real signal can be transformed",
         ),
         (
@@ -301,7 +375,9 @@ def test_units_convert_back_and_forth_through_connectors_of_systems(fly):
         ),
         (system("top", [COUNT, GAIN], ["count.n y"]), "y: the system has no such connector"),
         (
-            system("top", [component("a", "gain", "k~"), component("b", "gain", "k=")], ["a.k b.k"]),
+            system(
+                "top", [component("a", "gain", "k~"), component("b", "gain", "k=")], ["a.k b.k"]
+            ),
             "a.k: connections between parameters are not supported",
         ),
         (
@@ -342,13 +418,17 @@ def test_a_file_of_ssp_2_is_read_as_far_as_ssp_1_knows_it(fly, complaints):
     top = pair(bindings=inline(ssv("k=3", version="2.0").replace("v:Real", "v:Float64")))
     top = top.replace("<d:Elements>", '<d:Connectors><d:Connector name="y" kind="output"><c:Float64/></d:Connector>'
                       "</d:Connectors><d:Elements>", 1)  # fmt: skip
-    top = top.replace('<d:System name="top">', '<d:System name="top"><c:MetaData kind="general"/>', 1)
+    top = top.replace(
+        '<d:System name="top">', '<d:System name="top"><c:MetaData kind="general"/>', 1
+    )
     assert fly(top, version="2.0")["gain.y"].tolist() == [0, 0, 3, 6]
     with_clock = top.replace('kind="output"', 'kind="structuralParameter"', 1)
     assert "structuralParameter" in complaints(with_clock, version="2.0")[0]
 
 
-def test_without_an_experiment_step_and_stop_are_asked_for_in_one_line(fmus, tmp_path, capsys, monkeypatch):
+def test_without_an_experiment_step_and_stop_are_asked_for_in_one_line(
+    fmus, tmp_path, capsys, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     path = str(write(tmp_path / "foreign.ssp", pair(), fmus, experiment=""))
     assert main(["run", path]) == 1

@@ -32,7 +32,10 @@ def test_slots_are_contiguous_per_component_and_inputs_point_at_their_sources(ma
         ("c.t_lst > gain.u", "c.t_lst: there is no such output (close: t_last, h_last)"),
         ("gain.u > gain.u", "gain.u: is connected as output, but its causality is input"),
         ("c.n > gain.k", "gain.k: is connected as input, but its causality is parameter"),
-        ("c.t_last > gain.u", "gain.u: wants unit 1, c.t_last has s (s [s] cannot be converted to 1 [1])"),
+        (
+            "c.t_last > gain.u",
+            "gain.u: wants unit 1, c.t_last has s (s [s] cannot be converted to 1 [1])",
+        ),
         ("c.n > m.i", "m.i: is Integer, cannot be driven by c.n, a Real"),
     ],
 )
@@ -80,7 +83,11 @@ def test_a_parameter_in_another_unit_is_refused(make):
 
 def test_all_problems_come_at_once(make):
     system = make(
-        {"c": "counter", "g": "gain"}, ["c.x > g.u", "d.n > g.u"], {"g.z": 1.0}, {"c": (0, 0)}, algorithm="euler"
+        {"c": "counter", "g": "gain"},
+        ["c.x > g.u", "d.n > g.u"],
+        {"g.z": 1.0},
+        {"c": (0, 0)},
+        algorithm="euler",
     )
     found = problems(replace(system, strict=True))
     assert len(found) == 5
@@ -97,7 +104,11 @@ def test_every_unreadable_fmu_is_named(make, tmp_path):
     broken.write_bytes(b"no zip")
     a, b = system.components
     with pytest.raises(FmuError) as caught:
-        build_graph(replace(system, components=(replace(a, fmu=tmp_path / "gone.fmu"), replace(b, fmu=broken))))
+        build_graph(
+            replace(
+                system, components=(replace(a, fmu=tmp_path / "gone.fmu"), replace(b, fmu=broken))
+            )
+        )
     first, second = str(caught.value).splitlines()
     assert first == "a: gone.fmu: no such FMU"
     assert second.startswith("b: broken.fmu: damaged or not a zip archive")

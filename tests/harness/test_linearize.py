@@ -43,11 +43,14 @@ def test_servicer_about_a_circular_orbit_is_clohessy_wiltshire(servicer):
     state = rows(servicer, "r_SN_N", "states") + rows(servicer, "v_SN_N", "states")
     a = servicer.A[np.ix_(state, state)]
     point = np.array([servicer.point[servicer.states[i]] for i in state])
-    # the flight of the reference over one step turns the Hill frame; Kepler's circular orbit is known in closed form
+    # the flight of the reference over one step turns the Hill frame; Kepler's circular orbit is
+    # known in closed form
     r, v = point[:3], point[3:]
     c, s = np.cos(n * 10), np.sin(n * 10)
     later = np.concatenate([c * r + s / n * v, -n * s * r + c * v])
-    expected = np.linalg.solve(hill(later[:3], later[3:]), expm(clohessy_wiltshire(n)[0] * 10)) @ hill(r, v)
+    expected = np.linalg.solve(
+        hill(later[:3], later[3:]), expm(clohessy_wiltshire(n)[0] * 10)
+    ) @ hill(r, v)
     # rounding of r (1e-9 m) over differences of 700 m and 0.75 m/s; RK4 at 0.1 s adds less
     np.testing.assert_allclose(a, expected, rtol=0, atol=3e-8)
 
@@ -55,7 +58,8 @@ def test_servicer_about_a_circular_orbit_is_clohessy_wiltshire(servicer):
 def test_force_enters_as_acceleration_over_mass(servicer):
     velocity, force = rows(servicer, "v_SN_N", "states"), rows(servicer, "F_S", "inputs")
     b = servicer.B[np.ix_(velocity, force)]
-    # ten seconds of 1 N on 120 kg, turned by the attitude, which singular values do not see; tidal terms are 1e-6
+    # ten seconds of 1 N on 120 kg, turned by the attitude, which singular values do not see; tidal
+    # terms are 1e-6
     np.testing.assert_allclose(np.linalg.svd(b)[1], 10 / 120, rtol=1e-4)
 
 

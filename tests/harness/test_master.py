@@ -20,7 +20,11 @@ EXECUTORS = pytest.mark.parametrize("executor", ["c", "python"])
 
 
 def same_bits(a, b):
-    return a.columns == b.columns and a.values.tobytes() == b.values.tobytes() and a.time.tobytes() == b.time.tobytes()
+    return (
+        a.columns == b.columns
+        and a.values.tobytes() == b.values.tobytes()
+        and a.time.tobytes() == b.time.tobytes()
+    )
 
 
 # ---- executors
@@ -55,7 +59,9 @@ def test_integer_boolean_and_string_variables_work_beside_real_ones(make, execut
 
 
 def test_a_run_repeats_to_the_bit(make):
-    system = make({"gain": "gain", "counter": "counter"}, ["counter.n > gain.u"], stop=3.0, step=0.1)
+    system = make(
+        {"gain": "gain", "counter": "counter"}, ["counter.n > gain.u"], stop=3.0, step=0.1
+    )
     assert same_bits(run(system), run(system))
 
 
@@ -113,7 +119,13 @@ def test_an_algebraic_loop_that_diverges_beyond_all_numbers_is_an_error(make):
 def test_a_chain_that_passes_the_same_units_again_and_again_settles(make):
     system = make(
         {"a": "ladder", "b": "ladder"},
-        ["a.w[1] > b.v[1]", "b.w[1] > a.v[2]", "a.w[2] > b.v[2]", "b.w[2] > a.v[3]", "a.w[3] > b.v[3]"],
+        [
+            "a.w[1] > b.v[1]",
+            "b.w[1] > a.v[2]",
+            "a.w[2] > b.v[2]",
+            "b.w[2] > a.v[3]",
+            "a.w[3] > b.v[3]",
+        ],
         {"a.v[1]": 1.0},
     )
     first = run(system)
@@ -179,7 +191,10 @@ def test_an_fmu_without_state_support_runs(make):
 @EXECUTORS
 @pytest.mark.parametrize("status", [2, 3, 4])
 def test_a_failing_fmu_ends_the_run_and_everything_before_is_kept(make, executor, status):
-    system = make({"counter": "counter", "bad": "failing"}, parameters={"bad.t_fail": 4.0, "bad.status": status})
+    system = make(
+        {"counter": "counter", "bad": "failing"},
+        parameters={"bad.t_fail": 4.0, "bad.status": status},
+    )
     with pytest.raises(RunError) as caught:
         run(system, executor=executor)
     assert str(caught.value) == "bad: step failed: burnt through after too much heat (at t = 4 s)"
@@ -194,14 +209,18 @@ def test_a_failing_fmu_ends_the_run_and_everything_before_is_kept(make, executor
 @EXECUTORS
 def test_an_output_that_is_not_a_number_ends_the_run_and_is_named(make, executor):
     system = make({"counter": "counter", "bad": "not_a_number"})
-    with pytest.raises(RunError, match=r"^bad\.y: output is not a finite number \(at t = 3 s\)$") as caught:
+    with pytest.raises(
+        RunError, match=r"^bad\.y: output is not a finite number \(at t = 3 s\)$"
+    ) as caught:
         run(system, executor=executor)
     assert len(caught.value.partial.time) == 4
 
 
 @EXECUTORS
 def test_an_fmu_that_fails_without_a_word_is_reported_by_its_status(make, executor):
-    with pytest.raises(RunError, match=r"a: step failed: fmi2Error, without a message \(at t = 0 s\)"):
+    with pytest.raises(
+        RunError, match=r"a: step failed: fmi2Error, without a message \(at t = 0 s\)"
+    ):
         run(make({"a": "silent"}), executor=executor)
 
 
@@ -221,7 +240,10 @@ def test_interrupting_keeps_what_was_recorded(make):
     def interrupt(done):
         raise KeyboardInterrupt
 
-    with Simulation(make({"a": "counter"}, stop=1000.0)) as simulation, pytest.raises(InterruptionError) as caught:
+    with (
+        Simulation(make({"a": "counter"}, stop=1000.0)) as simulation,
+        pytest.raises(InterruptionError) as caught,
+    ):
         simulation.advance(progress=interrupt)
     assert caught.value.partial.time.tolist() == [0, 1]
     assert "interrupted" in caught.value.partial.message
@@ -250,15 +272,23 @@ def test_an_fmu_without_a_binary_for_this_platform_is_refused(with_library):
         run(with_library("binaries/vax/gain.so", b""))
 
 
-def test_a_library_that_does_not_load_is_refused_and_leaves_the_working_directory_alone(with_library):
+def test_a_library_that_does_not_load_is_refused_and_leaves_the_working_directory_alone(
+    with_library,
+):
     before = Path.cwd()
     with pytest.raises(FmuError, match=r"a: odd\.fmu cannot be loaded: .*gain\.so"):
-        run(with_library(f"binaries/{fmpy.platform}/gain{fmpy.sharedLibraryExtension}", b"not a library"))
+        run(
+            with_library(
+                f"binaries/{fmpy.platform}/gain{fmpy.sharedLibraryExtension}", b"not a library"
+            )
+        )
     assert Path.cwd() == before
 
 
 def test_instances_of_one_fmu_do_not_share_anything(make):
-    result = run(make({"a": "counter", "b": "counter"}, parameters={"b.n_0": 10.0}, timing={"b": (2, 0)}))
+    result = run(
+        make({"a": "counter", "b": "counter"}, parameters={"b.n_0": 10.0}, timing={"b": (2, 0)})
+    )
     assert result["a.n"].tolist() == [0, 1, 2, 3, 4, 5, 6]
     assert result["b.n"].tolist() == [10, 11, 11, 12, 12, 13, 13]
 

@@ -7,7 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.figures.derived import attitude_error, position_error, range_, range_error, rotation_angle
+from harness.figures.derived import (
+    attitude_error,
+    position_error,
+    range_,
+    range_error,
+    rotation_angle,
+)
 from harness.measures import MEASURES, settling_time, steady_error
 from harness.results import Result
 
@@ -26,7 +32,9 @@ def table(time, **variables):
             else [name.replace("__", ".")]
         )
         columns += list(block)
-    return Result("test", np.asarray(time), tuple(names), ("",) * len(names), np.stack(columns, axis=1))
+    return Result(
+        "test", np.asarray(time), tuple(names), ("",) * len(names), np.stack(columns, axis=1)
+    )
 
 
 def parameters(**values):
@@ -40,13 +48,18 @@ def parameters(**values):
 
 
 def decaying():
-    """The reference moves at 0.5 m/s along x and stands in the next row; 3 m off along y at first, decaying in 10 s."""
+    """The reference moves at 0.5 m/s along x and stands in the next row; 3 m off along y at first,
+    decaying in 10 s.
+    """
     error = 3 * np.exp(-TIME / 10)
     actual = np.stack([10 + 0.5 * TIME, error, 0 * TIME], axis=1)
     reference = np.stack([10 + 0.5 * TIME, 0 * TIME, 0 * TIME], axis=1)
     published = np.concatenate((reference[:1], reference[:-1]))
     return table(
-        TIME, servicer__r_SN_N=actual + 7e6, target__r_TN_N=0 * actual + 7e6, guidance__rho_ref_N=published
+        TIME,
+        servicer__r_SN_N=actual + 7e6,
+        target__r_TN_N=0 * actual + 7e6,
+        guidance__rho_ref_N=published,
     ), error
 
 
@@ -70,7 +83,9 @@ def test_with_rows_further_apart_than_samples_the_reference_of_the_same_row_is_t
 def test_range_error_is_the_difference_of_two_distances():
     result, error = decaying()
     reference = 10 + 0.5 * TIME
-    assert range_error(result)[:-1] == pytest.approx((np.hypot(reference, error) - reference)[:-1], abs=1e-8)
+    assert range_error(result)[:-1] == pytest.approx(
+        (np.hypot(reference, error) - reference)[:-1], abs=1e-8
+    )
     assert range_(result) == pytest.approx(np.hypot(reference, error), abs=1e-8)
 
 
@@ -80,7 +95,9 @@ def test_rotation_angle_is_exact_for_small_and_large_angles_and_either_sign(angl
     axis = np.array([1, 2, -2]) / 3
     a = np.array([[0.5, -0.5, 0.5, 0.5]])
     s, v = np.cos(angle / 2), np.sin(angle / 2) * axis
-    b = np.concatenate(([a[0, 0] * s - a[0, 1:] @ v], a[0, 0] * v + s * a[0, 1:] + np.cross(a[0, 1:], v)))[None]
+    b = np.concatenate(
+        ([a[0, 0] * s - a[0, 1:] @ v], a[0, 0] * v + s * a[0, 1:] + np.cross(a[0, 1:], v))
+    )[None]
     assert rotation_angle(a, sign * b)[0] == pytest.approx(angle, rel=1e-6, abs=1e-15)
 
 
@@ -88,7 +105,9 @@ def test_attitude_error_uses_the_next_row_too():
     turn = 0.01 * TIME
     actual = np.stack([np.cos(turn / 2), np.sin(turn / 2), 0 * turn, 0 * turn], axis=1)
     published = np.concatenate((actual[:1], actual[:-1]))
-    assert attitude_error(table(TIME, servicer__q_SN=actual, guidance__q_DN=published)) == pytest.approx(0, abs=1e-12)
+    assert attitude_error(
+        table(TIME, servicer__q_SN=actual, guidance__q_DN=published)
+    ) == pytest.approx(0, abs=1e-12)
 
 
 # ---- settling and steady errors
@@ -120,7 +139,9 @@ def test_settling_and_steady_errors_of_a_result():
     result, _ = decaying()
     assert MEASURE["position settles"](result) == pytest.approx(10 * np.log(50), abs=0.1)
     assert MEASURE["position error"](result) == pytest.approx(3 * np.exp(-8), rel=1e-3)
-    assert MEASURE["least range"](result) == pytest.approx(np.hypot(10 + 0.5 * TIME, 3 * np.exp(-TIME / 10)).min())
+    assert MEASURE["least range"](result) == pytest.approx(
+        np.hypot(10 + 0.5 * TIME, 3 * np.exp(-TIME / 10)).min()
+    )
 
 
 def test_the_attitude_counts_from_the_beginning_of_its_control():
@@ -159,7 +180,12 @@ def test_torque_impulse_is_taken_from_the_propulsion_if_that_counts_it():
     counted = np.stack([3 * TIME, 0 * TIME, TIME], axis=1)
     still = np.zeros((len(TIME), 3))
     result = replace(
-        table(TIME, propulsion__M_S=still, propulsion__torque_impulse=counted, servicer__wheel_speed=still),
+        table(
+            TIME,
+            propulsion__M_S=still,
+            propulsion__torque_impulse=counted,
+            servicer__wheel_speed=still,
+        ),
         parameters=parameters(servicer__A_w=np.eye(3)),
     )
     assert MEASURE["torque impulse"](result) == pytest.approx(400)
@@ -168,4 +194,6 @@ def test_torque_impulse_is_taken_from_the_propulsion_if_that_counts_it():
 def test_what_a_result_does_not_hold_has_no_figure():
     result, _ = decaying()
     values = {name: measure(result) for name, measure in MEASURE.items()}
-    assert np.isnan([values[name] for name in ("delta-v", "torque impulse", "attitude error")]).all()
+    assert np.isnan(
+        [values[name] for name in ("delta-v", "torque impulse", "attitude error")]
+    ).all()

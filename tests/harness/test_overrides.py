@@ -61,14 +61,27 @@ def test_a_named_set_replaces_parameters_and_time_span(system):
 
 
 def test_options_win_over_the_set(system):
-    changed = apply(system, params="tripled", stop=6.0, step=1.5, algorithm="jacobi", set=["third.k=5"])
-    assert (changed.experiment.stop, changed.experiment.step, changed.experiment.algorithm) == (6.0, 1.5, "jacobi")
+    changed = apply(
+        system, params="tripled", stop=6.0, step=1.5, algorithm="jacobi", set=["third.k=5"]
+    )
+    assert (changed.experiment.stop, changed.experiment.step, changed.experiment.algorithm) == (
+        6.0,
+        1.5,
+        "jacobi",
+    )
     assert value(changed, "third.k") == 5.0
 
 
 def test_single_values_are_numbers_vectors_matrices_or_elements(system):
-    changed = apply(system, set=["second.J=[[1, 2], [3, 4]]", "second.J[1,2]=-7", "second.M.bias = 1e-3"])
-    assert [value(changed, f"second.J[{i},{j}]") for i in (1, 2) for j in (1, 2)] == [1.0, -7.0, 3.0, 4.0]
+    changed = apply(
+        system, set=["second.J=[[1, 2], [3, 4]]", "second.J[1,2]=-7", "second.M.bias = 1e-3"]
+    )
+    assert [value(changed, f"second.J[{i},{j}]") for i in (1, 2) for j in (1, 2)] == [
+        1.0,
+        -7.0,
+        3.0,
+        4.0,
+    ]
     assert value(changed, "second.M.bias") == 1e-3
     assert value(apply(system, set={"second.J[1,2]": 6}), "second.J[1,2]") == 6.0
 
@@ -101,12 +114,16 @@ def test_a_toml_file_of_parameters_overrides_what_it_names(system, tmp_path, hea
     path = tmp_path / "x.toml"
     path.write_text(f"[{head}shared]\nk = 9\n[{head}second]\nM.bias = 0.5\n")
     changed = apply(system, params=path)
-    assert (value(changed, "third.k"), value(changed, "second.M.bias"), value(changed, "second.J[1,1]")) == (9, 0.5, 1)
+    assert (
+        value(changed, "third.k"),
+        value(changed, "second.M.bias"),
+        value(changed, "second.J[1,1]"),
+    ) == (9, 0.5, 1)
 
 
 SSV = """<v:ParameterSet version="1.0" name="x" xmlns:v="http://ssp-standard.org/SSP1/SystemStructureParameterValues">
-<v:Parameters><v:Parameter name="{name}"><v:Real value="{value}"{unit}/></v:Parameter></v:Parameters>
-</v:ParameterSet>"""
+<v:Parameters><v:Parameter name="{name}"><v:Real
+value="{value}"{unit}/></v:Parameter></v:Parameters> </v:ParameterSet>"""
 
 
 def test_an_ssv_file_of_parameters_overrides_what_it_names(system, tmp_path):
@@ -118,14 +135,38 @@ def test_an_ssv_file_of_parameters_overrides_what_it_names(system, tmp_path):
 @pytest.mark.parametrize(
     ("name", "text", "problem"),
     [
-        ("x.toml", "[third]\nkk = 1\n", r"x\.toml: third\.kk: there is no such variable \(close: k\)"),
-        ("x.toml", "[thrd]\nk = 1\n", r"x\.toml: thrd: parameters stand in a table per component, and this is none"),
+        (
+            "x.toml",
+            "[third]\nkk = 1\n",
+            r"x\.toml: third\.kk: there is no such variable \(close: k\)",
+        ),
+        (
+            "x.toml",
+            "[thrd]\nk = 1\n",
+            r"x\.toml: thrd: parameters stand in a table per component, and this is none",
+        ),
         ("x.toml", "k = 1\n", r"x\.toml: k: parameters stand in a table per component"),
         ("x.toml", "[third\n", "not a readable TOML file"),
-        ("x.ssv", SSV.format(name="thrd.k", value=1, unit=""), r"x\.ssv: thrd\.k: there is no component 'thrd'"),
-        ("x.ssv", SSV.format(name="third.kk", value=1, unit=""), r"third\.kk: there is no such parameter \(close: k\)"),
-        ("x.ssv", SSV.format(name="third.k", value=1, unit=' unit="m"'), r"third\.k: is given in m, but its unit is 1"),
-        ("x.ssv", SSV.format(name="third.k", value="NaN", unit=""), r"parameter third\.k: must not be NaN"),
+        (
+            "x.ssv",
+            SSV.format(name="thrd.k", value=1, unit=""),
+            r"x\.ssv: thrd\.k: there is no component 'thrd'",
+        ),
+        (
+            "x.ssv",
+            SSV.format(name="third.kk", value=1, unit=""),
+            r"third\.kk: there is no such parameter \(close: k\)",
+        ),
+        (
+            "x.ssv",
+            SSV.format(name="third.k", value=1, unit=' unit="m"'),
+            r"third\.k: is given in m, but its unit is 1",
+        ),
+        (
+            "x.ssv",
+            SSV.format(name="third.k", value="NaN", unit=""),
+            r"parameter third\.k: must not be NaN",
+        ),
         ("x.ssv", "<a/>", r"x\.ssv, line 1: Element 'a'"),
         ("x.ssv", "<a", "not a readable XML file"),
     ],
@@ -137,9 +178,13 @@ def test_a_mistaken_file_of_parameters_is_refused(system, tmp_path, name, text, 
 
 
 def test_an_unknown_set_or_file_is_wrong_use(system):
-    with pytest.raises(UsageError, match=r"--params triple: demo has no such set \(close: tripled\)"):
+    with pytest.raises(
+        UsageError, match=r"--params triple: demo has no such set \(close: tripled\)"
+    ):
         apply(system, params="triple")
-    with pytest.raises(UsageError, match=r"--params q: demo has no such set, only default, tripled"):
+    with pytest.raises(
+        UsageError, match=r"--params q: demo has no such set, only default, tripled"
+    ):
         apply(system, params="q")
     with pytest.raises(UsageError, match=r"--params gone\.toml: no such file"):
         apply(system, params="gone.toml")
@@ -191,9 +236,15 @@ def other(tmp_path):
     return build(OTHER, tmp_path)
 
 
-def test_a_swapped_fmu_takes_over_the_wiring_and_finds_further_inputs_by_name(system, other, caplog):
+def test_a_swapped_fmu_takes_over_the_wiring_and_finds_further_inputs_by_name(
+    system, other, caplog
+):
     result = run(system, swap=[f"second={other}"], set=["second.new=42"])
-    assert result["second.w"][-1].tolist() == [4 + 2, 40, 42]  # v[1] of `first` + y of `third`, v[2], new
+    assert result["second.w"][-1].tolist() == [
+        4 + 2,
+        40,
+        42,
+    ]  # v[1] of `first` + y of `third`, v[2], new
     assert caplog.messages == ["second: other.fmu does not have these parameters of vector: J"]
 
 
@@ -224,7 +275,10 @@ def test_missing_ports_and_units_of_a_swapped_fmu_come_all_at_once(make, tmp_pat
 
 
 def test_an_ambiguous_input_of_a_swapped_fmu_names_the_candidates(make, tmp_path):
-    system = replace(make({"a": "gain", "b": "gain", "c": "counter"}, parameters={"a.u": 1.0, "b.u": 1.0}), strict=True)
+    system = replace(
+        make({"a": "gain", "b": "gain", "c": "counter"}, parameters={"a.u": 1.0, "b.u": 1.0}),
+        strict=True,
+    )
     reader = build(Model("reader", [u("y"), y("n")]), tmp_path)
     with pytest.raises(StructureError, match="its input y is ambiguous: a and b have that output"):
         apply(system, swap=[f"c={reader}"])
@@ -246,7 +300,9 @@ def prepared(fmus, other):
     return compose(tomllib.loads(TOML + ALTERNATIVE), fmus | {"other": other})
 
 
-def test_an_fmu_that_the_system_knows_flies_with_the_parameters_meant_for_it(prepared, other, caplog):
+def test_an_fmu_that_the_system_knows_flies_with_the_parameters_meant_for_it(
+    prepared, other, caplog
+):
     changed = apply(prepared, swap={"second": other})
     assert (value(changed, "second.new"), value(changed, "third.k")) == (42, 5)
     assert run(changed)["second.w"][-1].tolist() == [4 + 5, 40, 42]
@@ -254,7 +310,9 @@ def test_an_fmu_that_the_system_knows_flies_with_the_parameters_meant_for_it(pre
     assert value(prepared, "third.k") == 2
 
 
-def test_parameters_for_an_alternative_come_over_those_of_a_named_set_and_single_values_over_them(prepared, other):
+def test_parameters_for_an_alternative_come_over_those_of_a_named_set_and_single_values_over_them(
+    prepared, other
+):
     assert value(apply(prepared, params="tripled", swap={"second": other}), "third.k") == 5
     assert apply(prepared, swap={"second": other}).sets[0].parameters["third"]["k"].value == 5
     assert value(apply(prepared, swap={"second": other}, set=["third.k=7"]), "third.k") == 7
@@ -282,12 +340,27 @@ def test_an_exchanged_component_has_no_alternatives_any_more(prepared, other):
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ('[alternatives.othr]\nreplaces = "second"', r"\[alternatives\.othr\] there is no such FMU \(close: other\)"),
-        ('[alternatives.other]\nreplaces = "secnd"', r"--swap secnd: demo has no such component \(close: second\)"),
-        ("[alternatives.other]\n", r"\[alternatives\.other\] replaces: it does not say which component"),
-        ('[alternatives.gain]\nreplaces = "first"', r"gain\.fmu: it has no output v, which second\.v needs"),
+        (
+            '[alternatives.othr]\nreplaces = "second"',
+            r"\[alternatives\.othr\] there is no such FMU \(close: other\)",
+        ),
+        (
+            '[alternatives.other]\nreplaces = "secnd"',
+            r"--swap secnd: demo has no such component \(close: second\)",
+        ),
+        (
+            "[alternatives.other]\n",
+            r"\[alternatives\.other\] replaces: it does not say which component",
+        ),
+        (
+            '[alternatives.gain]\nreplaces = "first"',
+            r"gain\.fmu: it has no output v, which second\.v needs",
+        ),
         (ALTERNATIVE + "z = 1", r"\[alternatives\.other\] third\.z: there is no such variable"),
-        ('[alternatives.other]\nreplaces = "second"\nnew = 3', r"new: parameters stand in a table per component"),
+        (
+            '[alternatives.other]\nreplaces = "second"\nnew = 3',
+            r"new: parameters stand in a table per component",
+        ),
     ],
 )
 def test_a_mistaken_alternative_is_refused_when_the_system_is_built(fmus, other, text, problem):
@@ -296,11 +369,16 @@ def test_a_mistaken_alternative_is_refused_when_the_system_is_built(fmus, other,
 
 
 def test_a_warning_of_dropped_parameters_stays_short(make, fmus, caplog):
-    system = make({"a": "vector"}, parameters={f"a.J[{i},{j}]": 1.0 for i in (1, 2) for j in (1, 2)} | {"a.M.bias": 1})
+    system = make(
+        {"a": "vector"},
+        parameters={f"a.J[{i},{j}]": 1.0 for i in (1, 2) for j in (1, 2)} | {"a.M.bias": 1},
+    )
     parameters = {f"p{i}": Parameter(1.0) for i in range(9)}
     system = replace(system, components=(replace(system.components[0], parameters=parameters),))
     apply(system, swap={"a": fmus["gain"]})
-    assert caplog.messages == ["a: gain.fmu does not have these parameters of vector: p0, p1, p2, p3, p4 and 4 more"]
+    assert caplog.messages == [
+        "a: gain.fmu does not have these parameters of vector: p0, p1, p2, p3, p4 and 4 more"
+    ]
 
 
 @pytest.mark.parametrize(

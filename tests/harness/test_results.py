@@ -23,7 +23,9 @@ UNITS = ("m", "m", "m", "kg.m2", "kg.m2", "kg.m2", "kg.m2", "kg", "N.m", "N.m", 
 @pytest.fixture
 def result():
     numbers = np.random.default_rng(7)
-    values = numbers.standard_normal((5, len(NAMES))) * 10.0 ** numbers.integers(-300, 300, (5, len(NAMES)))
+    values = numbers.standard_normal((5, len(NAMES))) * 10.0 ** numbers.integers(
+        -300, 300, (5, len(NAMES))
+    )
     values[0, :4] = 0.1 + 0.2, -0.0, 5e-324, 1.7976931348623157e308
     time = np.arange(5) * 0.1
     return Result("demo", time, NAMES, UNITS, values, tuple(f"meaning of {name}" for name in NAMES))
@@ -33,7 +35,14 @@ def result():
 def flown(result):
     """With parameters: a scalar, a vector and a matrix."""
     names = ("a.k", "a.p[1]", "a.p[2]", "b.M.A[1,1]", "b.M.A[1,2]")
-    table = Result("demo", np.zeros(1), names, ("1", "m", "m", "kg", "kg"), np.array([[0.1, 1, 2, 3, 4]]), names)
+    table = Result(
+        "demo",
+        np.zeros(1),
+        names,
+        ("1", "m", "m", "kg", "kg"),
+        np.array([[0.1, 1, 2, 3, 4]]),
+        names,
+    )
     return replace(result, parameters=table)
 
 
@@ -98,8 +107,14 @@ def test_csv_does_not_keep_the_parameters(flown, tmp_path):
 
 
 def test_mat_keeps_the_parameters_in_a_struct_of_their_own(flown, tmp_path):
-    content = scipy.io.loadmat(written(flown, tmp_path / "demo.mat"), simplify_cells=True)["parameters"]
-    assert (content["a"]["k"], content["a"]["p"].tolist(), content["b"]["M_A"].tolist()) == (0.1, [1, 2], [3, 4])
+    content = scipy.io.loadmat(written(flown, tmp_path / "demo.mat"), simplify_cells=True)[
+        "parameters"
+    ]
+    assert (content["a"]["k"], content["a"]["p"].tolist(), content["b"]["M_A"].tolist()) == (
+        0.1,
+        [1, 2],
+        [3, 4],
+    )
 
 
 def test_csv_is_lossless_to_the_bit(result, tmp_path):
@@ -157,7 +172,9 @@ def test_mat_keeps_names_apart_that_become_equal_and_reserved_ones(tmp_path):
 
 @pytest.mark.parametrize("ending", [".csv", ".nc"])
 def test_an_incomplete_run_stays_marked_as_such(result, tmp_path, ending):
-    partial = replace(result, complete=False, message="a: step failed: burnt through (at t = 0.4 s)")
+    partial = replace(
+        result, complete=False, message="a: step failed: burnt through (at t = 0.4 s)"
+    )
     back = read(written(partial, tmp_path / f"x{ending}"))
     assert not back.complete
     assert back.message == partial.message
@@ -203,12 +220,18 @@ def test_looking_whether_it_can_be_written_leaves_nothing_and_touches_nothing(tm
 
 
 @pytest.mark.parametrize("ending", [".csv", ".nc", ".mat"])
-def test_a_failure_while_writing_is_one_line_and_leaves_the_old_file(result, tmp_path, monkeypatch, ending):
+def test_a_failure_while_writing_is_one_line_and_leaves_the_old_file(
+    result, tmp_path, monkeypatch, ending
+):
     path = tmp_path / f"x{ending}"
     path.write_text("old")
     file = ResultFile(path)
-    monkeypatch.setattr(Path, "replace", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
-    with pytest.raises(ResultsError, match=rf"x\{ending}: cannot be written \(No space left on device\)"):
+    monkeypatch.setattr(
+        Path, "replace", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device"))
+    )
+    with pytest.raises(
+        ResultsError, match=rf"x\{ending}: cannot be written \(No space left on device\)"
+    ):
         file.write(result)
     assert path.read_text() == "old"
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
@@ -217,7 +240,9 @@ def test_a_failure_while_writing_is_one_line_and_leaves_the_old_file(result, tmp
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_a_full_disk_is_one_line(result, tmp_path):
     (tmp_path / "full.csv").symlink_to("/dev/full")
-    with pytest.raises(ResultsError, match=r"full\.csv: cannot be written \(No space left on device\)"):
+    with pytest.raises(
+        ResultsError, match=r"full\.csv: cannot be written \(No space left on device\)"
+    ):
         ResultFile(tmp_path / "full.csv").write(result)
 
 

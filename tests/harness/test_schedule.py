@@ -17,7 +17,10 @@ def unit(name, every=1, latency=0):
 
 
 def words(plan):
-    return [f"{a.verb.value} {a.unit.name}" + (f" @{a.phase}/{a.every}" if a.every > 1 else "") for a in plan]
+    return [
+        f"{a.verb.value} {a.unit.name}" + (f" @{a.phase}/{a.every}" if a.every > 1 else "")
+        for a in plan
+    ]
 
 
 def test_gauss_seidel_lets_each_unit_read_step_and_publish_before_the_next():
@@ -92,7 +95,8 @@ def test_order_decides_whether_a_gain_sees_the_new_count(make, algorithm, compon
 @pytest.mark.parametrize(
     ("algorithm", "every", "latency", "count", "twice"),
     [
-        # every: a step of 3 macro steps is visible to the next unit at once, or at its end under Jacobi
+        # every: a step of 3 macro steps is visible to the next unit at once, or at its end under
+        # Jacobi
         ("gauss-seidel", 3, 0, [0, 1, 1, 1, 2, 2, 2], [0, 2, 2, 2, 4, 4, 4]),
         ("jacobi", 3, 0, [0, 0, 0, 1, 1, 1, 2], [0, 0, 0, 0, 2, 2, 2]),
         # latency: published 1, 2 or 3 macro steps after the step began
@@ -129,7 +133,11 @@ def test_a_slow_unit_steps_by_whole_periods_at_products_of_the_macro_step(make):
             r"1\.05 s is not a multiple of the macro step 0\.1 s; nearest: 1 s and 1\.1 s",
         ),
         ({"stop": 0.04, "step": 0.1}, (1,), r"nearest: 0\.1 s"),
-        ({"stop": 1.0, "step": 0.1}, (4, 6), r"12 macro steps of 0\.1 s \(the slowest components\); nearest: 1\.2 s"),
+        (
+            {"stop": 1.0, "step": 0.1},
+            (4, 6),
+            r"12 macro steps of 0\.1 s \(the slowest components\); nearest: 1\.2 s",
+        ),
         ({"stop": 0.0, "step": 0.1}, (1,), "must lie after the start time"),
         ({"stop": None, "step": 0.1}, (1,), "give one with --stop"),
         ({"stop": 1.0, "step": None}, (1,), "give one with --step"),

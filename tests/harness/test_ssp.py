@@ -35,7 +35,8 @@ SSD = """<?xml version="1.0" encoding="UTF-8"?>
           </d:ParameterBinding>
         </d:ParameterBindings>
         <d:Annotations>
-          <c:Annotation type="com.opensimulationplatform"><o:StepSizeHint value="1.0"/></c:Annotation>
+          <c:Annotation type="com.opensimulationplatform"><o:StepSizeHint
+          value="1.0"/></c:Annotation>
         </d:Annotations>
       </d:Component>
     </d:Elements>
@@ -83,7 +84,8 @@ def test_a_file_of_another_tool_runs_whatever_its_prefixes(write):
     result = run(write())
     assert result.system == "foreign"
     assert result.time.tolist() == [k * 0.5 for k in range(9)]
-    # Jacobi without our annotation; the hint of a step of 1.0 makes `twice` publish every other macro step
+    # Jacobi without our annotation; the hint of a step of 1.0 makes `twice` publish every other
+    # macro step
     assert result["count.n"].tolist() == [0, 1, 2, 3, 4, 5, 6, 7, 8]
     assert result["twice.y"].tolist() == [0, 0, 0, 0, 6, 6, 12, 12, 18]
 
@@ -111,8 +113,16 @@ def test_a_file_of_another_tool_runs_whatever_its_prefixes(write):
             'name="twice" implementation="ModelExchange"',
             "component twice: model exchange is not supported, only co-simulation",
         ),
-        ('<v:Real value="3"/>', '<v:Real value="NaN"/>', "component twice: parameter k: must not be NaN"),
-        ('Size="0.5"', 'Size="often"', "FixedStepAlgorithm: baseStepSize='often' is not a finite number"),
+        (
+            '<v:Real value="3"/>',
+            '<v:Real value="NaN"/>',
+            "component twice: parameter k: must not be NaN",
+        ),
+        (
+            'Size="0.5"',
+            'Size="often"',
+            "FixedStepAlgorithm: baseStepSize='often' is not a finite number",
+        ),
     ],
 )
 def test_what_cannot_be_run_is_refused_not_ignored(write, old, new, problem):
@@ -131,7 +141,9 @@ def test_missing_files_are_named_all_at_once(write):
         "foreign.ssp: component count: resources/my%20counter.fmu is not in the archive",
         "foreign.ssp: component twice: resources/gain.fmu is not in the archive",
     ]
-    assert complaints(write(leave_out="SystemStructure.ssd")) == ["foreign.ssp: it holds no SystemStructure.ssd"]
+    assert complaints(write(leave_out="SystemStructure.ssd")) == [
+        "foreign.ssp: it holds no SystemStructure.ssd"
+    ]
 
 
 def test_an_fmu_outside_the_archive_is_not_reached(write, fmus):
@@ -145,7 +157,9 @@ def test_external_entities_and_document_types_are_refused(write, tmp_path):
     (tmp_path / "secret.txt").write_text("secret")
     entity = f'<!DOCTYPE x [<!ENTITY s SYSTEM "file://{tmp_path}/secret.txt">]>'
     text = SSD.replace("<d:SystemStructureDescription", entity + "<d:SystemStructureDescription", 1)
-    assert complaints(write(text)) == ["foreign.ssp: SystemStructure.ssd: a document type declaration is not allowed"]
+    assert complaints(write(text)) == [
+        "foreign.ssp: SystemStructure.ssd: a document type declaration is not allowed"
+    ]
 
 
 # ---- damaged archives
@@ -155,7 +169,9 @@ def test_a_truncated_file_is_one_clear_line(write):
     path = write()
     path.write_bytes(path.read_bytes()[:-300])
     with (
-        pytest.raises(ArchiveError, match=r"foreign\.ssp: cannot be unpacked, the file is damaged") as caught,
+        pytest.raises(
+            ArchiveError, match=r"foreign\.ssp: cannot be unpacked, the file is damaged"
+        ) as caught,
         ssp.opened(path),
     ):
         pass
@@ -222,7 +238,9 @@ def test_an_archive_that_unpacks_to_too_much_is_refused_before_anything_is_writt
     path = tmp_path / "bomb.ssp"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("zeros", bytes(1_000_000))
-    with pytest.raises(ArchiveError, match="it would unpack to 1000000 bytes, more than the limit of 999999"):
+    with pytest.raises(
+        ArchiveError, match="it would unpack to 1000000 bytes, more than the limit of 999999"
+    ):
         unpack(path, into, limit=999_999)
     assert list(into.iterdir()) == []
     unpack(path, into, limit=1_000_000)

@@ -1,4 +1,6 @@
-"""A system of the project under the master: bits, columns, rows, parameter sets, bad input from the command line."""
+"""A system of the project under the master: bits, columns, rows, parameter sets, bad input from the
+command line.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ from harness.master import Simulation
 from harness.overrides import apply
 from harness.run import loaded
 
-pytestmark = pytest.mark.skipif("sync_approach" not in paths.systems(), reason="the project has not been built")
+pytestmark = pytest.mark.skipif(
+    "sync_approach" not in paths.systems(), reason="the project has not been built"
+)
 
 SPAN = 60.0
 """A minute is 600 macro steps, with the attitude control from half of it on."""
@@ -28,18 +32,27 @@ def early():
 
 
 def same_bits(a, b):
-    return a.columns == b.columns and a.time.tobytes() == b.time.tobytes() and a.values.tobytes() == b.values.tobytes()
+    return (
+        a.columns == b.columns
+        and a.time.tobytes() == b.time.tobytes()
+        and a.values.tobytes() == b.values.tobytes()
+    )
 
 
 @pytest.mark.parametrize("algorithm", ["gauss-seidel", "jacobi"])
 def test_executors_agree_bit_for_bit(early, algorithm):
-    a, b = (run("sync_approach", stop=SPAN, set=early, algorithm=algorithm, executor=e) for e in ("c", "python"))
+    a, b = (
+        run("sync_approach", stop=SPAN, set=early, algorithm=algorithm, executor=e)
+        for e in ("c", "python")
+    )
     assert same_bits(a, b)
     assert np.abs(a["servicer.wheel_speed"][-1]).max() > 0  # the attitude control has been at work
 
 
 def test_a_run_repeats_to_the_bit(early):
-    assert same_bits(run("sync_approach", stop=SPAN, set=early), run("sync_approach", stop=SPAN, set=early))
+    assert same_bits(
+        run("sync_approach", stop=SPAN, set=early), run("sync_approach", stop=SPAN, set=early)
+    )
 
 
 def test_rows_go_from_zero_to_the_stop_time_with_every_output_of_every_component(tmp_path):
@@ -49,7 +62,11 @@ def test_rows_go_from_zero_to_the_stop_time_with_every_output_of_every_component
     assert status == 0
     assert [float(row[0]) for row in rows] == [k * 0.1 for k in range(21)]
     with loaded("sync_approach") as system:
-        expected = [f"{c.name}.{name}" for c in system.components for name in read_interface(c.fmu).outputs()]
+        expected = [
+            f"{c.name}.{name}"
+            for c in system.components
+            for name in read_interface(c.fmu).outputs()
+        ]
     assert header == ["time", *expected]
 
 
@@ -66,7 +83,10 @@ def test_the_first_row_holds_propagated_values():
 
 
 def test_a_restored_system_has_the_same_future(early):
-    with loaded("sync_approach") as system, Simulation(apply(system, set=early, stop=SPAN)) as simulation:
+    with (
+        loaded("sync_approach") as system,
+        Simulation(apply(system, set=early, stop=SPAN)) as simulation,
+    ):
         simulation.advance(to=350)
         snapshot = simulation.save()
         simulation.advance()
@@ -89,7 +109,9 @@ def test_the_order_of_components_does_not_matter_to_jacobi(early):
 def test_every_parameter_set_flies():
     with loaded("sync_approach") as system:
         names = ["default", *(s.name for s in system.sets)]
-    finals = {name: run("sync_approach", params=name, stop=5.0)["controller.m_hat"][-1] for name in names}
+    finals = {
+        name: run("sync_approach", params=name, stop=5.0)["controller.m_hat"][-1] for name in names
+    }
     assert len(set(finals.values())) > 1
 
 
@@ -121,9 +143,15 @@ def test_a_parameter_beyond_physics_is_refused_in_one_line(capsys, tmp_path, set
 @pytest.mark.parametrize(
     ("setting", "line"),
     [
-        ("servicer.mas_0=1", "harness: --set servicer.mas_0: there is no such variable (close: mass_0"),
+        (
+            "servicer.mas_0=1",
+            "harness: --set servicer.mas_0: there is no such variable (close: mass_0",
+        ),
         ("servicer.mass_0=nan", "harness: --set servicer.mass_0: it must not be NaN"),
-        ("servicer.J_S=[1, 2, 3]", "harness: --set servicer.J_S: it wants 3 x 3 elements, not 3 elements"),
+        (
+            "servicer.J_S=[1, 2, 3]",
+            "harness: --set servicer.J_S: it wants 3 x 3 elements, not 3 elements",
+        ),
     ],
 )
 def test_a_mistaken_parameter_is_wrong_use(capsys, setting, line):

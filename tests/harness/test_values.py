@@ -6,7 +6,18 @@ import pytest
 
 from harness.values import assign, base, coerce, elements_of, expand, index, leaves, parse
 
-KNOWN = ["mass", "rho[1]", "rho[2]", "rho[3]", "J[1,1]", "J[1,2]", "J[2,1]", "J[2,2]", "M.bias[1]", "M.bias[2]"]
+KNOWN = [
+    "mass",
+    "rho[1]",
+    "rho[2]",
+    "rho[3]",
+    "J[1,1]",
+    "J[1,2]",
+    "J[2,1]",
+    "J[2,2]",
+    "M.bias[1]",
+    "M.bias[2]",
+]
 
 
 @pytest.mark.parametrize(

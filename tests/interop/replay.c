@@ -1,8 +1,10 @@
-/* replay.c - Windows program: drives one FMU library with recorded inputs and writes its outputs, all as raw doubles.
+/* replay.c - Windows program: drives one FMU library with recorded inputs and writes its outputs,
+ * all as raw doubles.
  *
  *     replay LIBRARY IN OUT
- * IN: guid (64 bytes), counts of parameters, inputs, outputs, steps (uint32), step size; value references of the three;
- * parameter values; then one row of inputs per step. OUT: one row of outputs after initialization and after every step. */
+ * IN: guid (64 bytes), counts of parameters, inputs, outputs, steps (uint32), step size; value
+ * references of the three; parameter values; then one row of inputs per step. OUT: one row of
+ * outputs after initialization and after every step. */
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -23,8 +25,8 @@ static void *take(FILE *file, size_t size, size_t count)
     return data;
 }
 
-static void log_line(fmi2ComponentEnvironment env, fmi2String name, fmi2Status status, fmi2String category,
-                     fmi2String text, ...)
+static void log_line(fmi2ComponentEnvironment env, fmi2String name, fmi2Status status,
+                     fmi2String category, fmi2String text, ...)
 {
     (void)env, (void)status;
     fprintf(stderr, "%s: %s: %s\n", name, category, text);
@@ -53,11 +55,13 @@ int main(int argc, char **argv)
     char *guid = take(in, 1, 64);
     uint32_t *n = take(in, sizeof(uint32_t), 4);
     double h = *(double *)take(in, sizeof(double), 1);
-    uint32_t *parameters = take(in, 4, n[0]), *inputs = take(in, 4, n[1]), *outputs = take(in, 4, n[2]);
+    uint32_t *parameters = take(in, 4, n[0]), *inputs = take(in, 4, n[1]),
+             *outputs = take(in, 4, n[2]);
     double *values = take(in, 8, n[0]), *row = calloc(n[2] + 1, 8);
 
     fmi2CallbackFunctions callbacks = {log_line, calloc, free, NULL, NULL};
-    fmi2Component c = fmi2Instantiate("replay", fmi2CoSimulation, guid, "", &callbacks, fmi2False, fmi2False);
+    fmi2Component c =
+        fmi2Instantiate("replay", fmi2CoSimulation, guid, "", &callbacks, fmi2False, fmi2False);
     if (!c) stop("fmi2Instantiate");
     CALL(fmi2SetReal(c, parameters, n[0], values));
     CALL(fmi2SetupExperiment(c, fmi2False, 0, 0, fmi2False, 0));

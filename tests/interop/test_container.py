@@ -1,4 +1,6 @@
-"""A system as one FMU: other tools accept it, and FMPy and libcosim get the bits of our own run out of it."""
+"""A system as one FMU: other tools accept it, and FMPy and libcosim get the bits of our own run out
+of it.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,8 @@ from harness.run import fly, loaded
 pytestmark = [
     pytest.mark.interop,
     pytest.mark.skipif(
-        importlib.util.find_spec("fmu_manipulation_toolbox") is None, reason="fmu-manipulation-toolbox is not installed"
+        importlib.util.find_spec("fmu_manipulation_toolbox") is None,
+        reason="fmu-manipulation-toolbox is not installed",
     ),
 ]
 MACRO_STEPS = 300
@@ -39,9 +42,15 @@ def contained(request, system, tmp_path_factory):
     with loaded(system) as found:
         h = found.experiment.step
         stop = found.experiment.start + MACRO_STEPS * h
-        changed = replace(found, experiment=replace(found.experiment, stop=stop, algorithm=request.param))
+        changed = replace(
+            found, experiment=replace(found.experiment, stop=stop, algorithm=request.param)
+        )
         try:
-            return export(changed, tmp_path_factory.mktemp("container") / f"{system}.fmu"), h, fly(changed)
+            return (
+                export(changed, tmp_path_factory.mktemp("container") / f"{system}.fmu"),
+                h,
+                fly(changed),
+            )
         except StructureError as error:
             pytest.skip(f"{system}: {error}")
 
@@ -97,7 +106,9 @@ def test_the_same_system_gives_the_same_container(system, tmp_path):
 
 @pytest.mark.tool("fmucontainer on the .ssp itself", "fmu-manipulation-toolbox")
 def test_fmucontainer_by_itself_drops_the_values_of_an_ssp(tmp_path):
-    """Why the harness writes containers: fmucontainer takes no .ssv and initialises a loop from zeros."""
+    """Why the harness writes containers: fmucontainer takes no .ssv and initialises a loop from
+    zeros.
+    """
     name = "sync_approach"
     (tmp_path / f"{name}.ssp").write_bytes(paths.systems()[name].read_bytes())
     command = [
@@ -110,7 +121,11 @@ def test_fmucontainer_by_itself_drops_the_values_of_an_ssp(tmp_path):
     subprocess.run(command, capture_output=True, check=True, cwd=tmp_path, timeout=60)
     with zipfile.ZipFile(tmp_path / f"{name}.fmu") as archive:
         runtime = archive.read("resources/container.txt").decode().splitlines()
-    head = next(i for i, line in enumerate(runtime) if line.startswith("# Start values of target.fmu - real64"))
+    head = next(
+        i
+        for i, line in enumerate(runtime)
+        if line.startswith("# Start values of target.fmu - real64")
+    )
     assert runtime[head + 1] == "0 0"
     with pytest.raises(fmpy.fmi1.FMICallException, match="fmi2ExitInitializationMode"):
         fmpy.simulate_fmu(str(tmp_path / f"{name}.fmu"), stop_time=1.0, output_interval=0.1)

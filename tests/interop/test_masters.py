@@ -35,7 +35,9 @@ def ours(request):
     """Name of the system, macro step, rows of our Jacobi run by column name."""
     with loaded(request.param) as system:
         h = system.experiment.step
-        experiment = replace(system.experiment, stop=system.experiment.start + MACRO_STEPS * h, algorithm="jacobi")
+        experiment = replace(
+            system.experiment, stop=system.experiment.start + MACRO_STEPS * h, algorithm="jacobi"
+        )
         with Simulation(replace(system, experiment=experiment)) as simulation:
             simulation.advance()
             result = simulation.result()
@@ -47,7 +49,9 @@ def same_bits(theirs, result, k):
     expected = np.array([result[name][k] for name in names])
     got = np.array([theirs[name] for name in names])
     different = [n for n, a, b in zip(names, got, expected, strict=True) if a != b]
-    assert not different, f"after {k} macro steps {len(different)} of {len(names)} outputs differ: {different[:5]}"
+    assert not different, (
+        f"after {k} macro steps {len(different)} of {len(names)} outputs differ: {different[:5]}"
+    )
     assert set(names) == set(result.columns)
 
 
@@ -75,7 +79,9 @@ def test_libcosim_gives_our_bits(ours):
 def libcosim_outputs(execution, observer, slaves):
     values = {}
     for slave, index in slaves.items():
-        outputs = [v for v in execution.slave_variables(index) if v.causality == 2]  # COSIM_VARIABLE_CAUSALITY_OUTPUT
+        outputs = [
+            v for v in execution.slave_variables(index) if v.causality == 2
+        ]  # COSIM_VARIABLE_CAUSALITY_OUTPUT
         numbers = observer.last_real_values(index, [v.reference for v in outputs])
         values |= {f"{slave}.{v.name.decode()}": x for v, x in zip(outputs, numbers, strict=True)}
     return values
@@ -91,5 +97,8 @@ def test_ecos_gives_our_bits(ours):
         for k in CHECKED:
             simulation.step(k - done)
             done = k
-            theirs = {column: simulation.get_real(column.replace(".", "::", 1)) for column in result.columns}
+            theirs = {
+                column: simulation.get_real(column.replace(".", "::", 1))
+                for column in result.columns
+            }
             same_bits(theirs, result, k)

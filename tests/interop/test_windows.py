@@ -1,4 +1,6 @@
-"""The win64 library of every FMU of a system, run under Wine, gives the bits of linux64 over a whole flight."""
+"""The win64 library of every FMU of a system, run under Wine, gives the bits of linux64 over a
+whole flight.
+"""
 
 import os
 import shutil
@@ -32,14 +34,32 @@ def workshop(tmp_path_factory):
     """Folder with replay.exe and the FMUs of the system for all platforms."""
     if WINE is None:
         pytest.skip("Wine is not installed: the win64 libraries are not run")
-    pytest.importorskip("ziglang", reason="ziglang is not installed: the win64 libraries are not built")
+    pytest.importorskip(
+        "ziglang", reason="ziglang is not installed: the win64 libraries are not built"
+    )
     folder = tmp_path_factory.mktemp("windows")
     source = ROOT / "tests/interop/replay.c"
-    zig("-target", "x86_64-windows-gnu", "-O2", "-isystem", HEADERS, source, "-o", folder / "replay.exe")
+    zig(
+        "-target",
+        "x86_64-windows-gnu",
+        "-O2",
+        "-isystem",
+        HEADERS,
+        source,
+        "-o",
+        folder / "replay.exe",
+    )
     with loaded(SYSTEM) as system:
         for component in system.components:
             shutil.copy(component.fmu, folder)
-    command = [sys.executable, ROOT / "fmus/core/build/cross_compile.py", "--fmus", folder, "-o", folder / "dist"]
+    command = [
+        sys.executable,
+        ROOT / "fmus/core/build/cross_compile.py",
+        "--fmus",
+        folder,
+        "-o",
+        folder / "dist",
+    ]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     return folder
 
@@ -52,7 +72,9 @@ def flight():
 
 
 def inputs_of(graph, node, rows):
-    """What a component read at every macro step of Gauss-Seidel: new rows from those before it, else old ones."""
+    """What a component read at every macro step of Gauss-Seidel: new rows from those before it,
+    else old ones.
+    """
     first = min(wire.slot for wire in node.outputs)
     slots = np.array([wire.slot for wire in node.inputs], dtype=int)
     return np.where(slots < first, rows[1:, slots], rows[:-1, slots])
@@ -79,12 +101,16 @@ def replay(folder, name, recorded, columns):
         (folder / f"{name}.dll").write_bytes(archive.read(f"binaries/win64/{name}.dll"))
     command = [WINE, "replay.exe", f"{name}.dll", recorded.name, "out.bin"]
     quiet = {**os.environ, "WINEDEBUG": "-all"}
-    done = subprocess.run(command, cwd=folder, env=quiet, capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(
+        command, cwd=folder, env=quiet, capture_output=True, text=True, timeout=300, check=False
+    )
     assert done.returncode == 0, done.stderr
     return np.fromfile(folder / "out.bin", dtype="<f8").reshape(-1, columns)
 
 
-@pytest.mark.parametrize("component", ["guidance", "controller", "propulsion", "servicer", "target"])
+@pytest.mark.parametrize(
+    "component", ["guidance", "controller", "propulsion", "servicer", "target"]
+)
 def test_win64_gives_the_bits_of_linux64_over_a_whole_flight(component, workshop, flight):
     system, graph, rows = flight
     node = next(n for n in graph.nodes if n.component.name == component)

@@ -1,10 +1,12 @@
 """Adaptive controller: mass-adaptive force, inertia-adaptive wheel acceleration or torque.
 
-Translation. e_N = rho - rho_ref seen in H is the jet C_HN e_N; without control its second derivative is Psi:
+Translation. e_N = rho - rho_ref seen in H is the jet C_HN e_N; without control its second
+derivative is Psi:
     (e1, e2, Psi) = (C_HN e_N, its rate, its acceleration),   F = -m_hat (K e1 + P e2 + Psi)
 
-Attitude. J wdd + wd x (J wd + A Omega) + A Omega_dot is the rate of momentum of a servicer that follows D; it is linear
-in eta = (J, A), and its Jacobian is the regressor.  Feedback: f = (d eps_dot/d omega)' K eps + P dw.
+Attitude. J wdd + wd x (J wd + A Omega) + A Omega_dot is the rate of momentum of a servicer that
+follows D; it is linear in eta = (J, A), and its Jacobian is the regressor.  Feedback: f = (d
+eps_dot/d omega)' K eps + P dw.
 """
 
 from __future__ import annotations
@@ -66,7 +68,9 @@ def matrix(six: Array) -> Array:
     return np.tensordot(six, BASIS, 1)
 
 
-def following_torque(eta: Array, wd: Array, wdd: Array, wheel_speed: Array, wheel_accel: Array) -> Array:
+def following_torque(
+    eta: Array, wd: Array, wdd: Array, wheel_speed: Array, wheel_accel: Array
+) -> Array:
     """J wdd + wd x (J wd + A Omega) + A Omega_dot, S axes, N.m"""
     J, A = matrix(eta[:6]), matrix(eta[6:])
     return J @ wdd + attitude.cross(wd, J @ wd + A @ wheel_speed) + A @ wheel_accel
@@ -84,7 +88,9 @@ def translation_error(T: Body, S: Body, ref: Mapping[str, Any], mu: float) -> tu
     """(e1, e2, Psi) in H axes, and C_HN."""
     C_HN = hill_frame(T.r, T.v, mu)
     gravity = central_gravity(S.r, mu) - central_gravity(T.r, mu)
-    e_N = Jet(S.r - T.r - ref["rho_ref_N"], S.v - T.v - ref["drho_ref_N"], gravity - ref["ddrho_ref_N"])
+    e_N = Jet(
+        S.r - T.r - ref["rho_ref_N"], S.v - T.v - ref["drho_ref_N"], gravity - ref["ddrho_ref_N"]
+    )
     return C_HN @ e_N, C_HN.x
 
 
@@ -111,11 +117,15 @@ def attitude_error(S: Body, ref: Mapping[str, Any], p: Parameters) -> AttitudeEr
     wd, wdd = C_SD @ ref["omega_DN_D"], C_SD @ ref["alpha_DN_D"]
     epsilon = q_SD[1:] / (1.0 + q_SD[0])
     dw = S.omega - wd
-    feedback = attitude.mrp_rate_matrix(q_SD).T @ (np.array(p.K_att) * epsilon) + np.array(p.P_att) * dw
+    feedback = (
+        attitude.mrp_rate_matrix(q_SD).T @ (np.array(p.K_att) * epsilon) + np.array(p.P_att) * dw
+    )
     return AttitudeError(epsilon, dw, wd, wdd, feedback)
 
 
-def moment(err: AttitudeError, wheel_speed: Array, eta_hat: Array, p: Parameters) -> tuple[Array, Array, Array]:
+def moment(
+    err: AttitudeError, wheel_speed: Array, eta_hat: Array, p: Parameters
+) -> tuple[Array, Array, Array]:
     """Torque command, wheel acceleration command, rate of eta_hat."""
     none = np.zeros(3)
     required = following_torque(eta_hat, err.wd, err.wdd, wheel_speed, none)
@@ -139,9 +149,18 @@ def projected(m_hat: float, eta_hat: Array, p: Parameters) -> Estimate:
 
 
 def sample(
-    t: float, T: Body, S: Body, wheel_speed: Array, ref: Mapping[str, Any], x: Estimate, p: Parameters, period: float
+    t: float,
+    T: Body,
+    S: Body,
+    wheel_speed: Array,
+    ref: Mapping[str, Any],
+    x: Estimate,
+    p: Parameters,
+    period: float,
 ) -> tuple[dict[str, Any], Estimate]:
-    """Outputs at t (the command used the estimates before the update) and the estimates after it."""
+    """Outputs at t (the command used the estimates before the update) and the estimates after
+    it.
+    """
     e, C_HN = translation_error(T, S, ref, p.mu)
     F_H, dm_hat = force(e, x.m_hat, p)
     err = attitude_error(S, ref, p)

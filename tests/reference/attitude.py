@@ -1,4 +1,6 @@
-"""Attitude: unit quaternions (scalar first, v_N = q v_X q*), direction cosine matrices and Rodrigues parameters."""
+"""Attitude: unit quaternions (scalar first, v_N = q v_X q*), direction cosine matrices and
+Rodrigues parameters.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,9 @@ def conjugate(q: Array) -> Array:
 
 
 def positive(q: Array) -> Array:
-    """The one of q and -q whose scalar part is not negative: the rotation by at most 180 degrees."""
+    """The one of q and -q whose scalar part is not negative: the rotation by at most 180
+    degrees.
+    """
     return q if q[0] >= 0.0 else -q
 
 
@@ -54,7 +58,9 @@ def rate(q: Array, omega_X: Array) -> Array:
 
 
 def dcm(q: Array) -> Array:
-    """C_XN of q_XN. Homogeneous of degree 0: a rotation also for a quaternion that an integrator left off norm 1."""
+    """C_XN of q_XN. Homogeneous of degree 0: a rotation also for a quaternion that an integrator
+    left off norm 1.
+    """
     a, b, c, d = q
     aa, bb, cc, dd = a * a, b * b, c * c, d * d
     n = 1.0 / (aa + bb + cc + dd)
@@ -68,7 +74,9 @@ def dcm(q: Array) -> Array:
 
 
 def quaternion_of_dcm(C_XN: Array) -> Array:
-    """q_XN (scalar part >= 0) as the eigenvector of Bar-Itzhack's matrix that belongs to its largest eigenvalue."""
+    """q_XN (scalar part >= 0) as the eigenvector of Bar-Itzhack's matrix that belongs to its
+    largest eigenvalue.
+    """
     c = C_XN
     z = np.array((c[1, 2] - c[2, 1], c[2, 0] - c[0, 2], c[0, 1] - c[1, 0]))
     K = np.empty((4, 4))
@@ -85,13 +93,17 @@ def mrp_of_quaternion(q: Array) -> Array:
 
 
 def quaternion_of_mrp(sigma: Array) -> Array:
-    """From tan(angle/4): half the angle turned twice, q = [1, sigma] (x) [1, sigma] / (1 + sigma.sigma)."""
+    """From tan(angle/4): half the angle turned twice, q = [1, sigma] (x) [1, sigma] / (1 +
+    sigma.sigma).
+    """
     half = np.array((1.0, *sigma))
     return multiply(half, half) / (half @ half)
 
 
 def mrp_rate_matrix(q: Array) -> Array:
-    """d(dsigma/dt)/d(omega), that is G(sigma)/4, by the chain rule through sigma = q_vec/(1 + q_0) and dq/dt."""
+    """d(dsigma/dt)/d(omega), that is G(sigma)/4, by the chain rule through sigma = q_vec/(1 + q_0)
+    and dq/dt.
+    """
     q0, v = q[0], q[1:]
     return 0.5 * ((q0 * np.eye(3) + tilde(v)) / (1.0 + q0) + np.outer(v, v) / (1.0 + q0) ** 2)
 
@@ -106,5 +118,7 @@ def angle_between(a: Array, b: Array) -> float:
 
 
 def angular_rates(C: Array, C_dot: Array, C_ddot: Array) -> tuple[Array, Array]:
-    """omega and its derivative (X components) of a frame X from C_XN(t): dC/dt = -tilde(omega) C."""
+    """omega and its derivative (X components) of a frame X from C_XN(t): dC/dt = -tilde(omega)
+    C.
+    """
     return vee(-C_dot @ C.T), vee(-C_ddot @ C.T - C_dot @ C_dot.T)

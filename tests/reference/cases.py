@@ -45,7 +45,9 @@ def positive_definite(rng: np.random.Generator, eigenvalues: Any) -> Array:
 
 
 def orbits(rng: np.random.Generator) -> Case:
-    """Jets (N axes) of a target on an eccentric orbit and of a servicer near it that accelerates by a_F."""
+    """Jets (N axes) of a target on an eccentric orbit and of a servicer near it that accelerates by
+    a_F.
+    """
     r, v = orbit.state_of_elements(MU, 7.4e6, rng.uniform(0, 0.1), *rng.uniform(0.1, 3.0, 4))
     rS, vS = r + 200 * rng.normal(size=3), v + rng.normal(size=3)
     a_F = 0.01 * rng.normal(size=3)
@@ -58,13 +60,19 @@ def orbits(rng: np.random.Generator) -> Case:
 
 
 def tumbling(rng: np.random.Generator) -> Case:
-    """An orbit with a target of random attitude, rate, inertia and grasp axis; T is what the printed formulas need."""
+    """An orbit with a target of random attitude, rate, inertia and grasp axis; T is what the
+    printed formulas need.
+    """
     c = orbits(rng)
     p = guidance.Parameters(J_T=positive_definite(rng, (100, 150, 90)), p_T=direction(rng))
     body = Body(c.T.x, c.T.d, quaternion(rng), 0.02 * rng.normal(size=3))
     C_TN = attitude.dcm(body.q)
     w_H, w_H_dot = np.array((0, 0, c.th)), np.array((0, 0, c.thd))
     C_BH, r_B = c.C_HN.x @ C_TN.T, C_TN @ body.r
-    T = Case(omega=body.omega, J=p.J_T, r_B=r_B, C_BH=C_BH, p_t=p.p_T, w_H=w_H, w_H_dot=w_H_dot, mu=MU)
+    T = Case(
+        omega=body.omega, J=p.J_T, r_B=r_B, C_BH=C_BH, p_t=p.p_T, w_H=w_H, w_H_dot=w_H_dot, mu=MU
+    )
     t = rng.uniform(0, 300)
-    return Case(t=t, T=T, body=body, p=p, C_HN=c.C_HN, C_HT=c.C_HN @ guidance.target_frame(t, body, p))
+    return Case(
+        t=t, T=T, body=body, p=p, C_HN=c.C_HN, C_HT=c.C_HN @ guidance.target_frame(t, body, p)
+    )

@@ -1,8 +1,9 @@
 """The whole synchronised approach with a zero-order hold, as one program.
 
-Software samples at t_k; force (servicer body axes), torque and wheel acceleration are held on [t_k, t_k+1); both plants
-take one RK4 step. Row k of a history holds the plant states at t_k and what the software computed at t_k-1: row 0 holds
-the law at the initial states with the estimates at their start values.
+Software samples at t_k; force (servicer body axes), torque and wheel acceleration are held on [t_k,
+t_k+1); both plants take one RK4 step. Row k of a history holds the plant states at t_k and what the
+software computed at t_k-1: row 0 holds the law at the initial states with the estimates at their
+start values.
 """
 
 from __future__ import annotations
@@ -42,7 +43,9 @@ class Recorder:
         return {"time": step * np.arange(len(out["target.r_TN_N"])), **out}
 
 
-def software(t: float, yT: Array, yS: Array, held: Array | None, x: adaptive.Estimate, s: System, h: float) -> Any:
+def software(
+    t: float, yT: Array, yS: Array, held: Array | None, x: adaptive.Estimate, s: System, h: float
+) -> Any:
     """Guidance and controller at t: both output dictionaries and their next states."""
     plant = servicer.outputs(t, yS, s.servicer)
     T, S = target.body(yT), servicer.body(yS, servicer.is_active(s.servicer, t))
@@ -61,14 +64,20 @@ def run(s: System = System(), stop: float = paper_case.STOP, h: float = paper_ca
     for k in range(round(stop / h)):
         t, t_next = k * h, (k + 1) * h
         ref, command, held, x = software(t, yT, yS, held, x, s, h)
-        u = servicer.Input(F_S=command["F_cmd_S"], M_S=command["M_cmd_S"], wheel_accel_cmd=command["wheel_accel_cmd"])
+        u = servicer.Input(
+            F_S=command["F_cmd_S"],
+            M_S=command["M_cmd_S"],
+            wheel_accel_cmd=command["wheel_accel_cmd"],
+        )
         yS = servicer.step(s.servicer, yS, t, t_next, u)
         yT = target.step(s.target, yT, t, t_next)
         record(rec, t_next, yT, yS, ref, command, s)
     return rec.history(h)
 
 
-def record(rec: Recorder, t: float, yT: Array, yS: Array, ref: Any, command: Any, s: System) -> None:
+def record(
+    rec: Recorder, t: float, yT: Array, yS: Array, ref: Any, command: Any, s: System
+) -> None:
     rec.add("target", target.outputs(yT, s.target))
     rec.add("servicer", servicer.outputs(t, yS, s.servicer))
     rec.add("guidance", ref)

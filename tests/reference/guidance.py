@@ -1,9 +1,11 @@
-"""Reference of the synchronised approach: a shrinking radius along the grasp axis, and the attitude that faces it.
+"""Reference of the synchronised approach: a shrinking radius along the grasp axis, and the attitude
+that faces it.
 
     rho_ref = L(t) p,  L = rho_M - (rho_M - rho_0) exp(-beta t),  p = grasp axis of the target
     D: x = -p,  z = x cross (orbit normal) made a unit vector,  y = z cross x
 
-All derivatives are jets of these lines: the target's attitude moves by its known torques, its orbit is Keplerian.
+All derivatives are jets of these lines: the target's attitude moves by its known torques, its orbit
+is Keplerian.
 """
 
 from __future__ import annotations
@@ -60,8 +62,8 @@ def radius(t: float, p: Parameters) -> Jet:
 def facing_frame(grasp_N: Jet, C_HN: Jet, held_H: Array | None, p: Parameters) -> tuple[Jet, float]:
     """C_DN and |x cross orbit normal|.
 
-    Inside the guard the z axis of the last sample outside, kept constant in H, takes the place of the cross product and
-    is made normal to x again.
+    Inside the guard the z axis of the last sample outside, kept constant in H, takes the place of
+    the cross product and is made normal to x again.
     """
     x = -grasp_N
     normal = Jet(C_HN.x[2], C_HN.d[2], C_HN.dd[2])
@@ -77,7 +79,9 @@ def facing_frame(grasp_N: Jet, C_HN: Jet, held_H: Array | None, p: Parameters) -
 def sample(
     t: float, T: Body, S: Body, p: Parameters, held_H: Array | None = None
 ) -> tuple[dict[str, Any], Array | None]:
-    """All outputs at t, and the z axis of D in H components that the guard of a later sample may hold."""
+    """All outputs at t, and the z axis of D in H components that the guard of a later sample may
+    hold.
+    """
     C_HN = hill_frame(T.r, T.v, p.mu)
     grasp_N = target_frame(t, T, p) @ jet.constant(np.array(p.p_T, dtype=float))
     rho_ref_N = radius(t, p) * grasp_N

@@ -1,4 +1,6 @@
-"""Two ways through the same right-hand side: a tight-tolerance truth and the fixed-step RK4 of the models."""
+"""Two ways through the same right-hand side: a tight-tolerance truth and the fixed-step RK4 of the
+models.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +16,12 @@ Rhs = Callable[[float, Array], Array]
 
 
 def truth(f: Rhs, y: Array, t0: float, t1: float, atol: Array, max_step: float = 10.0) -> Array:
-    """DOP853. The step limit keeps an orbit's local error below rounding; rtol alone would allow 1e-6 m per step."""
-    solution = solve_ivp(f, (t0, t1), y, method="DOP853", rtol=1e-13, atol=atol, max_step=max_step, t_eval=[t1])
+    """DOP853. The step limit keeps an orbit's local error below rounding; rtol alone would allow
+    1e-6 m per step.
+    """
+    solution = solve_ivp(
+        f, (t0, t1), y, method="DOP853", rtol=1e-13, atol=atol, max_step=max_step, t_eval=[t1]
+    )
     if not solution.success:
         raise ArithmeticError(solution.message)
     return solution.y[:, -1]

@@ -1,7 +1,7 @@
 """Second-order jets: a quantity together with its first and second time derivative.
 
-Leibniz' rule for any bilinear product carries the derivatives exactly, so that no rate formula is written by hand:
-(a * b)' = a' * b + a * b',   (a * b)'' = a'' * b + 2 a' * b' + a * b''.
+Leibniz' rule for any bilinear product carries the derivatives exactly, so that no rate formula is
+written by hand: (a * b)' = a' * b + a * b',   (a * b)'' = a'' * b + 2 a' * b' + a * b''.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
-"""Line-of-sight (LOS) coordinates, guidance that hovers in front of a feature: docs/models.md C, sections 1 to 3.
+"""Line-of-sight (LOS) coordinates, guidance that hovers in front of a feature: docs/models.md C,
+sections 1 to 3.
 
-Angles are differentiated through sin(elevation) and tan(azimuth), attitude rates come from jets of direction cosines.
+Angles are differentiated through sin(elevation) and tan(azimuth), attitude rates come from jets of
+direction cosines.
 """
 
 from __future__ import annotations
@@ -40,10 +42,14 @@ class Los(NamedTuple):
 
 
 def triad(elevation: float, azimuth: float, up_axis: float = 2) -> Array:
-    """Rows x_l, y_l, z_l: derivatives of the unit vector, made with up = second axis and rolled into place."""
+    """Rows x_l, y_l, z_l: derivatives of the unit vector, made with up = second axis and rolled
+    into place.
+    """
     ce, se, cb, sb = cos(elevation), sin(elevation), cos(azimuth), sin(azimuth)
     x_l, y_l = (ce * cb, se, -ce * sb), (-se * cb, ce, se * sb)
-    return np.array([np.roll(row, int(up_axis) - 2) for row in (x_l, y_l, attitude.cross(x_l, y_l))])
+    return np.array(
+        [np.roll(row, int(up_axis) - 2) for row in (x_l, y_l, attitude.cross(x_l, y_l))]
+    )
 
 
 def line_of_sight(r: Jet, up_axis: float = 2) -> Los:
@@ -79,7 +85,9 @@ def wrapped(angle: float) -> float:
 
 
 def kinematic_acceleration(q: Array, dq: Array) -> Array:
-    """Second derivatives of (range, elevation, azimuth) in free motion without gravity (section 1.2)."""
+    """Second derivatives of (range, elevation, azimuth) in free motion without gravity (section
+    1.2).
+    """
     rho, e = q[0], q[1]
     return np.array(
         (
@@ -116,7 +124,9 @@ class Held(NamedTuple):
 def feature(T: Body, p: Guidance) -> Jet:
     """rho_ref as seen in N; the target's attitude model is that of the other guidance."""
     model = guidance.Parameters(mu=p.mu, J_T=p.J_T, use_gravity_gradient=p.use_gravity_gradient)
-    return guidance.target_frame(0.0, T, model) @ jet.constant(p.rho_f * np.array(p.p_T, dtype=float))
+    return guidance.target_frame(0.0, T, model) @ jet.constant(
+        p.rho_f * np.array(p.p_T, dtype=float)
+    )
 
 
 def relative_motion(T: Body, S: Body, F_cmd_S: Array, p: Guidance) -> Jet:
@@ -140,7 +150,9 @@ def camera_frame(r: Jet, held: Held, p: Guidance) -> tuple[Jet, bool]:
 NOTHING = Held()
 
 
-def guide(T: Body, S: Body, F_cmd_S: Array, p: Guidance, held: Held = NOTHING) -> tuple[dict[str, Any], Held]:
+def guide(
+    T: Body, S: Body, F_cmd_S: Array, p: Guidance, held: Held = NOTHING
+) -> tuple[dict[str, Any], Held]:
     ref, r = feature(T, p), relative_motion(T, S, F_cmd_S, p)
     C_DN, guarded = camera_frame(r, held, p)
     q_DN = attitude.quaternion_of_dcm(C_DN.x)

@@ -1,4 +1,6 @@
-"""Gravity of an oblate planet, orbital elements, and the orbit (Hill) frame H with its derivatives."""
+"""Gravity of an oblate planet, orbital elements, and the orbit (Hill) frame H with its
+derivatives.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +16,17 @@ def central_gravity(r: Array, mu: float) -> Array:
 
 
 def j2_potential(r: Array, mu: float, R_E: float, J2: float) -> Array:
-    """Oblateness part of the potential U (acceleration = +grad U): -mu J2 R_E^2 P2(z/r) / r^3, [m2/s2]."""
+    """Oblateness part of the potential U (acceleration = +grad U): -mu J2 R_E^2 P2(z/r) / r^3,
+    [m2/s2].
+    """
     rr = r @ r
     return -0.5 * mu * J2 * R_E**2 * (3.0 * r[2] ** 2 / rr - 1.0) / rr**1.5
 
 
 def j2_acceleration(r: Array, mu: float, R_E: float, J2: float) -> Array:
-    """Gradient of U = -k/2 (3 z^2 r^-5 - r^-3), k = mu J2 R_E^2, term by term with grad r^n = n r^(n-2) r."""
+    """Gradient of U = -k/2 (3 z^2 r^-5 - r^-3), k = mu J2 R_E^2, term by term with grad r^n = n
+    r^(n-2) r.
+    """
     rr = r @ r
     z = r[2]
     k = mu * J2 * R_E**2 / rr**2.5
@@ -32,8 +38,8 @@ def j2_acceleration(r: Array, mu: float, R_E: float, J2: float) -> Array:
 def gravity_gradient_torque(r_X: Array, J: Array, mu: float) -> Array:
     """Torque of the tidal tensor T on the mass distribution, X axes.
 
-    M_i = integral of eps_ijk x_j (T x)_k dm = eps_ijk (E T)_jk with the second moments E = tr(J)/2 I - J and
-    T = mu (3 r r' / r^5 - I / r^3).
+    M_i = integral of eps_ijk x_j (T x)_k dm = eps_ijk (E T)_jk with the second moments E = tr(J)/2
+    I - J and T = mu (3 r r' / r^5 - I / r^3).
     """
     rr = r_X @ r_X
     T = mu / rr**1.5 * (3.0 / rr * np.outer(r_X, r_X) - np.eye(3))
@@ -49,7 +55,9 @@ def state_of_elements(
     speed = np.sqrt(mu * (2.0 / r - 1.0 / a))
     flight_path = np.arctan2(e * np.sin(nu), 1.0 + e * np.cos(nu))
     R_NH = Rotation.from_euler("ZXZ", (raan, inc, argp + nu)).as_matrix()
-    return R_NH[:, 0] * r, R_NH @ (speed * np.array((np.sin(flight_path), np.cos(flight_path), 0.0)))
+    return R_NH[:, 0] * r, R_NH @ (
+        speed * np.array((np.sin(flight_path), np.cos(flight_path), 0.0))
+    )
 
 
 def elements_of_state(r: Array, v: Array, mu: float) -> tuple[float, float]:
@@ -67,7 +75,9 @@ def hill_axes(r: Array, v: Array) -> Array:
 
 
 def hill_frame(r: Array, v: Array, mu: float) -> Jet:
-    """C_HN with the derivatives it has in unperturbed motion, so that H turns at |h|/r^2 about its z axis."""
+    """C_HN with the derivatives it has in unperturbed motion, so that H turns at |h|/r^2 about its
+    z axis.
+    """
     h = np.cross(r, v)
     normal = constant(h / np.linalg.norm(h))
     radial = unit(Jet(r, v, central_gravity(r, mu)))

@@ -46,7 +46,9 @@ SERVICER = servicer.Parameters(
     A_w=A_W,
     sigma_SN_0=(0.2, -0.2, 0.15),
     t_att=T_ATT,
-    M_dist_S=Sinusoid(amplitude=(1.2e-4, 2.4e-4, 1.6e-4), frequency=(0.05, 0.05, 0.05), start=T_ATT),
+    M_dist_S=Sinusoid(
+        amplitude=(1.2e-4, 2.4e-4, 1.6e-4), frequency=(0.05, 0.05, 0.05), start=T_ATT
+    ),
     a_dist=Sinusoid(bias=(1.8e-5, -2.0e-5, -1.5e-5)),
     a_dist_axes=1.0,
 )

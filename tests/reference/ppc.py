@@ -1,6 +1,8 @@
-"""Prescribed performance and PID control in line-of-sight coordinates: docs/models.md C, sections 1.3, 3.3, 4, 5.1.
+"""Prescribed performance and PID control in line-of-sight coordinates: docs/models.md C, sections
+1.3, 3.3, 4, 5.1.
 
-Fields of the parameter classes bear the names of the ports: settings() of one of them is a parameter set of the FMU.
+Fields of the parameter classes bear the names of the ports: settings() of one of them is a
+parameter set of the FMU.
 """
 
 from __future__ import annotations
@@ -25,7 +27,11 @@ def settings(p: Any) -> dict[str, Any]:
     """Parameters by the names of the FMU; records become nested dictionaries."""
 
     def renamed(value: Any) -> Any:
-        return {k.rstrip("_"): renamed(v) for k, v in value.items()} if isinstance(value, dict) else value
+        return (
+            {k.rstrip("_"): renamed(v) for k, v in value.items()}
+            if isinstance(value, dict)
+            else value
+        )
 
     result: dict[str, Any] = renamed(asdict(p))
     return result
@@ -119,7 +125,9 @@ class Ppc(Common):
 
 
 class Funnel(NamedTuple):
-    """Decided at activation: time, and per channel whether the generalised state started at or above zero."""
+    """Decided at activation: time, and per channel whether the generalised state started at or
+    above zero.
+    """
 
     t_0: float
     rising: tuple[bool, ...]
@@ -129,7 +137,9 @@ def bound(c: Channel, age: float) -> float:
     return (c.alpha_0 - c.alpha_inf) * exp(-c.beta * age) + c.alpha_inf
 
 
-def barrier(cs: Sequence[Channel], law: float, z: Array, funnel: Funnel, t: float) -> tuple[Array, dict[str, Any]]:
+def barrier(
+    cs: Sequence[Channel], law: float, z: Array, funnel: Funnel, t: float
+) -> tuple[Array, dict[str, Any]]:
     u, theta, s, alpha = (np.empty(3) for _ in range(4))
     inside = True
     for i, c in enumerate(cs):
@@ -157,7 +167,9 @@ def generalised(e: Error, p: Ppc) -> tuple[Array, Array]:
 PpcState = tuple[Funnel | None, Funnel | None]
 
 
-def ppc(t: float, T: Body, S: Body, ref: Mapping[str, Any], x: PpcState, p: Ppc) -> tuple[dict[str, Any], PpcState]:
+def ppc(
+    t: float, T: Body, S: Body, ref: Mapping[str, Any], x: PpcState, p: Ppc
+) -> tuple[dict[str, Any], PpcState]:
     e = errors(T, S, ref, p.up_axis)
     z, z_att = generalised(e, p)
     active = t >= p.t_att - 1e-9
@@ -193,11 +205,17 @@ class Pid(Common):
 
 
 def pid_law(gs: Sequence[Gains], e: Array, integral: Array, de: Array) -> Array:
-    return -np.array([g.Kp * a + g.Ki * b + g.Kd * c for g, a, b, c in zip(gs, e, integral, de, strict=True)])
+    return -np.array(
+        [g.Kp * a + g.Ki * b + g.Kd * c for g, a, b, c in zip(gs, e, integral, de, strict=True)]
+    )
 
 
-def integrated(gs: Sequence[Gains], integral: Array, e: Array, excess: Array, period: float) -> Array:
-    """Euler; the back-calculation of one sample moves Ki times the integral by no more than the excess."""
+def integrated(
+    gs: Sequence[Gains], integral: Array, e: Array, excess: Array, period: float
+) -> Array:
+    """Euler; the back-calculation of one sample moves Ki times the integral by no more than the
+    excess.
+    """
     k_aw = np.array([1 / (g.Ki * g.T_aw) for g in gs])
     back = np.minimum(k_aw * period, [1 / g.Ki for g in gs])
     return integral + period * e + back * excess
@@ -215,5 +233,7 @@ def pid(
     outputs = command(t, e, u, M, p.wheel_scale * np.eye(3), p)
     position = integrated(gs, x[0], e.x1, u - limited(u, p.a_max), period)
     active = t >= p.t_att - 1e-9
-    turning = integrated(gs_att, x[1], e.q_SD[1:], M - limited(M, p.M_max), period) if active else x[1]
+    turning = (
+        integrated(gs_att, x[1], e.q_SD[1:], M - limited(M, p.M_max), period) if active else x[1]
+    )
     return outputs | {"integral": position, "integral_att": turning}, (position, turning)

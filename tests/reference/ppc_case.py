@@ -1,7 +1,7 @@
 """The scenario of ssp/ppc_tracking.toml, and its closed loop with a zero-order hold as one program.
 
-Force and torque are held in servicer axes over one sample. Row k of a history holds the plant states at t_k and what
-the software computed at t_k-1; row 0 holds the laws at the initial states.
+Force and torque are held in servicer axes over one sample. Row k of a history holds the plant
+states at t_k and what the software computed at t_k-1; row 0 holds the laws at the initial states.
 """
 
 from __future__ import annotations
@@ -48,7 +48,9 @@ def target_attitude() -> Array:
 
 
 def start_in_hill_frame() -> tuple[Array, Array]:
-    """rho_0_H and drho_0_H of range 300 m, elevation 2 deg, azimuth 32 deg, closing at 10 m/s as seen in N."""
+    """rho_0_H and drho_0_H of range 300 m, elevation 2 deg, azimuth 32 deg, closing at 10 m/s as
+    seen in N.
+    """
     r, v = los.inertial(np.array((300.0, radians(2.0), radians(32.0))), np.array((-10.0, 0.0, 0.0)))
     orbit = {name: ORBIT[name] for name in ("mu", "a", "e", "inc", "argp", "raan", "nu")}
     C_HN = hill_frame(*state_of_elements(**orbit), ORBIT["mu"])
@@ -64,7 +66,9 @@ def start_attitude(T: Body, S: Body) -> Array:
 
 def _plants() -> tuple[target.Parameters, servicer.Parameters]:
     sigma_TN = attitude.mrp_of_quaternion(attitude.quaternion_of_dcm(target_attitude()))
-    T = target.Parameters(**ORBIT, J_T=J_T, sigma_TN_0=tuple(sigma_TN), omega_TN_T_0=(0.0, 0.0, radians(1.0)))
+    T = target.Parameters(
+        **ORBIT, J_T=J_T, sigma_TN_0=tuple(sigma_TN), omega_TN_T_0=(0.0, 0.0, radians(1.0))
+    )
     rho, drho = start_in_hill_frame()
     S = servicer.Parameters(
         **ORBIT,
@@ -75,7 +79,9 @@ def _plants() -> tuple[target.Parameters, servicer.Parameters]:
         A_w=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
         omega_SN_S_0=(0.02, -0.02, 0.02),
     )
-    q_SN = start_attitude(target.body(target.initial_state(T)), servicer.body(servicer.initial_state(S)))
+    q_SN = start_attitude(
+        target.body(target.initial_state(T)), servicer.body(servicer.initial_state(S))
+    )
     return T, replace(S, sigma_SN_0=tuple(attitude.mrp_of_quaternion(q_SN)))
 
 
@@ -128,7 +134,9 @@ Law = Callable[[float, Body, Body, Array, Mapping[str, Any]], dict[str, Any]]
 def ppc_law(p: ppc.Ppc) -> Law:
     x: ppc.PpcState = (None, None)
 
-    def law(t: float, T: Body, S: Body, wheel_speed: Array, ref: Mapping[str, Any]) -> dict[str, Any]:
+    def law(
+        t: float, T: Body, S: Body, wheel_speed: Array, ref: Mapping[str, Any]
+    ) -> dict[str, Any]:
         nonlocal x
         outputs, x = ppc.ppc(t, T, S, ref, x, p)
         return outputs
@@ -139,7 +147,9 @@ def ppc_law(p: ppc.Ppc) -> Law:
 def pid_law(p: ppc.Pid, period: float) -> Law:
     x: ppc.PidState = (np.zeros(3), np.zeros(3))
 
-    def law(t: float, T: Body, S: Body, wheel_speed: Array, ref: Mapping[str, Any]) -> dict[str, Any]:
+    def law(
+        t: float, T: Body, S: Body, wheel_speed: Array, ref: Mapping[str, Any]
+    ) -> dict[str, Any]:
         nonlocal x
         outputs, x = ppc.pid(t, T, S, ref, x, p, period)
         return outputs
@@ -150,7 +160,9 @@ def pid_law(p: ppc.Pid, period: float) -> Law:
 def adaptive_law(p: adaptive.Parameters, period: float) -> Law:
     x = adaptive.initial_estimate(p)
 
-    def law(t: float, T: Body, S: Body, wheel_speed: Array, ref: Mapping[str, Any]) -> dict[str, Any]:
+    def law(
+        t: float, T: Body, S: Body, wheel_speed: Array, ref: Mapping[str, Any]
+    ) -> dict[str, Any]:
         nonlocal x
         outputs, x = adaptive.sample(t, T, S, wheel_speed, ref, x, p, period)
         return outputs
@@ -162,7 +174,9 @@ def adaptive_law(p: adaptive.Parameters, period: float) -> Law:
 
 
 def run(s: Scenario, new_law: Callable[[], Law], stop: float = STOP) -> History:
-    """Histories named `component.port`, and `time`; new_law makes the controller in its initial state."""
+    """Histories named `component.port`, and `time`; new_law makes the controller in its initial
+    state.
+    """
     rec, period = Recorder(), s.period
     yT, yS = target.initial_state(s.target), servicer.initial_state(s.servicer)
     F_cmd, held, law = np.zeros(3), los.NOTHING, new_law()
@@ -170,7 +184,9 @@ def run(s: Scenario, new_law: Callable[[], Law], stop: float = STOP) -> History:
         t = max(k, 0) * period
         T, S = target.body(yT), servicer.body(yS, servicer.is_active(s.servicer, t))
         ref, held = los.guide(T, S, F_cmd, s.guidance, held if k >= 0 else los.NOTHING)
-        command = (law if k >= 0 else new_law())(t, T, S, servicer.outputs(t, yS, s.servicer)["wheel_speed"], ref)
+        command = (law if k >= 0 else new_law())(
+            t, T, S, servicer.outputs(t, yS, s.servicer)["wheel_speed"], ref
+        )
         F_cmd = command["F_cmd_S"]
         if k >= 0:
             yT, yS = _advance(s, yT, yS, command, t)
@@ -178,13 +194,19 @@ def run(s: Scenario, new_law: Callable[[], Law], stop: float = STOP) -> History:
     return rec.history(period)
 
 
-def _advance(s: Scenario, yT: Array, yS: Array, command: Mapping[str, Any], t: float) -> tuple[Array, Array]:
-    u = servicer.Input(F_S=command["F_cmd_S"], M_S=command["M_cmd_S"], wheel_accel_cmd=command["wheel_accel_cmd"])
+def _advance(
+    s: Scenario, yT: Array, yS: Array, command: Mapping[str, Any], t: float
+) -> tuple[Array, Array]:
+    u = servicer.Input(
+        F_S=command["F_cmd_S"], M_S=command["M_cmd_S"], wheel_accel_cmd=command["wheel_accel_cmd"]
+    )
     end = t + s.period
     return target.step(s.target, yT, t, end), servicer.step(s.servicer, yS, t, end, u)
 
 
-def _record(rec: Recorder, t: float, yT: Array, yS: Array, ref: Any, command: Any, s: Scenario) -> None:
+def _record(
+    rec: Recorder, t: float, yT: Array, yS: Array, ref: Any, command: Any, s: Scenario
+) -> None:
     rec.add("target", target.outputs(yT, s.target))
     rec.add("servicer", servicer.outputs(t, yS, s.servicer))
     rec.add("guidance", ref)

@@ -1,4 +1,6 @@
-"""The formulas of docs/models.md A as printed there: on trial in the tests of the identities, unused elsewhere."""
+"""The formulas of docs/models.md A as printed there: on trial in the tests of the identities,
+unused elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,11 @@ ORBIT_NORMAL_H = np.array((0.0, 0.0, 1.0))
 def C(s: Array) -> Array:
     """(1)"""
     ss = s @ s
-    return np.eye(3) - 4 * (1 - ss) / (1 + ss) ** 2 * tilde(s) + 8 / (1 + ss) ** 2 * tilde(s) @ tilde(s)
+    return (
+        np.eye(3)
+        - 4 * (1 - ss) / (1 + ss) ** 2 * tilde(s)
+        + 8 / (1 + ss) ** 2 * tilde(s) @ tilde(s)
+    )
 
 
 def G(s: Array) -> Array:
@@ -80,7 +86,9 @@ def grasp_axis(T: Case) -> Case:
     return Case(w=w, w_dot=w_dot, p0=T.C_BH @ T.p_t, p1=p1, p2=p2)
 
 
-def reference(t: float, axis: Case, rho_M: float, rho_0: float, beta: float) -> tuple[Array, Array, Array]:
+def reference(
+    t: float, axis: Case, rho_M: float, rho_0: float, beta: float
+) -> tuple[Array, Array, Array]:
     """Section 4.3: rho*, rho*Dot, rho*DDot in H."""
     decay = (rho_M - rho_0) * np.exp(-beta * t)
     L, L1, L2 = rho_M - decay, beta * decay, -(beta**2) * decay

@@ -1,12 +1,13 @@
 """The relay approach of Kozlova & Fomichev as one program, written from docs/models.md B.
 
-Coordinates are those of the paper: ISK, whose origin is the servicer at t = 0 (in orbit: a reference point on a
-circular orbit, with the exact difference of gravity). The body velocity u is a state of its own for the paper's
-kinematics; the required attitude is two turns, not a matrix; the shortest arc is the half-way quaternion; thrusters are
-looped over with the printed recursion. Plain tuples of floats: numpy on three numbers would cost minutes.
+Coordinates are those of the paper: ISK, whose origin is the servicer at t = 0 (in orbit: a
+reference point on a circular orbit, with the exact difference of gravity). The body velocity u is a
+state of its own for the paper's kinematics; the required attitude is two turns, not a matrix; the
+shortest arc is the half-way quaternion; thrusters are looped over with the printed recursion. Plain
+tuples of floats: numpy on three numbers would cost minutes.
 
-Row k of a history holds the plant at t_k and what the software and the propulsion unit made of the tick before; row 0
-is the start, before any tick.
+Row k of a history holds the plant at t_k and what the software and the propulsion unit made of the
+tick before; row 0 is the start, before any tick.
 """
 
 from __future__ import annotations
@@ -140,7 +141,9 @@ def turn(q: Quaternion, v: Vector) -> Vector:
 
 
 def two_turns(q: Quaternion, d: Vector) -> Quaternion:
-    """B.4.1: +b about X, then +g about the new Z brings X to d; the transition quaternion from the attitude q."""
+    """B.4.1: +b about X, then +g about the new Z brings X to d; the transition quaternion from the
+    attitude q.
+    """
     g, b = atan2(hypot(d[1], d[2]), d[0]), atan2(d[2], d[1]) if (d[1], d[2]) != (0, 0) else 0.0
     required = times((cos(b / 2), sin(b / 2), 0.0, 0.0), (cos(g / 2), 0.0, 0.0, sin(g / 2)))
     L = times(conjugate(q), required)
@@ -160,7 +163,9 @@ def required_rate(L: Quaternion, p: Parameters) -> Vector:
 
 
 class Guidance:
-    """Section 4: the only memory is the mode, the frozen direction, the time of ignition, and "far"."""
+    """Section 4: the only memory is the mode, the frozen direction, the time of ignition, and
+    "far".
+    """
 
     def __init__(self, p: Parameters) -> None:
         self.p, self.mode, self.ignition, self.frozen = p, COAST, 0, (1.0, 0.0, 0.0)
@@ -185,7 +190,9 @@ class Guidance:
         s = min(max(self.p.k_r * (r - self.p.zeta1), -speed), 2 * speed)
         return plus(plus(v_T, dr, s / r), v, -1.0)
 
-    def modes(self, k: int, dr: Vector, e_v: Vector, X: Vector, omega: Vector, firing: bool) -> Vector:
+    def modes(
+        self, k: int, dr: Vector, e_v: Vector, X: Vector, omega: Vector, firing: bool
+    ) -> Vector:
         """B.4.5, the three transitions in the printed order; returns the pointing vector"""
         p, d, error = self.p, dr, norm(e_v)
         if self.mode == COAST and error >= p.rho2:
@@ -318,7 +325,9 @@ def rk4(f: Any, t: float, y: State, h: float) -> State:
     k2 = f(t + h / 2, [a + h / 2 * b for a, b in zip(y, k1, strict=True)])
     k3 = f(t + h / 2, [a + h / 2 * b for a, b in zip(y, k2, strict=True)])
     k4 = f(t + h, [a + h * b for a, b in zip(y, k3, strict=True)])
-    return tuple(a + h / 6 * (b + 2 * c + 2 * d + e) for a, b, c, d, e in zip(y, k1, k2, k3, k4, strict=True))
+    return tuple(
+        a + h / 6 * (b + 2 * c + 2 * d + e) for a, b, c, d, e in zip(y, k1, k2, k3, k4, strict=True)
+    )
 
 
 def move_target(t: float, y: State, p: Parameters) -> State:
@@ -345,9 +354,13 @@ class Mission:
         return v if self.p.kin else turn(q, v)  # type: ignore[return-value, arg-type]
 
     def firing(self) -> bool:
-        """A translational flag, or a main engine or brake above 1 % of nominal, before this tick's update."""
+        """A translational flag, or a main engine or brake above 1 % of nominal, before this tick's
+        update.
+        """
         on = any(self.relays.flags[8:])
-        return on or any(self.engines.thrust[i] > 0.01 * self.engines.nominal[i] for i in range(8, ENGINES))
+        return on or any(
+            self.engines.thrust[i] > 0.01 * self.engines.nominal[i] for i in range(8, ENGINES)
+        )
 
     def scalar(self, dr: Vector, v: Vector, X: Vector) -> Vector:
         v_x = dot(v, X)
@@ -396,5 +409,8 @@ def run(p: Parameters = BN, stop: float = 40000.0, every: int = 1) -> dict[str, 
             rows.append(mission.row())
     table = np.array(rows)
     ends = np.cumsum(list(LAYOUT.values()))
-    columns = {name: table[:, end - size : end] for (name, size), end in zip(LAYOUT.items(), ends, strict=True)}
+    columns = {
+        name: table[:, end - size : end]
+        for (name, size), end in zip(LAYOUT.items(), ends, strict=True)
+    }
     return {"time": p.T0 * every * np.arange(len(rows)), **columns}

@@ -1,7 +1,8 @@
 """Servicer: oblate-planet orbit, rigid body with three momentum wheels, mass flow.
 
-Total momentum H = J omega + A Omega in S axes (J with the wheels locked, Omega relative to the body), dH/dt = M in N.
-Before t_att the attitude is frozen, the published rate is zero and the wheels stand.
+Total momentum H = J omega + A Omega in S axes (J with the wheels locked, Omega relative to the
+body), dH/dt = M in N. Before t_att the attitude is frozen, the published rate is zero and the
+wheels stand.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""Disturbance record: bias + amplitude sin(frequency t + phase) per axis from `start` on, zero before."""
+"""Disturbance record: bias + amplitude sin(frequency t + phase) per axis from `start` on, zero
+before.
+"""
 
 from __future__ import annotations
 

@@ -1,8 +1,10 @@
-"""Space robot from point masses alone: no inertia matrices, no gyroscopic terms, no gravity-gradient torques.
+"""Space robot from point masses alone: no inertia matrices, no gyroscopic terms, no
+gravity-gradient torques.
 
-Every body is six point masses on its principal axes. Where they are follows from base attitude and joint angles; how they
-move with the generalised speeds is differentiated by complex steps. D'Alembert's principle for the virtual displacements
-gives the equations of motion, scipy integrates them.
+Every body is six point masses on its principal axes. Where they are follows from base attitude and
+joint angles; how they move with the generalised speeds is differentiated by complex steps.
+D'Alembert's principle for the virtual displacements gives the equations of motion, scipy integrates
+them.
 """
 
 from __future__ import annotations
@@ -20,7 +22,9 @@ STEP = 1e-30
 
 @dataclass(frozen=True)
 class Robot:
-    """Base, link 1, link 2; lengths [m], masses [kg], moments of inertia about the own centre of mass [kg m2]."""
+    """Base, link 1, link 2; lengths [m], masses [kg], moments of inertia about the own centre of
+    mass [kg m2].
+    """
 
     mass: tuple[float, ...] = (5799.28, 68.68, 68.68)
     Ixx: tuple[float, ...] = (4124.83, 0.38, 0.38)
@@ -30,7 +34,9 @@ class Robot:
     r: tuple[float, ...] = (1.0, 1.0, 1.0)
 
     def points(self, q: Array) -> tuple[Array, Array]:
-        """Masses (18,) and positions (18, 3) in base axes from the centre of mass of the robot; q may be complex."""
+        """Masses (18,) and positions (18, 3) in base axes from the centre of mass of the robot; q
+        may be complex.
+        """
         g1, g2 = q[0], q[0] + q[1]
         e1 = np.array([np.cos(g1), np.sin(g1), 0 * g1])
         e2 = np.array([np.cos(g2), np.sin(g2), 0 * g2])
@@ -41,7 +47,11 @@ class Robot:
         for k, (centre, along) in enumerate(zip(centres, (AXES[0] + 0 * e1, e1, e2), strict=True)):
             across = np.array([-along[1], along[0], 0 * g1])
             half = (self.Ixx[k] + self.Iyy[k] + self.Izz[k]) / 2
-            for axis, inertia in ((along, self.Ixx[k]), (across, self.Iyy[k]), (AXES[2], self.Izz[k])):
+            for axis, inertia in (
+                (along, self.Ixx[k]),
+                (across, self.Iyy[k]),
+                (AXES[2], self.Izz[k]),
+            ):
                 reach = np.sqrt(3 * (half - inertia) / self.mass[k])
                 masses += 2 * [self.mass[k] / 6]
                 places += [centre + reach * axis, centre - reach * axis]
@@ -50,7 +60,9 @@ class Robot:
 
     def derivative(self, q: Array, direction: Array) -> Array:
         """Derivative of the positions along a direction of the joint angles, by a complex step."""
-        return np.asarray(self.points(np.asarray(q) + 1j * STEP * np.asarray(direction))[1].imag / STEP)
+        return np.asarray(
+            self.points(np.asarray(q) + 1j * STEP * np.asarray(direction))[1].imag / STEP
+        )
 
     def second(self, q: Array, dq: Array, step: float = 1e-5) -> Array:
         """Second derivative along dq: central difference of complex steps."""
@@ -58,7 +70,11 @@ class Robot:
         if size == 0:
             return np.zeros((18, 3))
         u = np.asarray(dq) / size
-        return np.asarray((self.derivative(q + step * u, u) - self.derivative(q - step * u, u)) / (2 * step) * size**2)
+        return np.asarray(
+            (self.derivative(q + step * u, u) - self.derivative(q - step * u, u))
+            / (2 * step)
+            * size**2
+        )
 
 
 def turned(q: Array, v: Array) -> Array:
@@ -68,16 +84,29 @@ def turned(q: Array, v: Array) -> Array:
 
 
 def accelerations(
-    robot: Robot, w: Array, q: Array, dq: Array, field: Callable[[Array], Array], loads: Array, tau: Array, locked: bool
+    robot: Robot,
+    w: Array,
+    q: Array,
+    dq: Array,
+    field: Callable[[Array], Array],
+    loads: Array,
+    tau: Array,
+    locked: bool,
 ) -> Array:
-    """[d omega; ddq] in base axes; field: acceleration of gravity at positions (n, 3); loads: force and torque on the base."""
+    """[d omega; ddq] in base axes; field: acceleration of gravity at positions (n, 3); loads: force
+    and torque on the base.
+    """
     m, rho = robot.points(np.asarray(q, dtype=float))
     D = [robot.derivative(q, e) for e in np.eye(2)]
     moves = [np.cross(e, rho) for e in AXES] + D
     relative = D[0] * dq[0] + D[1] * dq[1]
-    rest = np.cross(w, np.cross(w, rho)) + 2 * np.cross(w, relative) + robot.second(q, dq) - field(rho)
+    rest = (
+        np.cross(w, np.cross(w, rho)) + 2 * np.cross(w, relative) + robot.second(q, dq) - field(rho)
+    )
     H = np.array([[np.sum(m[:, None] * a * b) for b in moves] for a in moves])
-    work = np.array([a[:6].mean(axis=0) @ loads[:3] for a in moves]) + np.concatenate((loads[3:], tau))
+    work = np.array([a[:6].mean(axis=0) @ loads[:3] for a in moves]) + np.concatenate(
+        (loads[3:], tau)
+    )
     right = work - np.array([np.sum(m[:, None] * a * rest) for a in moves])
     n = 3 if locked else 5
     return np.concatenate((np.linalg.solve(H[:n, :n], right[:n]), np.zeros(5 - n)))
@@ -107,7 +136,9 @@ class Orbit:
 
     def rate(self, nu: float) -> float:
         """Rate of the true anomaly [rad/s]."""
-        return float(np.sqrt(self.mu / (self.a * (1 - self.e**2)) ** 3) * (1 + self.e * np.cos(nu)) ** 2)
+        return float(
+            np.sqrt(self.mu / (self.a * (1 - self.e**2)) ** 3) * (1 + self.e * np.cos(nu)) ** 2
+        )
 
     def strength(self, nu: float) -> float:
         """mu/r^3 [1/s2]."""
@@ -125,7 +156,9 @@ def fly(
     locked: bool = False,
     gravity: bool = True,
 ) -> Array:
-    """States (n, 11) at the times: quaternion base to N, omega in base axes, joint angles, joint rates."""
+    """States (n, 11) at the times: quaternion base to N, omega in base axes, joint angles, joint
+    rates.
+    """
 
     def rate(t: float, x: Array) -> Array:
         q, w, angles, rates = x[:4], x[4:7], x[7:9], x[9:11]

@@ -75,13 +75,26 @@ def torque(t: float, r_T: Array, p: Parameters, u: Input) -> Array:
 
 def outputs(y: Array, p: Parameters) -> dict[str, Array]:
     b = body(y)
-    M_gg = gravity_gradient_torque(attitude.dcm(b.q) @ b.r, p.inertia, p.mu) if p.use_gravity_gradient else np.zeros(3)
+    M_gg = (
+        gravity_gradient_torque(attitude.dcm(b.q) @ b.r, p.inertia, p.mu)
+        if p.use_gravity_gradient
+        else np.zeros(3)
+    )
     sigma = attitude.mrp_of_quaternion(b.q)
-    return {"r_TN_N": b.r, "v_TN_N": b.v, "q_TN": b.q, "omega_TN_T": b.omega, "sigma_TN": sigma, "M_gg_T": M_gg}
+    return {
+        "r_TN_N": b.r,
+        "v_TN_N": b.v,
+        "q_TN": b.q,
+        "omega_TN_T": b.omega,
+        "sigma_TN": sigma,
+        "M_gg_T": M_gg,
+    }
 
 
 def truth(p: Parameters, y: Array, t0: float, t1: float, u: Input = Input()) -> Array:
-    """State at t1, tight tolerance, constant inputs; the switch-on times of the disturbances are step ends."""
+    """State at t1, tight tolerance, constant inputs; the switch-on times of the disturbances are
+    step ends.
+    """
     starts = (p.M_dist_T.start, p.a_dist.start, p.a_manoeuvre_N.start)
     times = integrate.breakpoints(t0, t1, starts)
     for a, b in pairwise(times):

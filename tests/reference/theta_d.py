@@ -1,7 +1,8 @@
 """Theta-D control in line-of-sight coordinates (docs/models.md C, section 5.2).
 
-The Riccati equation is scipy's, the Lyapunov equations are solved by Kronecker products. The factorisation
-A x = f(x) - f(0) has the terms of the specification and those that a reference of moving range adds.
+The Riccati equation is scipy's, the Lyapunov equations are solved by Kronecker products. The
+factorisation A x = f(x) - f(0) has the terms of the specification and those that a reference of
+moving range adds.
 """
 
 from __future__ import annotations
@@ -100,24 +101,46 @@ def attitude_regulator(p: ThetaD) -> Regulator:
 
 
 def kinematic_matrix(now: Los, ref: Los) -> Array:
-    """Lower three rows of A with A x = f(x) - f(0), f without gravity; drho_d is not 0 for a moving range."""
+    """Lower three rows of A with A x = f(x) - f(0), f without gravity; drho_d is not 0 for a moving
+    range.
+    """
     (rho, e, _), (drho_d, de_d, db_d) = now.q.x, ref.q.d
     (_, de, db), (rho_d, e_d, _) = now.q.d, ref.q.x
     ce, ce_d, tan = cos(e), cos(e_d), sin(e) / cos(e)
     S = np.sinc((e - e_d) / pi)
     turn_e, turn_b, closing = de + de_d, db + db_d, -2 * drho_d / rho
     c_2, c_3, c_6 = -closing * de_d / rho_d, -closing * db_d / rho_d, -0.5 * sin(2 * e)
-    row_1 = (de**2 + db**2 * ce**2, -rho_d * db_d**2 * sin(e + e_d) * S, 0, 0, rho_d * turn_e, rho_d * ce**2 * turn_b)
+    row_1 = (
+        de**2 + db**2 * ce**2,
+        -rho_d * db_d**2 * sin(e + e_d) * S,
+        0,
+        0,
+        rho_d * turn_e,
+        rho_d * ce**2 * turn_b,
+    )
     row_2 = (c_2, -(db_d**2) * cos(e + e_d) * S, 0, -2 * de / rho, closing, c_6 * turn_b)
-    row_3 = (c_3, 2 * de_d * db_d * S / (ce * ce_d), 0, -2 * db / rho, 2 * tan * db, closing + 2 * tan * de_d)
+    row_3 = (
+        c_3,
+        2 * de_d * db_d * S / (ce * ce_d),
+        0,
+        -2 * db / rho,
+        2 * tan * db,
+        closing + 2 * tan * de_d,
+    )
     return np.array((row_1, row_2, row_3))
 
 
 def bias(T: Body, S: Body, now: Los, ref: Los, mu: float) -> Array:
-    """f(0): kinematics of the reference, gravity where the servicer is, minus the acceleration of the reference."""
+    """f(0): kinematics of the reference, gravity where the servicer is, minus the acceleration of
+    the reference.
+    """
     Dg = now.C_LN @ (central_gravity(T.r, mu) - central_gravity(S.r, mu)) if mu else ZERO3
     rho = now.q.x[0]
-    return kinematic_acceleration(ref.q.x, ref.q.d) + np.array((1, 1 / rho, -1 / (rho * now.ce))) * Dg - ref.q.dd
+    return (
+        kinematic_acceleration(ref.q.x, ref.q.d)
+        + np.array((1, 1 / rho, -1 / (rho * now.ce))) * Dg
+        - ref.q.dd
+    )
 
 
 class ThetaDLaw:
@@ -127,7 +150,9 @@ class ThetaDLaw:
         self.p, self.t_0 = p, t_0
         self.position, self.attitude = position_regulator(p), attitude_regulator(p)
 
-    def __call__(self, t: float, T: Body, S: Body, wheel_speed: Array, ref: Mapping[str, Any]) -> dict[str, Any]:
+    def __call__(
+        self, t: float, T: Body, S: Body, wheel_speed: Array, ref: Mapping[str, Any]
+    ) -> dict[str, Any]:
         e = errors(T, S, ref, self.p.up_axis)
         u, M = self.generalised_control(t, T, S, e), self.torque(t, S, wheel_speed, e)
         return command(t, e, u, M, np.array(self.p.A_hat, dtype=float), self.p)
@@ -136,7 +161,9 @@ class ThetaDLaw:
         p, age = self.p, t - self.t_0
         eps_1, eps_2 = 1 - p.k_1 * exp(-p.l_1 * age), 1 - p.k_2 * exp(-p.l_2 * age)
         A = np.vstack((np.zeros((3, 6)), kinematic_matrix(e.now, e.ref)))
-        v = self.position.control(self.position.cost_matrix(A, eps_1, eps_2), np.concatenate((e.x1, e.x2)))
+        v = self.position.control(
+            self.position.cost_matrix(A, eps_1, eps_2), np.concatenate((e.x1, e.x2))
+        )
         rho = e.now.q.x[0]
         return np.array((1, rho, rho * e.now.ce)) * (v - bias(T, S, e.now, e.ref, p.mu))
 
@@ -145,6 +172,8 @@ class ThetaDLaw:
         J = np.array(p.J_hat, dtype=float)
         eps = 1 - p.k_att * exp(-p.l_att * age)
         A = blocks(O3, (T_matrix(e.q_SD) - I3) / 2, O3, O3)
-        feedback = self.attitude.control(self.attitude.cost_matrix(A, eps, eps), np.concatenate((e.q_SD[1:], e.w)))
+        feedback = self.attitude.control(
+            self.attitude.cost_matrix(A, eps, eps), np.concatenate((e.q_SD[1:], e.w))
+        )
         gyroscopic = attitude.cross(S.omega, J @ S.omega + np.array(p.A_hat) @ wheel_speed)
         return feedback + gyroscopic + J @ (e.wdd - attitude.cross(e.w, e.wd))

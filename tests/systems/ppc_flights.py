@@ -55,13 +55,17 @@ def after(result: Result, seconds: float, values: Array) -> float:
 
 def effort(result: Result) -> float:
     """Integral of the commanded acceleration, summed over the LOS axes [m/s]."""
-    return float(np.sum(np.abs(result["controller.a_cmd_L"][1:])) * (result.time[1] - result.time[0]))
+    return float(
+        np.sum(np.abs(result["controller.a_cmd_L"][1:])) * (result.time[1] - result.time[0])
+    )
 
 
 def start(q: Array, dq: Array) -> dict[str, list[float]]:
     """Settings that start the servicer at these LOS coordinates (Y up) and rates."""
     r, v = inertial(np.asarray(q), np.asarray(dq))
-    elements = {name: ppc_case.ORBIT[name] for name in ("mu", "a", "e", "inc", "argp", "raan", "nu")}
+    elements = {
+        name: ppc_case.ORBIT[name] for name in ("mu", "a", "e", "inc", "argp", "raan", "nu")
+    }
     C_HN = hill_frame(*state_of_elements(**elements), ppc_case.ORBIT["mu"])
     return {
         "servicer.rho_0_H": (C_HN.x @ -r).tolist(),
@@ -74,8 +78,12 @@ def history(result: Result, name: str) -> Array:
     return result[name] if name in result else los(result, name)
 
 
-def deviations(result: Result, expected: Mapping[str, Array], names: Callable[[str], bool]) -> dict[str, Any]:
-    """Largest differences of the histories whose name passes, relative to 1 + their size; row by row equal in time."""
+def deviations(
+    result: Result, expected: Mapping[str, Array], names: Callable[[str], bool]
+) -> dict[str, Any]:
+    """Largest differences of the histories whose name passes, relative to 1 + their size; row by
+    row equal in time.
+    """
     found = {}
     for name, values in expected.items():
         if names(name):

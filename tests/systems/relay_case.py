@@ -31,7 +31,9 @@ def flight(
     algorithm: str | None = None,
     executor: str = "c",
 ) -> Result:
-    """What the master records; `late`: components that publish one macro step later. Kept for other tests (25 MB)."""
+    """What the master records; `late`: components that publish one macro step later. Kept for other
+    tests (25 MB).
+    """
     with loaded(SYSTEM) as found:
         system = apply(found, params=params, set=changes, stop=stop, step=step, algorithm=algorithm)
         slow = tuple(replace(c, latency=1) if c.name in late else c for c in system.components)

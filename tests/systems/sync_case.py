@@ -1,4 +1,6 @@
-"""Flights of sync_approach, by the FMUs under the master and by the independent reference program, case by case."""
+"""Flights of sync_approach, by the FMUs under the master and by the independent reference program,
+case by case.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ STEP = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """Parameters `component.parameter` in which a flight differs from the paper's, and how long it lasts [s]."""
+    """Parameters `component.parameter` in which a flight differs from the paper's, and how long it
+    lasts [s].
+    """
 
     name: str
     stop: float
@@ -40,7 +44,11 @@ _J_T = [[100, 4, -3], [4, 150, 5], [-3, 5, 90]]
 _M_DIST_T = {
     f"{component}.M_dist_T.{name}": value
     for component in ("target", "guidance")
-    for name, value in {"amplitude": [0.02, -0.03, 0.01], "frequency": [0.04, 0.07, 0.11], "phase": [1, 2, 3]}.items()
+    for name, value in {
+        "amplitude": [0.02, -0.03, 0.01],
+        "frequency": [0.04, 0.07, 0.11],
+        "phase": [1, 2, 3],
+    }.items()
 }
 GYROSCOPIC = Case(
     "gyroscopic",
@@ -72,7 +80,9 @@ GYROSCOPIC = Case(
         "controller.Gamma_scale": 0.01,
     },
 )
-"""Nothing is zero or symmetric, wheels and bodies spin before the attitude is released after a minute."""
+"""Nothing is zero or symmetric, wheels and bodies spin before the attitude is released after a
+minute.
+"""
 THRUSTERS = Case(
     "thrusters",
     200.0,
@@ -89,7 +99,9 @@ THRUSTERS = Case(
         "guidance.guard_angle": radians(50.0),
     },
 )
-"""The same with torque by thrusters and the other options of the law: estimates at their limits, guard in action."""
+"""The same with torque by thrusters and the other options of the law: estimates at their limits,
+guard in action.
+"""
 
 
 # ---- FMUs under the master
@@ -97,14 +109,18 @@ THRUSTERS = Case(
 
 @contextmanager
 def system(case: Case, **options: Any) -> Iterator[System]:
-    """The system of a case, ready to be changed further or to be flown; options are those of harness.run."""
+    """The system of a case, ready to be changed further or to be flown; options are those of
+    harness.run.
+    """
     with loaded(SYSTEM) as found:
         yield apply(found, set=case.changes, **({"stop": case.stop} | options))
 
 
 @lru_cache(maxsize=12)
 def flight(case: Case, executor: str = "c", every: int = 1, **options: Any) -> Result:
-    """What the master records of a case. Kept for other tests (20 MB each), hence not to be changed."""
+    """What the master records of a case. Kept for other tests (20 MB each), hence not to be
+    changed.
+    """
     with system(case, **options) as changed:
         result = fly(changed, executor=executor, every=every)
     result.values.flags.writeable = False
@@ -115,7 +131,9 @@ def identical(a: Result, b: Result) -> bool:
     """Whether two results hold the same variables (in any order) with the same bits."""
     if set(a.columns) != set(b.columns) or a.time.tobytes() != b.time.tobytes():
         return False
-    return a.values.tobytes() == b.values[:, [b.columns.index(name) for name in a.columns]].tobytes()
+    return (
+        a.values.tobytes() == b.values[:, [b.columns.index(name) for name in a.columns]].tobytes()
+    )
 
 
 # ---- the independent program
@@ -123,13 +141,18 @@ def identical(a: Result, b: Result) -> bool:
 
 @cache
 def reference_flight(case: Case, h: float = STEP) -> closed_loop.History:
-    """History of the reference program, and the ports of the propulsion unit, which passes commands on."""
+    """History of the reference program, and the ports of the propulsion unit, which passes commands
+    on.
+    """
     history = closed_loop.run(reference_system(case), case.stop, h)
     return history | propulsion(history, h)
 
 
 def reference_system(case: Case) -> closed_loop.System:
-    parts = {name: getattr(closed_loop.System(), name) for name in ("target", "servicer", "guidance", "controller")}
+    parts = {
+        name: getattr(closed_loop.System(), name)
+        for name in ("target", "servicer", "guidance", "controller")
+    }
     for port, value in case.changes.items():
         component, _, name = port.partition(".")
         parts[component] = _changed(parts[component], name, value)
@@ -138,7 +161,10 @@ def reference_system(case: Case) -> closed_loop.System:
 
 def _changed(parameters: Any, name: str, value: Any) -> Any:
     name, _, member = name.partition(".")
-    return replace(parameters, **{name: replace(getattr(parameters, name), **{member: value}) if member else value})
+    return replace(
+        parameters,
+        **{name: replace(getattr(parameters, name), **{member: value}) if member else value},
+    )
 
 
 def propulsion(history: closed_loop.History, h: float) -> closed_loop.History:
@@ -160,7 +186,9 @@ def _integral(force: np.ndarray, h: float) -> np.ndarray:
 
 
 def deviation(name: str, ours: np.ndarray, expected: np.ndarray) -> np.ndarray:
-    """Largest difference of each row; attitudes are the same rotation with either sign of q and in either MRP set."""
+    """Largest difference of each row; attitudes are the same rotation with either sign of q and in
+    either MRP set.
+    """
     difference = _largest(ours - expected)
     variable = name.partition(".")[2]
     if variable.startswith("q_"):

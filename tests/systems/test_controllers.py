@@ -1,4 +1,6 @@
-"""Controllers that replace each other: four of the project in both systems, and one from outside."""
+"""Controllers that replace each other: four of the project in both systems, and one from
+outside.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ def flight(system, controller, params="default"):
 
 
 def late_errors(result, seconds):
-    """Distance [m] and angle [rad] from the reference after a time; a row holds the sample before its plant states."""
+    """Distance [m] and angle [rad] from the reference after a time; a row holds the sample before
+    its plant states.
+    """
     rho = (result["servicer.r_SN_N"] - result["target.r_TN_N"])[:-1]
     position = np.linalg.norm(rho - result["guidance.rho_ref_N"][1:], axis=1)
     dots = np.sum(result["servicer.q_SN"][:-1] * result["guidance.q_DN"][1:], axis=1)
@@ -40,7 +44,9 @@ def late_errors(result, seconds):
 @pytest.mark.parametrize("controller", OURS)
 @pytest.mark.parametrize("system", ["sync_approach", "ppc_tracking"])
 def test_an_exchange_needs_nothing_else(system, controller, caplog):
-    """The systems know with which parameters each of the four flies: nothing is dropped in silence or with a warning."""
+    """The systems know with which parameters each of the four flies: nothing is dropped in silence
+    or with a warning.
+    """
     assert flight(system, controller).complete
     assert caplog.messages == []
 
@@ -58,7 +64,9 @@ def test_the_list_shows_for_which_controllers_there_are_parameters():
 
 
 def test_a_shortened_name_is_completed():
-    with pytest.raises(UsageError, match=r"theta: there is no such FMU \(close: theta_d_controller\)"):
+    with pytest.raises(
+        UsageError, match=r"theta: there is no such FMU \(close: theta_d_controller\)"
+    ):
         run("sync_approach", swap={"controller": "theta"})
 
 
@@ -67,9 +75,11 @@ def test_a_shortened_name_is_completed():
 
 @pytest.mark.parametrize("params", ["default", "manoeuvre"])
 @pytest.mark.parametrize("controller", OURS[1:])
-def test_each_controller_follows_the_moving_reference_of_the_synchronised_approach(controller, params):
-    """20 m to 4 m, attitude by wheels from 1200 s on; within 2 mm, where the adaptive controller keeps 34 mm. With the
-    manoeuvre within 15 mm, where the adaptive controller keeps 0.4 m."""
+def test_each_controller_follows_the_moving_reference_of_the_synchronised_approach(
+    controller, params
+):
+    """20 m to 4 m, attitude by wheels from 1200 s on; within 2 mm, where the adaptive controller
+    keeps 34 mm. With the manoeuvre within 15 mm, where the adaptive controller keeps 0.4 m."""
     result = flight("sync_approach", controller, params)
     assert late_errors(result, 600)[0] < (2e-3 if params == "default" else 15e-3)
     assert late_errors(result, 1500)[1] < np.radians(0.15)
@@ -81,17 +91,20 @@ def test_each_controller_follows_the_moving_reference_of_the_synchronised_approa
 
 
 def test_the_adaptive_controller_keeps_its_distance_under_the_manoeuvre():
-    """Unknown accelerations are not in its model: 4e-4 m/s2 over K = 2e-3 1/s2 are the 0.2 m that it must stay off, and
-    0.4 m it comes to with the wrong mass."""
+    """Unknown accelerations are not in its model: 4e-4 m/s2 over K = 2e-3 1/s2 are the 0.2 m that
+    it must stay off, and 0.4 m it comes to with the wrong mass."""
     result = flight("sync_approach", "adaptive_controller", "manoeuvre")
     assert 0.1 < late_errors(result, 600)[0] < 0.6
     assert result["guidance.range"].min() > 3.5
 
 
 def test_the_manoeuvre_of_the_target_is_what_the_set_says():
-    """Its velocity less that of the default case, over 10 s: the integral of bias and sinusoids, in N axes."""
+    """Its velocity less that of the default case, over 10 s: the integral of bias and sinusoids, in
+    N axes.
+    """
     moved, calm = (
-        flight("sync_approach", OURS[0], params)["target.v_TN_N"][100] for params in ("manoeuvre", "default")
+        flight("sync_approach", OURS[0], params)["target.v_TN_N"][100]
+        for params in ("manoeuvre", "default")
     )
     bias, amplitude = np.array([2.5e-4, 1.5e-4, -2e-4]), np.array([1e-4, 0.8e-4, 1e-4])
     frequency, phase = np.array([0.02, 0.015, 0.025]), np.array([0, np.pi / 2, 0])
@@ -103,7 +116,9 @@ def test_the_manoeuvre_of_the_target_is_what_the_set_says():
 
 
 def test_the_adaptive_controller_flies_the_line_of_sight_approach():
-    """With gains of its own for 300 m, slow adaptation, estimates kept in their ranges, and 490 N from the propulsion."""
+    """With gains of its own for 300 m, slow adaptation, estimates kept in their ranges, and 490 N
+    from the propulsion.
+    """
     result = flight("ppc_tracking", "adaptive_controller")
     assert settled(result, range_error(result), BAND) < 35
     assert after(result, 60, range_error(result)) < 0.05
@@ -121,7 +136,11 @@ PORTS = [
     ),
     *(u(f"v_SN_N[{i}]", "m/s") for i in (1, 2, 3)),
     *(u(f"q_SN[{i}]", "1") for i in (1, 2, 3, 4)),
-    *(u(f"{name}[{i}]", unit) for name, unit in (("rho_ref_N", "m"), ("drho_ref_N", "m/s")) for i in (1, 2, 3)),
+    *(
+        u(f"{name}[{i}]", unit)
+        for name, unit in (("rho_ref_N", "m"), ("drho_ref_N", "m/s"))
+        for i in (1, 2, 3)
+    ),
     *(y(f"F_cmd_S[{i}]", "N") for i in (1, 2, 3)),
     *(y(f"M_cmd_S[{i}]", "N.m") for i in (1, 2, 3)),
     *(y(f"wheel_accel_cmd[{i}]", "rad/s2") for i in (1, 2, 3)),
@@ -136,34 +155,55 @@ LAW = """
     double F2 = -K * e2 - D * (v_SN_N_2 - v_TN_N_2 - drho_ref_N_2);
     double F3 = -K * e3 - D * (v_SN_N_3 - v_TN_N_3 - drho_ref_N_3);
     double w = q_SN_1, x = q_SN_2, y = q_SN_3, z = q_SN_4;
-    F_cmd_S_1 = (1 - 2 * (y * y + z * z)) * F1 + 2 * (x * y + w * z) * F2 + 2 * (x * z - w * y) * F3;
-    F_cmd_S_2 = 2 * (x * y - w * z) * F1 + (1 - 2 * (x * x + z * z)) * F2 + 2 * (y * z + w * x) * F3;
-    F_cmd_S_3 = 2 * (x * z + w * y) * F1 + 2 * (y * z - w * x) * F2 + (1 - 2 * (x * x + y * y)) * F3;
+    F_cmd_S_1 = (1 - 2 * (y * y + z * z)) * F1 + 2 * (x * y + w * z) * F2 + 2 * (x * z - w * y) *
+    F3; F_cmd_S_2 = 2 * (x * y - w * z) * F1 + (1 - 2 * (x * x + z * z)) * F2 + 2 * (y * z + w * x)
+    * F3; F_cmd_S_3 = 2 * (x * z + w * y) * F1 + 2 * (y * z - w * x) * F2 + (1 - 2 * (x * x + y *
+    y)) * F3;
 """
 
 
 def test_a_controller_built_elsewhere_is_flown(tmp_path):
-    """Proportional and derivative, 0.32 rad/s on 100 kg: it lags by the acceleration of the reference over K/m, in
-    ppc_tracking 20 m at 1 deg/s. Its torque stays zero."""
+    """Proportional and derivative, 0.32 rad/s on 100 kg: it lags by the acceleration of the
+    reference over K/m, in ppc_tracking 20 m at 1 deg/s. Its torque stays zero."""
     mine = build(Model("mine", PORTS, outputs=LAW, units=UNITS), tmp_path)
     result = run("ppc_tracking", swap={"controller": mine})
-    assert late_errors(result, 100)[0] == pytest.approx(20 * np.radians(1) ** 2 * 100 / 10, rel=0.02)
+    assert late_errors(result, 100)[0] == pytest.approx(
+        20 * np.radians(1) ** 2 * 100 / 10, rel=0.02
+    )
     assert not np.any(result["controller.M_cmd_S"])
     assert late_errors(run("sync_approach", swap={"controller": mine}, stop=300.0), 200)[0] < 0.05
 
 
 def built_in_this_tree(code, name, folder):
-    """What add_fmu() of fmus/CMakeLists.txt does: library, model description written by the model itself, archive."""
+    """What add_fmu() of fmus/CMakeLists.txt does: library, model description written by the model
+    itself, archive.
+    """
     core, headers = ROOT / "fmus/core", Path(fmpy.__file__).parent / "c-code"
     folders = [core / room for room in ("adapter", "maths", "models", "ports")]
-    adapter = [core / f"adapter/{part}.c" for part in ("fmi2", "fmi2_state", "fmi2_unused", "instance")]
-    source, library, describe, xml = (folder / f"{name}{ending}" for ending in (".c", ".so", "", ".xml"))
+    adapter = [
+        core / f"adapter/{part}.c" for part in ("fmi2", "fmi2_state", "fmi2_unused", "instance")
+    ]
+    source, library, describe, xml = (
+        folder / f"{name}{ending}" for ending in (".c", ".so", "", ".xml")
+    )
     source.write_text(code)
-    include = ["-std=c99", "-O2", "-ffp-contract=off", *(f"-I{folder}" for folder in folders), f"-I{headers}"]
-    subprocess.run(["cc", *include, "-shared", "-fPIC", source, *adapter, "-o", library, "-lm"], check=True)
-    subprocess.run(["cc", *include, source, core / "build/describe.c", "-o", describe, "-lm"], check=True)
+    include = [
+        "-std=c99",
+        "-O2",
+        "-ffp-contract=off",
+        *(f"-I{folder}" for folder in folders),
+        f"-I{headers}",
+    ]
+    subprocess.run(
+        ["cc", *include, "-shared", "-fPIC", source, *adapter, "-o", library, "-lm"], check=True
+    )
+    subprocess.run(
+        ["cc", *include, source, core / "build/describe.c", "-o", describe, "-lm"], check=True
+    )
     files = [source.name, *(part.name for part in adapter)]
-    description = subprocess.run([describe, "0", "2026-01-01T00:00:00Z", *files], check=True, capture_output=True)
+    description = subprocess.run(
+        [describe, "0", "2026-01-01T00:00:00Z", *files], check=True, capture_output=True
+    )
     xml.write_bytes(description.stdout)
     package = [
         sys.executable,
@@ -174,7 +214,15 @@ def built_in_this_tree(code, name, folder):
         "--license",
         ROOT / "LICENSE",
     ]
-    contents = ["--binary", f"linux64={library}", "--source", source, *adapter, "--include", *folders]
+    contents = [
+        "--binary",
+        f"linux64={library}",
+        "--source",
+        source,
+        *adapter,
+        "--include",
+        *folders,
+    ]
     subprocess.run([*package, *contents], check=True)
     return folder / f"{name}.fmu"
 

@@ -1,4 +1,6 @@
-"""Figures of every system: which are drawn, that they show the numbers of the result, and what happens without them."""
+"""Figures of every system: which are drawn, that they show the numbers of the result, and what
+happens without them.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,15 @@ from harness.result_files import ResultFile
 from harness.results import Result
 from harness.run import run
 
-SYNC = {"trajectory", "range", "force", "tracking_error", "estimated_mass", "attitude_error", "wheel_speeds"}
+SYNC = {
+    "trajectory",
+    "range",
+    "force",
+    "tracking_error",
+    "estimated_mass",
+    "attitude_error",
+    "wheel_speeds",
+}
 SYNC |= {"inertia_estimates", "alignment"}
 LINE_OF_SIGHT = {
     "trajectory",
@@ -31,7 +41,17 @@ LINE_OF_SIGHT = {
     "los_error",
     "torque",
 }
-RELAY = {"trajectory", "range", "coordinates", "rates", "transition", "speeds", "firing", "engines", "phase_planes"}
+RELAY = {
+    "trajectory",
+    "range",
+    "coordinates",
+    "rates",
+    "transition",
+    "speeds",
+    "firing",
+    "engines",
+    "phase_planes",
+}
 EXPECTED = {
     ("sync_approach", "adaptive_controller"): SYNC,
     ("sync_approach", "pid_controller"): {
@@ -73,7 +93,9 @@ def figure(name: str, result: Result):
 def without(result: Result, *names: str) -> Result:
     kept = [i for i, column in enumerate(result.columns) if not column.startswith(names)]
     columns, units = (tuple(part[i] for i in kept) for part in (result.columns, result.units))
-    return replace(result, columns=columns, units=units, descriptions=(), values=result.values[:, kept])
+    return replace(
+        result, columns=columns, units=units, descriptions=(), values=result.values[:, kept]
+    )
 
 
 # ---- which, and that they are pictures
@@ -119,7 +141,9 @@ def test_coordinates_are_those_of_the_result():
 def test_in_orbit_positions_are_drawn_relative_to_the_target():
     result = run("relay_approach", params="geo", stop=20.0)
     axes = figure("coordinates", result).axes[0]
-    assert lines(axes)["servicer"][1] == pytest.approx(result["servicer.r_SN_N"][:, 0] - result["target.r_TN_N"][:, 0])
+    assert lines(axes)["servicer"][1] == pytest.approx(
+        result["servicer.r_SN_N"][:, 0] - result["target.r_TN_N"][:, 0]
+    )
     assert not lines(axes)["target"][1].any()
 
 
@@ -135,13 +159,17 @@ def test_the_desired_quaternion_has_the_sign_of_the_actual_one():
     column = result.columns.index("guidance.q_DN[1]")
     values = result.values.copy()
     values[500:, column : column + 4] *= -1
-    for axes, k in zip(figure("quaternion", replace(result, values=values)).axes, (1, 2, 3), strict=True):
+    for axes, k in zip(
+        figure("quaternion", replace(result, values=values)).axes, (1, 2, 3), strict=True
+    ):
         assert np.abs(lines(axes)["desired"][1] - lines(axes)["actual"][1])[-1] < 1e-2, k
 
 
 def test_funnels_are_plus_and_minus_the_bound():
     result = flight("ppc_tracking", "ppc_controller")
-    for axes, name in zip(figure("funnel", result).axes, ("range", "elevation", "azimuth"), strict=False):
+    for axes, name in zip(
+        figure("funnel", result).axes, ("range", "elevation", "azimuth"), strict=False
+    ):
         z, upper, lower = (line.get_ydata() for line in axes.get_lines())
         assert np.array_equal(z, result[f"controller.z.{name}"])
         assert np.array_equal(upper, result[f"controller.alpha.{name}"])
@@ -173,9 +201,13 @@ def test_a_pulse_of_one_row_is_seen_in_a_chart_of_many():
 
 
 def test_switching_lines_pass_through_the_thresholds():
-    """Where the derivative is 0 the relays switch at error = threshold / Kp; all points lie on sigma = Kp e + Kd e'."""
+    """Where the derivative is 0 the relays switch at error = threshold / Kp; all points lie on
+    sigma = Kp e + Kd e'.
+    """
     result = flight("relay_approach", "relay_controller")
-    Kp, Kd, off, on = (result.parameter(f"controller.{n}") for n in ("Kp_v", "Kd_v", "rho1", "rho2"))
+    Kp, Kd, off, on = (
+        result.parameter(f"controller.{n}") for n in ("Kp_v", "Kd_v", "rho1", "rho2")
+    )
     points, *switches = figure("phase_planes", result).axes[0].get_lines()
     e, de = points.get_data()
     assert Kp * e + Kd * de == pytest.approx(result["controller.sigma_v"], abs=1e-12)
@@ -193,7 +225,8 @@ def test_phase_planes_need_the_parameters_of_the_run():
 
 def controllers():
     return {
-        name: flight("ppc_tracking", name) for name in ("ppc_controller", "theta_d_controller", "adaptive_controller")
+        name: flight("ppc_tracking", name)
+        for name in ("ppc_controller", "theta_d_controller", "adaptive_controller")
     }
 
 
@@ -201,7 +234,9 @@ def test_an_overlay_has_one_line_per_run_and_panel_and_one_legend(tmp_path):
     results = controllers()
     (errors,) = (f for f in OVERLAYS if f.name == "compared_errors")
     canvas = paint_overlay(errors, results, {label: f"C{i}" for i, label in enumerate(results)})
-    for axes, derived, factor in zip(canvas.axes, (position_error, attitude_error), (1, np.degrees(1)), strict=True):
+    for axes, derived, factor in zip(
+        canvas.axes, (position_error, attitude_error), (1, np.degrees(1)), strict=True
+    ):
         for line, result in zip(axes.get_lines(), results.values(), strict=True):
             assert line.get_ydata() == pytest.approx(factor * derived(result))
     (legend,) = canvas.legends
@@ -217,7 +252,12 @@ def test_a_run_without_a_variable_is_left_out_and_the_others_keep_their_colours(
     canvas = paint_overlay(figure_, runs, colours)
     assert [line.get_color() for line in canvas.axes[0].get_lines()] == ["C1", "C2"]
     names = {path.stem for path in overlay(results, tmp_path)}
-    assert {"compared_range", "compared_errors", "compared_acceleration", "compared_line_of_sight"} <= names
+    assert {
+        "compared_range",
+        "compared_errors",
+        "compared_acceleration",
+        "compared_line_of_sight",
+    } <= names
     assert {"compared_trajectory", "compared_quaternion"} <= names
 
 
@@ -235,11 +275,16 @@ def test_compared_paths_are_relative_to_the_target_in_the_colours_of_the_runs():
 
 def test_engines_are_compared_where_there_are_any(tmp_path):
     result = flight("relay_approach", "relay_controller")
-    assert "compared_engines" in {path.stem for path in overlay({"a": result, "b": result}, tmp_path)}
+    assert "compared_engines" in {
+        path.stem for path in overlay({"a": result, "b": result}, tmp_path)
+    }
 
 
 def test_sections_of_several_eccentricities_make_the_bifurcation_diagram():
-    results = {f"e={e}": run("space_robot", set={"robot.e": e}, step=60.0, stop=30000.0) for e in (0.01, 0.05)}
+    results = {
+        f"e={e}": run("space_robot", set={"robot.e": e}, step=60.0, stop=30000.0)
+        for e in (0.01, 0.05)
+    }
     (sections,) = (f for f in OVERLAYS if f.name == "compared_sections")
     assert all(sections.fits(r) for r in results.values())
     canvas = paint_overlay(sections, results, {label: f"C{i}" for i, label in enumerate(results)})

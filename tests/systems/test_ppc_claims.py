@@ -1,9 +1,11 @@
-"""Claims of Yin, Luo, Wei & Yuan, J. Astronautics 38(8), 2017, one by one: quotation, our figure, band, verdict.
+"""Claims of Yin, Luo, Wei & Yuan, J. Astronautics 38(8), 2017, one by one: quotation, our figure,
+band, verdict.
 
-The paper prints neither the initial states nor the gains of any controller: those of ssp/ppc_tracking.toml,
-are used, so a reproduced figure shows that the claim can be met, not that these were the authors' numbers. One claim is
-about computing time and so none for a test: "theta-D takes much time and cannot be used on line"; `harness compare` shows
-it to cost some microseconds per sample more than the others.
+The paper prints neither the initial states nor the gains of any controller: those of
+ssp/ppc_tracking.toml, are used, so a reproduced figure shows that the claim can be met, not that
+these were the authors' numbers. One claim is about computing time and so none for a test: "theta-D
+takes much time and cannot be used on line"; `harness compare` shows it to cost some microseconds
+per sample more than the others.
 """
 
 from __future__ import annotations
@@ -13,7 +15,17 @@ import pytest
 
 from harness.run import run
 
-from .ppc_flights import BAND, after, attitude_error, effort, flight, los, range_error, settled, start
+from .ppc_flights import (
+    BAND,
+    after,
+    attitude_error,
+    effort,
+    flight,
+    los,
+    range_error,
+    settled,
+    start,
+)
 
 PPC, PID, THETA_D = "ppc_controller", "pid_controller", "theta_d_controller"
 ALL = (PPC, THETA_D, PID)
@@ -33,7 +45,9 @@ def angle_error(result):
 
 @pytest.mark.parametrize(("controller", "claimed"), [(PPC, 18.0), (THETA_D, 23.0), (PID, 40.0)])
 def test_convergence_times(controller, claimed):
-    """ "about 18 s", "23 s", "40 s". Ours to 2 % of the initial error: 18.1, 22.8, 42.2 s. Reproduced (10 %)."""
+    """ "about 18 s", "23 s", "40 s". Ours to 2 % of the initial error: 18.1, 22.8, 42.2 s.
+    Reproduced (10 %).
+    """
     assert abs(convergence(controller) / claimed - 1) < 0.1
 
 
@@ -43,15 +57,17 @@ def test_ppc_is_the_fastest_and_pid_the_slowest():
 
 
 def test_the_servicer_hovers_twenty_metres_above_the_feature():
-    """Figure 2. Ours after 60 s: range within 5 mm, 0.1 deg off the axis of the feature. Reproduced."""
+    """Figure 2. Ours after 60 s: range within 5 mm, 0.1 deg off the axis of the feature.
+    Reproduced.
+    """
     result = flight(PPC)
     assert after(result, 60, range_error(result)) < 0.01
     assert after(result, 60, result["guidance.beta_t"]) < np.radians(0.1)
 
 
 def test_line_of_sight_angles_of_ppc_settle_first_and_those_of_pid_oscillate():
-    """Figure 4: "LCPPC fast, theta-D smooth but slightly slower, PID great oscillation". To 0.5 deg 13.8, 24.2, 26.0 s,
-    overshoot of the elevation 1.3, 0.4, 17 deg. Reproduced."""
+    """Figure 4: "LCPPC fast, theta-D smooth but slightly slower, PID great oscillation". To 0.5 deg
+    13.8, 24.2, 26.0 s, overshoot of the elevation 1.3, 0.4, 17 deg. Reproduced."""
     times = {c: settled(flight(c), angle_error(flight(c)), np.radians(0.5)) for c in ALL}
     overshoot = {c: np.degrees(flight(c)["controller.error.elevation"].max()) for c in ALL}
     assert times[PPC] < times[THETA_D] < times[PID]
@@ -60,8 +76,8 @@ def test_line_of_sight_angles_of_ppc_settle_first_and_those_of_pid_oscillate():
 
 
 def test_pid_undershoots_the_range_and_comes_near_the_target():
-    """Conclusion: PID "cannot guarantee the safety". Ours: PID passes the target at 7.4 m, the others stay at 20 m.
-    Reproduced."""
+    """Conclusion: PID "cannot guarantee the safety". Ours: PID passes the target at 7.4 m, the
+    others stay at 20 m. Reproduced."""
     assert flight(PID)["guidance.range"].min() < 10
     assert min(flight(c)["guidance.range"].min() for c in (PPC, THETA_D)) > 19.99
 
@@ -72,8 +88,8 @@ def test_ppc_spends_less_than_pid_and_theta_d_least():
 
 
 def test_attitudes_are_accurate_in_the_steady_state_and_ppc_acquires_first():
-    """Figure 6: all three accurate; theta-D and PID slower. After 60 s 0.006, 0.0001, 0.41 deg; to 1 deg in 8.7, 13.3,
-    45 s. Reproduced, PID with the reservation of its slow integral."""
+    """Figure 6: all three accurate; theta-D and PID slower. After 60 s 0.006, 0.0001, 0.41 deg; to
+    1 deg in 8.7, 13.3, 45 s. Reproduced, PID with the reservation of its slow integral."""
     late = {c: np.degrees(after(flight(c), 60, attitude_error(flight(c)))) for c in ALL}
     times = {c: settled(flight(c), attitude_error(flight(c)), np.radians(1)) for c in ALL}
     assert max(late[PPC], late[THETA_D]) < 0.05
@@ -96,7 +112,9 @@ def test_ppc_keeps_half_a_metre_under_manoeuvre():
 
 
 def test_theta_d_keeps_three_metres_under_manoeuvre():
-    """ "only within +-3 m". Ours 2.6 m of range after 40 s. Reproduced; across the line of sight it is 5 m."""
+    """ "only within +-3 m". Ours 2.6 m of range after 40 s. Reproduced; across the line of sight it
+    is 5 m.
+    """
     result = flight(THETA_D, "manoeuvre")
     assert 0.5 < after(result, 40, range_error(result)) < 3
     across = 20 * los(result, "controller.error")[:, 1:]
@@ -104,8 +122,8 @@ def test_theta_d_keeps_three_metres_under_manoeuvre():
 
 
 def test_pid_is_slow_and_oscillates_under_manoeuvre():
-    """ "still slow, with larger oscillation". Ours 39.6 s, range down to 11 m, elevation overshoot 25 deg.
-    Reproduced."""
+    """ "still slow, with larger oscillation". Ours 39.6 s, range down to 11 m, elevation overshoot
+    25 deg. Reproduced."""
     result = flight(PID, "manoeuvre")
     assert convergence(PID, "manoeuvre") > 2 * convergence(PPC, "manoeuvre")
     assert result["guidance.range"].min() < 15
@@ -113,16 +131,18 @@ def test_pid_is_slow_and_oscillates_under_manoeuvre():
 
 
 def test_steady_accuracy_of_pid_suffers_from_the_manoeuvre():
-    """ "steady accuracy is not affected by manoeuvre, uncertainty, disturbance". Ours: 4 mm in the last 20 s without,
-    0.69 m with the manoeuvre: an integral takes out its mean, not its sinusoids. Not reproduced."""
+    """ "steady accuracy is not affected by manoeuvre, uncertainty, disturbance". Ours: 4 mm in the
+    last 20 s without, 0.69 m with the manoeuvre: an integral takes out its mean, not its sinusoids.
+    Not reproduced."""
     nominal, manoeuvre = (flight(PID, params) for params in ("nominal", "manoeuvre"))
     assert after(nominal, 100, range_error(nominal)) < 0.01
     assert after(manoeuvre, 100, range_error(manoeuvre)) > 0.5
 
 
 def test_theta_d_does_not_chatter_under_manoeuvre():
-    """ "severe oscillation of the control acceleration, wasting fuel". Ours: total variation after 60 s 3.2 m/s2
-    against 2.9 (ppc) and 3.1 (PID); all three just follow the manoeuvre. Not reproduced."""
+    """ "severe oscillation of the control acceleration, wasting fuel". Ours: total variation after
+    60 s 3.2 m/s2 against 2.9 (ppc) and 3.1 (PID); all three just follow the manoeuvre. Not
+    reproduced."""
 
     def variation(controller):
         result = flight(controller, "manoeuvre")
@@ -132,8 +152,14 @@ def test_theta_d_does_not_chatter_under_manoeuvre():
 
 
 def test_ppc_still_spends_less_than_pid_under_manoeuvre():
-    """Figure 8: "force of LCPPC remains low". 184 against 220 m/s (theta-D: 150). Reproduced against PID only."""
-    assert effort(flight(THETA_D, "manoeuvre")) < effort(flight(PPC, "manoeuvre")) < effort(flight(PID, "manoeuvre"))
+    """Figure 8: "force of LCPPC remains low". 184 against 220 m/s (theta-D: 150). Reproduced
+    against PID only.
+    """
+    assert (
+        effort(flight(THETA_D, "manoeuvre"))
+        < effort(flight(PPC, "manoeuvre"))
+        < effort(flight(PID, "manoeuvre"))
+    )
 
 
 # ---- what the method promises ----
@@ -154,16 +180,18 @@ def late_error(params, **settings):
 
 
 def test_accuracy_is_adjustable_by_the_performance_function_with_the_law_as_printed():
-    """ "higher accuracy by adjusting the performance function". Law 0: its gain grows as alpha_inf^-2, so a quarter of
-    alpha_inf divides the error by more than ten. Reproduced."""
-    (coarse, _), (fine, flag) = (late_error("literal_law", **{"range.alpha_inf": a}) for a in (8.0, 2.0))
+    """ "higher accuracy by adjusting the performance function". Law 0: its gain grows as
+    alpha_inf^-2, so a quarter of alpha_inf divides the error by more than ten. Reproduced."""
+    (coarse, _), (fine, flag) = (
+        late_error("literal_law", **{"range.alpha_inf": a}) for a in (8.0, 2.0)
+    )
     assert fine < coarse / 10
     assert flag == 0
 
 
 def test_with_the_normalised_law_accuracy_is_adjusted_by_the_gain():
-    """Law 2: its gain does not depend on alpha, an error far inside the funnel does not see the bound; k does it.
-    What the default law gives up for working at low software rates."""
+    """Law 2: its gain does not depend on alpha, an error far inside the funnel does not see the
+    bound; k does it. What the default law gives up for working at low software rates."""
     wide, narrow = (late_error("manoeuvre", **{"range.alpha_inf": a})[0] for a in (2.0, 0.5))
     stiff, _ = late_error("manoeuvre", **{"range.k": 30.0})
     assert narrow > 0.7 * wide
@@ -171,8 +199,8 @@ def test_with_the_normalised_law_accuracy_is_adjusted_by_the_gain():
 
 
 def test_the_guarantee_holds_while_the_actuator_saturates_gently():
-    """ "theta remains in (L, U) for ever". In both scenarios, saturated for 11 to 13 s, kappa stays below 0.13; with
-    the literal law the barrier acts at 0.90. Reproduced."""
+    """ "theta remains in (L, U) for ever". In both scenarios, saturated for 11 to 13 s, kappa stays
+    below 0.13; with the literal law the barrier acts at 0.90. Reproduced."""
     for params, kappa in (("nominal", 0.15), ("manoeuvre", 0.15), ("literal_law", 0.95)):
         result = flight(PPC, params)
         assert np.any(result["controller.a_saturated"])
@@ -181,9 +209,10 @@ def test_the_guarantee_holds_while_the_actuator_saturates_gently():
 
 
 def test_a_large_initial_speed_breaks_the_guarantee_under_the_acceleration_limit_of_the_paper():
-    """ "x2 in z keeps the system stable even if the initial speed is very large". At 45 m/s, with kappa(0) = 0.2
-    and 4.9 m/s2, the funnel is left for seconds and the servicer passes within a metre of the target, flagged: the
-    proof knows no saturation. Not reproduced under the limit of section 4.1; without a limit it holds."""
+    """ "x2 in z keeps the system stable even if the initial speed is very large". At 45 m/s, with
+    kappa(0) = 0.2 and 4.9 m/s2, the funnel is left for seconds and the servicer passes within a
+    metre of the target, flagged: the proof knows no saturation. Not reproduced under the limit of
+    section 4.1; without a limit it holds."""
     fast = start((300, np.radians(2), np.radians(32)), (-45.0, 0, 0))
     limited = run("ppc_tracking", set=fast)
     assert limited["controller.start_margin"][1] > 0.7
@@ -195,9 +224,14 @@ def test_a_large_initial_speed_breaks_the_guarantee_under_the_acceleration_limit
 
 
 def test_the_error_itself_may_leave_the_funnel_that_holds_its_generalised_state():
-    """Equation (44) drops the initial value: "x1 converges into the region as z does". Closing at 45 m/s from 300 m
-    with alpha_0 = 150 m, z starts at 86 m, x1 at 280 m. Not as printed; the bound of docs/models.md C.4 with x1(0) holds."""
+    """Equation (44) drops the initial value: "x1 converges into the region as z does". Closing at
+    45 m/s from 300 m with alpha_0 = 150 m, z starts at 86 m, x1 at 280 m. Not as printed; the bound
+    of docs/models.md C.4 with x1(0) holds."""
     fast = start((300, np.radians(2), np.radians(32)), (-45.0, 0, 0))
-    result = run("ppc_tracking", set=fast | {"controller.a_max": 0, "controller.range.alpha_0": 150}, stop=10.0)
+    result = run(
+        "ppc_tracking",
+        set=fast | {"controller.a_max": 0, "controller.range.alpha_0": 150},
+        stop=10.0,
+    )
     assert result["controller.violation"].max() == 0
     assert result["controller.error.range"][1] > result["controller.alpha.range"][1]

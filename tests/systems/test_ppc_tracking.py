@@ -1,4 +1,5 @@
-"""The system ppc_tracking: start, the same run as one program, funnel, software periods, exchange of controllers.
+"""The system ppc_tracking: start, the same run as one program, funnel, software periods, exchange
+of controllers.
 
 The claims of the paper: test_ppc_claims.py.
 """
@@ -16,7 +17,17 @@ from harness.run import run
 from ..reference import adaptive, ppc, ppc_case
 from ..reference.attitude import dcm
 from ..reference.los import triad
-from .ppc_flights import BAND, after, attitude_error, deviations, flight, los, range_error, settled, start
+from .ppc_flights import (
+    BAND,
+    after,
+    attitude_error,
+    deviations,
+    flight,
+    los,
+    range_error,
+    settled,
+    start,
+)
 
 CONTROLLERS = ("ppc_controller", "pid_controller", "theta_d_controller")
 FREE = {"controller.a_max": 0, "controller.M_max": [0, 0, 0], "propulsion.M_max": [0, 0, 0]}
@@ -26,14 +37,18 @@ FREE = {"controller.a_max": 0, "controller.M_max": [0, 0, 0], "propulsion.M_max"
 
 
 def test_start_is_that_of_the_scenario():
-    """300 m, (2, 32) deg, closing at 10 m/s as seen in N; desired 20 m, (10, 20) deg; attitude 60 deg off."""
+    """300 m, (2, 32) deg, closing at 10 m/s as seen in N; desired 20 m, (10, 20) deg; attitude 60
+    deg off.
+    """
     first = flight("ppc_controller")
     q, dq, ref = (los(first, f"guidance.{name}")[0] for name in ("los", "dlos", "los_ref"))
     assert np.max(np.abs(q - (300, np.radians(2), np.radians(32)))) < 1e-8
     assert np.max(np.abs(dq - (-10, 0, 0))) < 1e-10
     assert np.max(np.abs(ref - (20, np.radians(10), np.radians(20)))) < 1e-12
     assert abs(attitude_error(first)[0] - np.pi / 3) < 1e-10
-    assert np.max(np.abs(first["controller.q_SD"][0, 1:] - np.array((1, -1, 1)) / np.sqrt(12))) < 1e-10
+    assert (
+        np.max(np.abs(first["controller.q_SD"][0, 1:] - np.array((1, -1, 1)) / np.sqrt(12))) < 1e-10
+    )
     _, y_l, z_l = triad(np.radians(10), np.radians(20))
     z_b = dcm(first["target.q_TN"][0])[2]
     assert np.max(np.abs(z_b - np.cos(np.radians(25)) * y_l - np.sin(np.radians(25)) * z_l)) < 1e-12
@@ -57,11 +72,15 @@ def is_state(name):
 
 
 def is_command(name):
-    return name.startswith("controller.") and "integral" not in name and not name.endswith("alpha_att")
+    return (
+        name.startswith("controller.") and "integral" not in name and not name.endswith("alpha_att")
+    )
 
 
 def assert_same_flight(result, expected):
-    """States to 1e-9 relative; commands to 1e-7: 1e-9 m of rounding in 7e6 m times the gains and the barrier."""
+    """States to 1e-9 relative; commands to 1e-7: 1e-9 m of rounding in 7e6 m times the gains and
+    the barrier.
+    """
     states, commands = (deviations(result, expected, names) for names in (is_state, is_command))
     assert {name: value for name, value in states.items() if value > 1e-9} == {}
     assert {name: value for name, value in commands.items() if value > 1e-7} == {}
@@ -78,7 +97,9 @@ def test_the_fmus_fly_as_the_monolithic_program_written_from_the_specification(c
 
 def test_the_literal_law_flies_as_the_monolithic_program():
     s = replace(ppc_case.NOMINAL, period=0.01)
-    s = replace(s, target=replace(s.target, max_step=0.01), servicer=replace(s.servicer, max_step=0.01))
+    s = replace(
+        s, target=replace(s.target, max_step=0.01), servicer=replace(s.servicer, max_step=0.01)
+    )
     expected = ppc_case.run(s, lambda: ppc_case.ppc_law(ppc_case.LITERAL_LAW), stop=6.0)
     assert_same_flight(flight("ppc_controller", "literal_law"), expected)
 
@@ -87,23 +108,38 @@ def test_the_literal_law_flies_as_the_monolithic_program():
 
 
 def random_start(seed):
-    """Inside the funnel with kappa < 1 (rejection), ranges of 60 to 400 m, tens of degrees off, moving, turning."""
+    """Inside the funnel with kappa < 1 (rejection), ranges of 60 to 400 m, tens of degrees off,
+    moving, turning.
+    """
     rng = np.random.default_rng(seed)
     while True:
-        q = np.array((rng.uniform(60, 400), np.radians(rng.uniform(-20, 40)), np.radians(rng.uniform(-10, 50))))
+        q = np.array(
+            (
+                rng.uniform(60, 400),
+                np.radians(rng.uniform(-20, 40)),
+                np.radians(rng.uniform(-10, 50)),
+            )
+        )
         dq = rng.normal(size=3) * (15, 0.05, 0.05)
         x1 = q - (20, np.radians(10), np.radians(20))
         z = x1 + np.array((4.3, 4, 4)) * dq
         theta = z / (600, 0.8, 0.8)
-        if np.max(np.abs(theta)) < 0.95 and 0.1 * np.sum(np.log((1 + theta) / (1 - theta)) ** 2) < 0.95:
+        if (
+            np.max(np.abs(theta)) < 0.95
+            and 0.1 * np.sum(np.log((1 + theta) / (1 - theta)) ** 2) < 0.95
+        ):
             return x1, start(q, dq) | {"servicer.omega_SN_S_0": (0.2 * rng.normal(size=3)).tolist()}
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_without_saturation_no_state_leaves_its_funnel_from_any_start_inside(seed):
-    """kappa < 1 and |theta| < 1 all the time, with the manoeuvring target too; x1 within the bound of docs/models.md C.4."""
+    """kappa < 1 and |theta| < 1 all the time, with the manoeuvring target too; x1 within the bound
+    of docs/models.md C.4.
+    """
     x1, settings = random_start(seed)
-    settings |= FREE | {f"{component}.sample_period": 0.01 for component in ("guidance", "controller")}
+    settings |= FREE | {
+        f"{component}.sample_period": 0.01 for component in ("guidance", "controller")
+    }
     result = run("ppc_tracking", params="manoeuvre", set=settings, step=0.01, stop=40.0)
     assert result["controller.kappa"].max() < 1
     assert result["controller.kappa_att"].max() < 1
@@ -111,9 +147,16 @@ def test_without_saturation_no_state_leaves_its_funnel_from_any_start_inside(see
     assert np.abs(result["controller.theta_att"]).max() < 1
     assert not np.any(result["controller.violation"] + result["controller.violation_att"])
     t = np.maximum(result.time - 0.01, 0)[:, None]  # a row holds what the sample before it saw
-    alpha_0, alpha_inf, w, beta = np.array((600, 0.8, 0.8)), np.array((0.5, 0.03, 0.03)), 1 / np.array((4.3, 4, 4)), 0.2
+    alpha_0, alpha_inf, w, beta = (
+        np.array((600, 0.8, 0.8)),
+        np.array((0.5, 0.03, 0.03)),
+        1 / np.array((4.3, 4, 4)),
+        0.2,
+    )
     fading = np.exp(-w * t)
-    bound = (alpha_0 - alpha_inf) * w / (w - beta) * (np.exp(-beta * t) - fading) + alpha_inf * (1 - fading)
+    bound = (alpha_0 - alpha_inf) * w / (w - beta) * (np.exp(-beta * t) - fading) + alpha_inf * (
+        1 - fading
+    )
     assert np.all(np.abs(los(result, "controller.error")) <= bound + np.abs(x1) * fading + 1e-9)
 
 
@@ -128,7 +171,10 @@ def test_every_gain_law_brings_the_servicer_to_the_hover_point(law):
 
 @pytest.mark.parametrize(
     ("q", "dq", "margin"),
-    [((300, 0.035, 0.56), (-300, 0, 0), "start_margin"), ((300, 1.2, 0.56), (-10, 0, 0), "start_margin")],
+    [
+        ((300, 0.035, 0.56), (-300, 0, 0), "start_margin"),
+        ((300, 1.2, 0.56), (-10, 0, 0), "start_margin"),
+    ],
     ids=["too fast", "too far aside"],
 )
 def test_a_start_outside_the_funnel_ends_the_run_in_its_first_step_with_the_reason(q, dq, margin):
@@ -144,9 +190,14 @@ def test_a_start_outside_the_funnel_ends_the_run_in_its_first_step_with_the_reas
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
 def test_software_periods_between_10_and_100_ms_fly_alike(controller):
-    """Convergence within 0.3 s, and ranges that differ in proportion to the period: the error of the hold."""
+    """Convergence within 0.3 s, and ranges that differ in proportion to the period: the error of
+    the hold.
+    """
     flights = {ms: flight(controller, f"period_{ms}ms") for ms in (10, 50, 100)}
-    ranges = {ms: np.linalg.norm(r["servicer.r_SN_N"] - r["target.r_TN_N"], axis=1) for ms, r in flights.items()}
+    ranges = {
+        ms: np.linalg.norm(r["servicer.r_SN_N"] - r["target.r_TN_N"], axis=1)
+        for ms, r in flights.items()
+    }
     times = [settled(flights[ms], ranges[ms] - 20, BAND) for ms in ranges]
     assert max(times) - min(times) < 0.3
     near, far = (np.max(np.abs(ranges[ms] - ranges[10][::5])) for ms in (50, 100))
@@ -155,7 +206,9 @@ def test_software_periods_between_10_and_100_ms_fly_alike(controller):
 
 
 def test_reference_and_fmu_agree_on_the_default_parameters():
-    """So that the closed loops compared above have the parameters of the specification, not of one another."""
+    """So that the closed loops compared above have the parameters of the specification, not of one
+    another.
+    """
     result = flight("ppc_controller")
     assert ppc.Ppc().range == ppc.Channel(15, 0.1, 4.3, 600, 0.5, 0.2)
     assert abs(result["controller.alpha.range"][1] - 600) < 1e-12

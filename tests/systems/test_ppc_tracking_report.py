@@ -1,4 +1,6 @@
-"""harness report for runs of ppc_tracking: three controllers in two scenarios, each with the claims made about it."""
+"""harness report for runs of ppc_tracking: three controllers in two scenarios, each with the claims
+made about it.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,10 @@ FIGURES = {
         "accuracy under manoeuvre": (0.30, REPRODUCED),
         "barrier": (0.127, REPRODUCED),
     },
-    (THETA_D, "manoeuvre"): {"accuracy under manoeuvre": (2.61, REPRODUCED), "chattering command": (3.0, NOT)},
+    (THETA_D, "manoeuvre"): {
+        "accuracy under manoeuvre": (2.61, REPRODUCED),
+        "chattering command": (3.0, NOT),
+    },
     (PID, "manoeuvre"): {
         "convergence": (39.6, REPRODUCED),
         "oscillation": (25.1, REPRODUCED),
@@ -72,13 +77,19 @@ def test_the_table_names_controller_and_scenario_within_120_columns(case):
     assert text.isascii()
     words = " ".join(text.split())
     assert ("unknown manoeuvre" if case[1] == "manoeuvre" else "no manoeuvre") in words
-    assert {PPC: "prescribed performance", PID: "PID", THETA_D: "theta-D"}[case[0]] + ", section 4" in words
+    assert {PPC: "prescribed performance", PID: "PID", THETA_D: "theta-D"}[
+        case[0]
+    ] + ", section 4" in words
 
 
 def changed(case, variable, change):
     result = flight(*case)
     values = result.values.copy()
-    places = [result.columns.index(variable)] if variable in result.columns else result.vectors[variable].reshape(-1)
+    places = (
+        [result.columns.index(variable)]
+        if variable in result.columns
+        else result.vectors[variable].reshape(-1)
+    )
     values[:, places] = change(values[:, places])
     return replace(result, values=values)
 
@@ -86,7 +97,13 @@ def changed(case, variable, change):
 @pytest.mark.parametrize(
     ("case", "claim", "variable", "change", "expected"),
     [
-        ((PPC, "nominal"), "convergence", "guidance.range", lambda x: 20 + 1.3 * (x - 20) ** 1.2, PARTLY),
+        (
+            (PPC, "nominal"),
+            "convergence",
+            "guidance.range",
+            lambda x: 20 + 1.3 * (x - 20) ** 1.2,
+            PARTLY,
+        ),
         ((PPC, "nominal"), "hovering", "guidance.range", lambda x: x + 0.5, PARTLY),
         ((PPC, "nominal"), "barrier", "controller.kappa", lambda x: 10 * x, NOT),
         (
@@ -96,7 +113,13 @@ def changed(case, variable, change):
             lambda x: np.where(x > 0, 9 * x, x),
             NOT,
         ),
-        ((PPC, "manoeuvre"), "accuracy under manoeuvre", "guidance.range", lambda x: x + 0.5, PARTLY),
+        (
+            (PPC, "manoeuvre"),
+            "accuracy under manoeuvre",
+            "guidance.range",
+            lambda x: x + 0.5,
+            PARTLY,
+        ),
         (
             (THETA_D, "manoeuvre"),
             "accuracy under manoeuvre",
@@ -111,7 +134,13 @@ def changed(case, variable, change):
             lambda x: x + 0.1 * alternating(x),
             REPRODUCED,
         ),
-        ((PID, "manoeuvre"), "unaffected accuracy", "guidance.range", lambda x: 20 + 0.05 * (x - 20), REPRODUCED),
+        (
+            (PID, "manoeuvre"),
+            "unaffected accuracy",
+            "guidance.range",
+            lambda x: 20 + 0.05 * (x - 20),
+            REPRODUCED,
+        ),
         ((PID, "nominal"), "oscillation", "controller.error.elevation", lambda x: 0.1 * x, NOT),
     ],
 )

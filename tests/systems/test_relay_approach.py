@@ -1,4 +1,6 @@
-"""relay_approach as a whole: the independent program, the requirements on its parameter sets, latency, orbit, cost."""
+"""relay_approach as a whole: the independent program, the requirements on its parameter sets,
+latency, orbit, cost.
+"""
 
 from __future__ import annotations
 
@@ -41,10 +43,11 @@ SETS = {NEWTON: relay.BN, PAPER: relay.BP, SMALL: relay.BPZ, GEO: relay.BG}
 
 
 def same_as_reference(params: str, stop: float, every: int) -> None:
-    """Relays, modes, thrusts, impulses and counters tick by tick and exactly; motion as far as rounding lets it.
+    """Relays, modes, thrusts, impulses and counters tick by tick and exactly; motion as far as
+    rounding lets it.
 
-    A relay that decides one tick earlier would change thrust and all that follows: exact equality of the flags over the
-    whole flight shows more than any tolerance on positions.
+    A relay that decides one tick earlier would change thrust and all that follows: exact equality
+    of the flags over the whole flight shows more than any tolerance on positions.
     """
     ours, theirs = flight(params, every=every, stop=stop), relay.run(SETS[params], stop, every)
     R, V = orbit_point(ours.time) if params == GEO else (0.0, 0.0)
@@ -88,7 +91,9 @@ def test_flies_as_the_independent_program_for_the_whole_mission(params):
 # ---- requirements
 
 
-@pytest.mark.parametrize(("params", "band"), [(NEWTON, (47, 54)), (GEO, (47, 54)), (PAPER, (49, 50.5))])
+@pytest.mark.parametrize(
+    ("params", "band"), [(NEWTON, (47, 54)), (GEO, (47, 54)), (PAPER, (49, 50.5))]
+)
 def test_the_range_is_reached_and_held_for_the_rest_of_the_mission(params, band):
     result = flight(params)
     held = distance(result)[holding(result)]
@@ -104,7 +109,9 @@ def test_the_speed_of_the_target_is_matched_on_average(params, difference):
     v_S, v_T = velocities(result)
     rows = holding(result)
     assert np.linalg.norm((v_S - v_T)[rows].mean(axis=0)) < difference
-    assert speed(result)[rows].mean() == pytest.approx(np.linalg.norm(v_T[rows], axis=1).mean(), rel=0.07)
+    assert speed(result)[rows].mean() == pytest.approx(
+        np.linalg.norm(v_T[rows], axis=1).mean(), rel=0.07
+    )
 
 
 def test_newton_needs_tens_of_newton_seconds_of_translation():
@@ -115,14 +122,18 @@ def test_newton_needs_tens_of_newton_seconds_of_translation():
 
 
 def test_geo_pays_for_the_tide():
-    """The target drifts off at up to 0.36 m/s relative to the orbiting point, and the servicer follows."""
+    """The target drifts off at up to 0.36 m/s relative to the orbiting point, and the servicer
+    follows.
+    """
     result = flight(GEO)
     assert 150 < impulse(result, MAIN) < 250
     assert impulse(result, BRAKES) < 150
 
 
 def test_paper_small_thrust_approaches_at_a_constant_speed_of_16_mm_per_s():
-    """From the end of the first burn to the arrival: the relays are inside their band, so nothing fires."""
+    """From the end of the first burn to the arrival: the relays are inside their band, so nothing
+    fires.
+    """
     result = flight(SMALL)
     rows = (result.time >= 2000) & (result.time <= arrival(result) - 2000)
     assert speed(result)[rows] == pytest.approx(0.016, rel=1e-3)
@@ -139,8 +150,9 @@ def test_the_target_is_first_pointed_at_within_200_s(params):
 
 
 def test_one_tick_of_latency_sets_main_engine_and_brakes_of_the_paper_against_each_other():
-    """Documented finding: 50 N are too coarse for a band of 5 mm/s. After one more tick of dead time both are on nearly
-    all the time, from the first burn on; with a tenth of the thrust the same tick does nothing of the kind."""
+    """Documented finding: 50 N are too coarse for a band of 5 mm/s. After one more tick of dead
+    time both are on nearly all the time, from the first burn on; with a tenth of the thrust the
+    same tick does nothing of the kind."""
     prompt, late = (flight(PAPER, late=late, stop=2000.0) for late in ((), ("controller",)))
     assert fighting(prompt) < 0.01
     assert fighting(late) > 0.9
@@ -153,7 +165,8 @@ def test_one_tick_of_latency_sets_main_engine_and_brakes_of_the_paper_against_ea
 def test_cost_of_one_tick_of_latency_over_the_whole_mission():
     """250 times the impulse with the paper's thrust, less than half as much again without."""
     cost = {
-        p: impulse(flight(p, late=("controller",)), MAIN) / impulse(flight(p), MAIN) for p in (PAPER, SMALL, NEWTON)
+        p: impulse(flight(p, late=("controller",)), MAIN) / impulse(flight(p), MAIN)
+        for p in (PAPER, SMALL, NEWTON)
     }
     assert cost[PAPER] == pytest.approx(253, rel=0.02)
     assert max(cost[SMALL], cost[NEWTON]) < 1.6
@@ -165,7 +178,9 @@ def fighting(result) -> float:
     return float(np.mean((thrust[:, MAIN] > 0.01) & (thrust[:, 8] > 0.01)))
 
 
-@pytest.mark.parametrize("dead_time", [{"algorithm": "jacobi"}, {"late": ("guidance", "controller")}])
+@pytest.mark.parametrize(
+    "dead_time", [{"algorithm": "jacobi"}, {"late": ("guidance", "controller")}]
+)
 def test_newton_holds_its_range_with_two_ticks_of_dead_time_and_more(dead_time):
     """Jacobi delays every hand-over by a tick; the hold gets no worse than a few metres."""
     result = flight(NEWTON, **dead_time)
@@ -176,9 +191,11 @@ def test_newton_holds_its_range_with_two_ticks_of_dead_time_and_more(dead_time):
 
 
 def test_double_precision_suffices_for_inertial_coordinates_in_geostationary_orbit():
-    """Free flight of both bodies for 40 000 s against the difference of gravity integrated in ISK (DOP853): < 0.1 mm.
+    """Free flight of both bodies for 40 000 s against the difference of gravity integrated in ISK
+    (DOP853): < 0.1 mm.
 
-    4.2e7 m have a spacing of 7.5e-9 m; its random walk over 400 000 steps stays below a tenth of a millimetre.
+    4.2e7 m have a spacing of 7.5e-9 m; its random walk over 400 000 steps stays below a tenth of a
+    millimetre.
     """
     none = "propulsion.thrust_nominal=[0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0]"
     result = flight(GEO, (none,), every=1000)
@@ -201,7 +218,9 @@ def test_double_precision_suffices_for_inertial_coordinates_in_geostationary_orb
 
 
 def test_only_a_velocity_that_turns_with_the_body_lets_the_scalar_law_come_to_rest():
-    """B.8: with Newton's law the velocity across the axis is nobody's business; it grows until the servicer circles."""
+    """B.8: with Newton's law the velocity across the axis is nobody's business; it grows until the
+    servicer circles.
+    """
     newton = flight(PAPER, ("servicer.velocity_follows_attitude=0",))
     paper = flight(PAPER)
     assert relative_speed(paper)[last(paper, 5000)].mean() < 2e-3
@@ -237,15 +256,19 @@ from harness.run import run
 began = time.perf_counter()
 rows = len(run("relay_approach", every=10).time)
 seconds = time.perf_counter() - began
-peak = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM"))
-print(rows, seconds, peak.split()[1])
+peak = next(line for line in Path("/proc/self/status").read_text().splitlines() if
+line.startswith("VmHWM")) print(rows, seconds, peak.split()[1])
 """
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads the peak of memory from /proc")
+@pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="reads the peak of memory from /proc"
+)
 def test_400_000_steps_with_every_tenth_recorded_stay_below_300_MB_and_15_s():
     """Alone in a process; measured 90 MB and 2 s, the bound on time is for a busy machine."""
-    run = subprocess.run([sys.executable, "-c", MEASURE], capture_output=True, text=True, check=True, env=os.environ)
+    run = subprocess.run(
+        [sys.executable, "-c", MEASURE], capture_output=True, text=True, check=True, env=os.environ
+    )
     rows, seconds, kilobytes = map(float, run.stdout.split())
     assert rows == 40001
     assert seconds < 15

@@ -1,4 +1,6 @@
-"""Claims of Kozlova & Fomichev 2023, one by one, for the paper's set and for the two that were made from it."""
+"""Claims of Kozlova & Fomichev 2023, one by one, for the paper's set and for the two that were made
+from it.
+"""
 
 from __future__ import annotations
 
@@ -41,8 +43,9 @@ FIGURES = {
     ("transition quaternion", SMALL): (1.58, REPRODUCED),
     ("transition quaternion", NEWTON): (31.1, NOT),
 }
-"""The hold of paper_small_thrust is too short to be judged: it arrives 1000 s before the end, at 1.6 instead of 2 cm/s.
-newton turns its thrust axis along the velocity error before a burn, so its transition quaternion leaves 1 by design."""
+"""The hold of paper_small_thrust is too short to be judged: it arrives 1000 s before the end, at
+1.6 instead of 2 cm/s. newton turns its thrust axis along the velocity error before a burn, so its
+transition quaternion leaves 1 by design."""
 
 
 @pytest.mark.parametrize(("claim", "params"), FIGURES)
@@ -57,9 +60,15 @@ def test_every_claim_has_a_verdict_in_the_set_of_the_paper():
 
 
 def test_the_paper_flies_at_the_price_of_kilonewton_seconds():
-    """Not said in the paper: 8 kN s; a tenth of the thrust does it with 23 N s, and momentum alone would need 20."""
-    assert impulse(flight(PAPER), MAIN) + impulse(flight(PAPER), BRAKES) == pytest.approx(8127, rel=0.01)
-    assert impulse(flight(SMALL), MAIN) + impulse(flight(SMALL), BRAKES) == pytest.approx(22.8, rel=0.01)
+    """Not said in the paper: 8 kN s; a tenth of the thrust does it with 23 N s, and momentum alone
+    would need 20.
+    """
+    assert impulse(flight(PAPER), MAIN) + impulse(flight(PAPER), BRAKES) == pytest.approx(
+        8127, rel=0.01
+    )
+    assert impulse(flight(SMALL), MAIN) + impulse(flight(SMALL), BRAKES) == pytest.approx(
+        22.8, rel=0.01
+    )
 
 
 # ---- the table
@@ -76,12 +85,18 @@ def test_the_table_of_the_paper_passes_within_120_columns():
 
 def test_the_table_says_in_what_a_run_differs_from_the_paper():
     text = " ".join(report(flight(NEWTON))[0].split())
-    for words in ("velocity follows the attitude 0 instead of 1", "main engine 5 N instead of 50 N", "speed law 1"):
+    for words in (
+        "velocity follows the attitude 0 instead of 1",
+        "main engine 5 N instead of 50 N",
+        "speed law 1",
+    ):
         assert words in text
 
 
 def test_a_hold_too_short_to_be_judged_says_so(tmp_path, capsys):
-    """paper_small_thrust arrives 1000 s before the end; the command fails, because not everything was judged."""
+    """paper_small_thrust arrives 1000 s before the end; the command fails, because not everything
+    was judged.
+    """
     file = ResultFile(tmp_path / "small.nc")
     small = flight(SMALL)
     file.write(replace(small, time=small.time[::5], values=small.values[::5]))
@@ -109,7 +124,12 @@ def changed(variable, change):
     ("claim", "variable", "change", "expected"),
     [
         ("constant distance", "guidance.range", lambda x: np.where(x < HOLD, 0.9 * x, x), NOT),
-        ("constant speed", "servicer.v_SN_N", lambda v: v * np.linspace(1, 1.5, len(v))[:, None], NOT),
+        (
+            "constant speed",
+            "servicer.v_SN_N",
+            lambda v: v * np.linspace(1, 1.5, len(v))[:, None],
+            NOT,
+        ),
         ("approach speed", "servicer.v_SN_N", lambda v: v / 0.88, REPRODUCED),
         ("speed of the target", "servicer.v_SN_N", lambda v: 1.05 * v, PARTLY),
         ("direction of the target", "servicer.v_SN_N", lambda v: v[:, ::-1], NOT),

@@ -1,4 +1,6 @@
-"""sync_approach under the master against an independent program, a monolithic C program, and itself."""
+"""sync_approach under the master against an independent program, a monolithic C program, and
+itself.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,16 @@ from harness.master import Simulation
 from harness.monolith import Monolith
 from harness.run import fly
 
-from .sync_case import GYROSCOPIC, PAPER, THRUSTERS, deviation, flight, identical, reference_flight, system
+from .sync_case import (
+    GYROSCOPIC,
+    PAPER,
+    THRUSTERS,
+    deviation,
+    flight,
+    identical,
+    reference_flight,
+    system,
+)
 
 CASES = pytest.mark.parametrize("case", [PAPER, GYROSCOPIC, THRUSTERS], ids=str)
 SPINNING = pytest.mark.parametrize("case", [PAPER, GYROSCOPIC], ids=str)
@@ -34,11 +45,14 @@ ORBIT = {
     "beta_t": 3e-7,  # rad: rho over 4 m
     "beta_p": 3e-7,
 }
-"""Tolerances of what is a difference of two orbits: about 30 times what rounding 7e6 m and 7e3 m/s leaves of it."""
+"""Tolerances of what is a difference of two orbits: about 30 times what rounding 7e6 m and 7e3 m/s
+leaves of it.
+"""
 
 ATTITUDE = {PAPER: 1e-11, GYROSCOPIC: 1e-8, THRUSTERS: 1e-8}
-"""Tolerance of everything else relative to its largest value: about 30 times the difference between RK4 on quaternions
-and on Rodrigues parameters at 0.1 s, (rate x 0.1 s)^5/120 per step at up to 0.02 rad/s, and 0.12 rad/s."""
+"""Tolerance of everything else relative to its largest value: about 30 times the difference between
+RK4 on quaternions and on Rodrigues parameters at 0.1 s, (rate x 0.1 s)^5/120 per step at up to 0.02
+rad/s, and 0.12 rad/s."""
 
 ONLY_IN_THE_REFERENCE = {"time", "guidance.normal_distance"}
 
@@ -56,22 +70,33 @@ def test_every_output_at_every_step_is_that_of_the_independent_program(case):
 
 
 def test_cases_exercise_what_they_are_for():
-    """Gyroscopic torque, limits of the estimates, guard of the attitude; agreement would otherwise say little."""
-    wheels, rate = flight(GYROSCOPIC)["servicer.wheel_speed"][601:], flight(GYROSCOPIC)["servicer.omega_SN_S"][601:]
+    """Gyroscopic torque, limits of the estimates, guard of the attitude; agreement would otherwise
+    say little.
+    """
+    wheels, rate = (
+        flight(GYROSCOPIC)["servicer.wheel_speed"][601:],
+        flight(GYROSCOPIC)["servicer.omega_SN_S"][601:],
+    )
     momentum = wheels * [12, 15, 10] + rate * [200, 250, 150]
     assert np.linalg.norm(np.cross(rate, momentum), axis=1).max() > 1  # N.m
-    assert np.linalg.norm(momentum, axis=1).min() > 10  # N.m.s: in the paper's case it is almost zero
+    assert (
+        np.linalg.norm(momentum, axis=1).min() > 10
+    )  # N.m.s: in the paper's case it is almost zero
     limited = flight(THRUSTERS)
     m_hat, eta_hat = limited["controller.m_hat"], limited["controller.eta_hat"]
     assert np.isclose(m_hat, 95 * (1 + 1e-4), rtol=1e-12).any()
     assert (np.abs(eta_hat[:, [1, 2, 4]]) == 0.2).any()  # J off the diagonal
-    assert np.isclose(np.abs(eta_hat[:, [6, 9, 11]] / [14, 16, 12] - 1), 0.01, rtol=1e-12).any()  # A on it
+    assert np.isclose(
+        np.abs(eta_hat[:, [6, 9, 11]] / [14, 16, 12] - 1), 0.01, rtol=1e-12
+    ).any()  # A on it
     assert 0 < limited["guidance.attitude_guard"].mean() < 1
 
 
 @CASES
 def test_rodrigues_parameters_are_published_inside_the_unit_sphere(case):
-    """They are compared above in either set; the target of the paper leaves the sphere up to |sigma| = 3 if let."""
+    """They are compared above in either set; the target of the paper leaves the sphere up to
+    |sigma| = 3 if let.
+    """
     for name in ("target.sigma_TN", "servicer.sigma_SN", "controller.epsilon"):
         assert np.linalg.norm(flight(case)[name], axis=1).max() <= 1 + 1e-15
 
@@ -91,7 +116,9 @@ def test_master_and_monolithic_program_agree_to_the_bit(case):
     with system(case) as changed:
         program = Monolith(changed)
         for row in range(0, len(result.time), 10):
-            assert program.outputs().tobytes() == result.values[row].tobytes(), f"at {result.time[row]} s"
+            assert program.outputs().tobytes() == result.values[row].tobytes(), (
+                f"at {result.time[row]} s"
+            )
             program.run(10)
 
 
@@ -102,10 +129,15 @@ def test_both_executors_agree_to_the_bit(case):
 
 @pytest.mark.parametrize("algorithm", ["gauss-seidel", "jacobi"])
 def test_both_executors_agree_to_the_bit_with_periods_and_latencies(algorithm):
-    """Software every fourth and second step, published one step late; the result is not that of all at once."""
+    """Software every fourth and second step, published one step late; the result is not that of all
+    at once.
+    """
     rates = {"guidance": {"every": 4, "latency": 1}, "controller": {"every": 2, "latency": 1}}
     with system(GYROSCOPIC, algorithm=algorithm) as changed:
-        slow = replace(changed, components=tuple(replace(c, **rates.get(c.name, {})) for c in changed.components))
+        slow = replace(
+            changed,
+            components=tuple(replace(c, **rates.get(c.name, {})) for c in changed.components),
+        )
         result = fly(slow)
         assert identical(fly(slow, executor="python"), result)
     assert not identical(result, flight(GYROSCOPIC, algorithm=algorithm))
@@ -135,7 +167,9 @@ def test_order_of_the_components_does_not_matter_to_jacobi(order):
     ids=str,
 )
 def test_a_restored_system_has_the_same_future_to_the_bit(case, saved_at, executor):
-    """Saved half way; flown on, restored, flown on again; in between the first future has moved every state."""
+    """Saved half way; flown on, restored, flown on again; in between the first future has moved
+    every state.
+    """
     with system(case) as changed, Simulation(changed, executor=executor) as simulation:
         simulation.advance(to=saved_at)
         snapshot = simulation.save()

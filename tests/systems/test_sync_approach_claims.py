@@ -1,4 +1,6 @@
-"""Claims of Zhu & Yang 2009: verdict, our figure, and the same figure from the independent program."""
+"""Claims of Zhu & Yang 2009: verdict, our figure, and the same figure from the independent
+program.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,8 @@ VERDICTS = {
     "mass settles": (REPRODUCED, 1e-4, 5e-5),
     # "... but not the true one": kg
     "mass is not the truth": (REPRODUCED, 5.018, 0.001),
-    # "(12) guarantees uniform asymptotic stability": error of the last 10 min over that of the 10 min before
+    # "(12) guarantees uniform asymptotic stability": error of the last 10 min over that of the 10
+    # min before
     "position law is asymptotically stable": (NOT, 1.01, 0.01),
     # "effective tracking can be realised": deg in the last 100 s
     "attitude tracking": (PARTLY, 6.17, 0.02),
@@ -40,9 +43,11 @@ VERDICTS = {
     "inertias settle": (NOT, 5.67, 0.05),
     # "... (not the true one)": %
     "inertias are not the truth": (REPRODUCED, 31.7, 0.2),
-    # "(19) guarantees uniform asymptotic stability": error of the last 100 s over that of the 100 s before
+    # "(19) guarantees uniform asymptotic stability": error of the last 100 s over that of the 100 s
+    # before
     "attitude law is asymptotically stable": (NOT, 1.43, 0.02),
-    # "after the attitude error has converged to the permitted range, grasping is possible at any time": % of 200 s
+    # "after the attitude error has converged to the permitted range, grasping is possible at any
+    # time": % of 200 s
     "grasp": (PARTLY, 76.7, 0.5),
 }
 CLAIMS = {claim.name: claim for claim in ZHU_YANG_2009.claims}
@@ -52,9 +57,13 @@ CLAIMS = {claim.name: claim for claim in ZHU_YANG_2009.claims}
 def reference_result() -> Result:
     """The history of the independent program in the form of a result."""
     history = {name: values for name, values in reference_flight(PAPER).items() if name != "time"}
-    columns = [column for name, values in history.items() for column in expand(name, values[0].tolist())]
+    columns = [
+        column for name, values in history.items() for column in expand(name, values[0].tolist())
+    ]
     table = np.hstack([values.reshape(len(values), -1) for values in history.values()])
-    return Result("reference", reference_flight(PAPER)["time"], tuple(columns), ("",) * len(columns), table)
+    return Result(
+        "reference", reference_flight(PAPER)["time"], tuple(columns), ("",) * len(columns), table
+    )
 
 
 def test_every_claim_is_tested():
@@ -73,7 +82,9 @@ def test_claim(name):
 
 @pytest.mark.parametrize("name", VERDICTS)
 def test_the_independent_program_comes_to_the_same_figures(name):
-    """1e-5: positions agree within 1e-7 m, of which centimetres and the 9e-5 kg of the mass estimate are judged."""
+    """1e-5: positions agree within 1e-7 m, of which centimetres and the 9e-5 kg of the mass
+    estimate are judged.
+    """
     claim = CLAIMS[name]
     ours, theirs = claim.numbers(flight(PAPER)), claim.numbers(reference_result())
     assert ours == pytest.approx(theirs, rel=1e-5)
@@ -105,7 +116,9 @@ def test_position_error(time):
 @pytest.mark.parametrize("time", ATTITUDE_ERROR)
 def test_attitude_error(time):
     """The row at 1200 s was computed at 1199.9 s, hence one digit less."""
-    error = np.degrees(4 * np.arctan(np.linalg.norm(flight(PAPER)["controller.epsilon"][row(time)])))
+    error = np.degrees(
+        4 * np.arctan(np.linalg.norm(flight(PAPER)["controller.epsilon"][row(time)]))
+    )
     assert error == pytest.approx(ATTITUDE_ERROR[time], abs=0.1)
 
 

@@ -1,6 +1,7 @@
 """What the macro step, the order of execution and latencies do to sync_approach, against theory.
 
-The case is the gyroscopic one with attitude control from the start: every wire carries something that changes.
+The case is the gyroscopic one with attitude control from the start: every wire carries something
+that changes.
 """
 
 from __future__ import annotations
@@ -35,7 +36,11 @@ STATES = {
 
 def at_step(h: float) -> Case:
     """The case with sample period and internal steps equal to the macro step."""
-    names = ("guidance.sample_period", "controller.sample_period", *(f"{c}.max_step" for c in (*PLANTS, "propulsion")))
+    names = (
+        "guidance.sample_period",
+        "controller.sample_period",
+        *(f"{c}.max_step" for c in (*PLANTS, "propulsion")),
+    )
     return Case(f"step {h}", CASE.stop, CASE.changes | dict.fromkeys(names, h))
 
 
@@ -55,13 +60,20 @@ def differences(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> np.ndarra
 
 @cache
 def continuous_loop() -> dict[str, np.ndarray]:
-    """Final state with software that computes all the time: RK4 at 0.25 s, error (0.4/s x 0.25 s)^4 x 1e-3."""
+    """Final state with software that computes all the time: RK4 at 0.25 s, error (0.4/s x 0.25 s)^4
+    x 1e-3.
+    """
     s = reference_system(CASE)
 
     def rate(t, y):
         yT, yS, x = y[:13], y[13:30], adaptive.Estimate(y[30], y[31:])
-        _, command, _, later = closed_loop.software(t, yT, yS, None, x, s, 1.0)  # estimates one explicit second later
-        dT, dS = target.rhs(t, yT, s.target, target.Input()), servicer.rhs(t, yS, s.servicer, held(command), True)
+        _, command, _, later = closed_loop.software(
+            t, yT, yS, None, x, s, 1.0
+        )  # estimates one explicit second later
+        dT, dS = (
+            target.rhs(t, yT, s.target, target.Input()),
+            servicer.rhs(t, yS, s.servicer, held(command), True),
+        )
         return np.concatenate((dT, dS, [later.m_hat - x.m_hat], later.eta_hat - x.eta_hat))
 
     y = np.concatenate(start(s))
@@ -73,7 +85,11 @@ def continuous_loop() -> dict[str, np.ndarray]:
 
 def start(s: closed_loop.System) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     x = adaptive.initial_estimate(s.controller)
-    return target.initial_state(s.target), servicer.initial_state(s.servicer), np.array([x.m_hat, *x.eta_hat])
+    return (
+        target.initial_state(s.target),
+        servicer.initial_state(s.servicer),
+        np.array([x.m_hat, *x.eta_hat]),
+    )
 
 
 def held(forces, wheels=None) -> servicer.Input:
@@ -84,7 +100,9 @@ def held(forces, wheels=None) -> servicer.Input:
 
 @cache
 def delayed_program() -> dict[str, np.ndarray]:
-    """History with the value of the previous step on every wire: reference, command and force come late."""
+    """History with the value of the previous step on every wire: reference, command and force come
+    late.
+    """
     s, h = reference_system(CASE), STEP
     yT, yS, _ = start(s)
     x = adaptive.initial_estimate(s.controller)
@@ -95,7 +113,10 @@ def delayed_program() -> dict[str, np.ndarray]:
         wheel_speed = servicer.outputs(t, yS, s.servicer)["wheel_speed"]
         next_ref, guard = guidance.sample(t, T, S, s.guidance, guard)
         next_command, x = adaptive.sample(t, T, S, wheel_speed, ref, x, s.controller, h)
-        yS, yT = servicer.step(s.servicer, yS, t, t + h, held(forces, command)), target.step(s.target, yT, t, t + h)
+        yS, yT = (
+            servicer.step(s.servicer, yS, t, t + h, held(forces, command)),
+            target.step(s.target, yT, t, t + h),
+        )
         ref, forces, command = next_ref, command, next_command
         rec.add("servicer", servicer.outputs(t + h, yS, s.servicer))
         rec.add("target", target.outputs(yT, s.target))
@@ -108,20 +129,28 @@ def delayed_program() -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("algorithm", ["gauss-seidel", "jacobi"])
 def test_half_the_macro_step_halves_the_distance_to_the_continuous_loop(algorithm):
-    """A hold is half a step late: the error is of first order. Second order shows as (0.4/s x 0.05 s) x a few."""
+    """A hold is half a step late: the error is of first order. Second order shows as (0.4/s x 0.05
+    s) x a few.
+    """
     exact = continuous_loop()
     coarse, fine = (differences(final_state(h, algorithm), exact) for h in (0.05, 0.025))
     assert coarse / fine == pytest.approx(2, rel=0.05)
 
 
 def test_half_the_macro_step_halves_the_difference_between_the_algorithms():
-    coarse, fine = (differences(final_state(h, "jacobi"), final_state(h, "gauss-seidel")) for h in (0.05, 0.025))
+    coarse, fine = (
+        differences(final_state(h, "jacobi"), final_state(h, "gauss-seidel")) for h in (0.05, 0.025)
+    )
     assert coarse / fine == pytest.approx(2, rel=0.05)
 
 
 def test_smaller_macro_steps_leave_sampled_software_and_plants_as_they_are():
-    """The software decides on its own grid and the plants integrate on theirs: same bits at every sample."""
-    fine_grid = Case("fine", CASE.stop, CASE.changes | {f"{name}.max_step": 0.05 for name in PLANTS})
+    """The software decides on its own grid and the plants integrate on theirs: same bits at every
+    sample.
+    """
+    fine_grid = Case(
+        "fine", CASE.stop, CASE.changes | {f"{name}.max_step": 0.05 for name in PLANTS}
+    )
     coarse, fine = flight(fine_grid), flight(fine_grid, step=0.05)
     assert set(coarse.columns) == set(fine.columns)
     for name in coarse.vectors:
@@ -130,11 +159,17 @@ def test_smaller_macro_steps_leave_sampled_software_and_plants_as_they_are():
 
 
 @pytest.mark.parametrize(("period", "tolerance"), [(0.2, 0), (0.0, 1e-12)])
-def test_software_sampled_every_other_step_may_as_well_be_called_every_other_step(period, tolerance):
-    """With a period of its own: same bits. With none it takes the time of the call, a sum t + h that is rounded."""
+def test_software_sampled_every_other_step_may_as_well_be_called_every_other_step(
+    period, tolerance
+):
+    """With a period of its own: same bits. With none it takes the time of the call, a sum t + h
+    that is rounded.
+    """
     sampled = flight(with_period(0.2))
     with system(with_period(period)) as changed:
-        components = [replace(c, every=2) if c.name in SOFTWARE[:2] else c for c in changed.components]
+        components = [
+            replace(c, every=2) if c.name in SOFTWARE[:2] else c for c in changed.components
+        ]
         called = fly(replace(changed, components=tuple(components)))
     difference = np.abs(called.values - sampled.values).max(axis=0)
     assert (difference <= tolerance * np.abs(sampled.values).max(axis=0)).all()
@@ -172,7 +207,11 @@ def test_jacobi_is_gauss_seidel_with_a_latency_of_one_step_in_all_software_and_a
 
 
 def test_latency_of_the_software_costs_accuracy():
-    """Jacobi is later than Gauss-Seidel by two steps in the force and by one in wheels and reference."""
+    """Jacobi is later than Gauss-Seidel by two steps in the force and by one in wheels and
+    reference.
+    """
     exact = continuous_loop()
-    early, late = (differences(final_state(0.05, algorithm), exact) for algorithm in ("gauss-seidel", "jacobi"))
+    early, late = (
+        differences(final_state(0.05, algorithm), exact) for algorithm in ("gauss-seidel", "jacobi")
+    )
     assert (late > early).all()

@@ -1,4 +1,6 @@
-"""harness report: the table for sync_approach, its verdicts, and results with which not everything can be judged."""
+"""harness report: the table for sync_approach, its verdicts, and results with which not everything
+can be judged.
+"""
 
 from __future__ import annotations
 
@@ -74,7 +76,9 @@ def test_the_command_prints_the_table(result, tmp_path, capsys):
     assert "claims: 8 reproduced" in capsys.readouterr().out
 
 
-def test_the_command_says_by_its_status_that_something_could_not_be_judged(result, tmp_path, capsys):
+def test_the_command_says_by_its_status_that_something_could_not_be_judged(
+    result, tmp_path, capsys
+):
     file = ResultFile(tmp_path / "flight.nc")
     file.write(rows(result, slice(0, 9001, 10)))
     assert main(["report", str(file.path)]) == 1
@@ -91,12 +95,27 @@ def test_the_command_says_by_its_status_that_something_could_not_be_judged(resul
         ("safe distance", "guidance.range", lambda x: x - 0.1, Verdict.NOT_REPRODUCED),
         ("arrival", "guidance.range", lambda x: x + 0.3, Verdict.PARTLY),
         ("position tracking", "controller.e1_H", lambda x: 100 * x, Verdict.NOT_REPRODUCED),
-        ("position law is asymptotically stable", "controller.e1_H", lambda x: x * decay(x), Verdict.REPRODUCED),
+        (
+            "position law is asymptotically stable",
+            "controller.e1_H",
+            lambda x: x * decay(x),
+            Verdict.REPRODUCED,
+        ),
         ("continuous thrust", "controller.F_cmd_H", np.sign, Verdict.NOT_REPRODUCED),
         ("mass settles", "controller.m_hat", lambda x: x + 1e-3 * steps(x), Verdict.NOT_REPRODUCED),
-        ("mass is not the truth", "controller.m_hat", lambda x: 0 * x + 100, Verdict.NOT_REPRODUCED),
+        (
+            "mass is not the truth",
+            "controller.m_hat",
+            lambda x: 0 * x + 100,
+            Verdict.NOT_REPRODUCED,
+        ),
         ("attitude tracking", "controller.epsilon", lambda x: 0.1 * x, Verdict.REPRODUCED),
-        ("attitude law is asymptotically stable", "controller.epsilon", lambda x: x * decay(x), Verdict.REPRODUCED),
+        (
+            "attitude law is asymptotically stable",
+            "controller.epsilon",
+            lambda x: x * decay(x),
+            Verdict.REPRODUCED,
+        ),
         ("wheel speeds", "servicer.wheel_speed", lambda x: 1000 * x, Verdict.NOT_REPRODUCED),
         ("inertias settle", "controller.eta_hat", lambda x: 0 * x + x[-1], Verdict.REPRODUCED),
         ("grasp", "guidance.beta_p", lambda x: 0 * x, Verdict.REPRODUCED),

@@ -32,18 +32,24 @@ def square(x: np.ndarray) -> np.ndarray:
 
 
 def dissipation(V: np.ndarray, rate: np.ndarray) -> tuple[float, float]:
-    """Largest increase of V from sample to sample; error of V(0) - V(t) = integral of the rate, relative to V(0)."""
+    """Largest increase of V from sample to sample; error of V(0) - V(t) = integral of the rate,
+    relative to V(0).
+    """
     lost = STEP * np.concatenate(([0.0], np.cumsum(rate[:-1])))
     return np.diff(V).max(), np.abs(V[0] - V - lost).max() / V[0]
 
 
 def at_samples(result, *names: str) -> list[np.ndarray]:
-    """Errors computed at a sample stand in the row after it, with the estimates that follow from them."""
+    """Errors computed at a sample stand in the row after it, with the estimates that follow from
+    them.
+    """
     return [result[name][:-1] if name.endswith("_hat") else result[name][1:] for name in names]
 
 
 def test_lyapunov_function_of_the_position_falls_as_proved():
-    """(13), (14) with V' = -m_hat P e2.e2; the hold of the force costs about P h/2 = 0.25 % (measured: 0.3 %)."""
+    """(13), (14) with V' = -m_hat P e2.e2; the hold of the force costs about P h/2 = 0.25 %
+    (measured: 0.3 %).
+    """
     names = (f"controller.{x}" for x in ("e1_H", "e2_H", "m_hat"))
     e1, e2, m_hat = at_samples(flight(PAPER, params="undisturbed"), *names)
     V = TRUE_MASS / 2 * (K_RHO * square(e1) + square(e2)) + (TRUE_MASS - m_hat) ** 2 / (2 * GAMMA_M)
@@ -53,24 +59,33 @@ def test_lyapunov_function_of_the_position_falls_as_proved():
 
 
 def test_lyapunov_function_of_the_attitude_falls_as_proved():
-    """(20), (21) with V' = -P dw.dw, J and A unknown. Hold: P h/(2 J) = 0.3 %; measured 0.2 % of V(1200 s)."""
+    """(20), (21) with V' = -P dw.dw, J and A unknown. Hold: P h/(2 J) = 0.3 %; measured 0.2 % of
+    V(1200 s).
+    """
     names = (f"controller.{x}" for x in ("epsilon", "domega_S", "eta_hat"))
-    epsilon, dw, eta_hat = (x[12000:] for x in at_samples(flight(PAPER, params="undisturbed"), *names))
+    epsilon, dw, eta_hat = (
+        x[12000:] for x in at_samples(flight(PAPER, params="undisturbed"), *names)
+    )
     kinetic = np.einsum("ki,ij,kj->k", dw, J_S, dw)
-    V = (K_ATT * square(epsilon) + kinetic + ((TRUE_ETA - eta_hat) ** 2 / GAMMA_ETA).sum(axis=1)) / 2
+    V = (
+        K_ATT * square(epsilon) + kinetic + ((TRUE_ETA - eta_hat) ** 2 / GAMMA_ETA).sum(axis=1)
+    ) / 2
     increase, imbalance = dissipation(V, P_ATT * square(dw))
     assert increase < 0
     assert imbalance < 0.01
 
 
 def test_without_disturbances_the_safe_distance_is_kept_but_the_error_stays():
-    """It is the disturbance that brings the servicer 2.6 mm too near; the offset by the mass error stays without it:
-    m_hat K e1 = (m - m_hat) Psi in the limit set (docs/models.md A.5.1)."""
+    """It is the disturbance that brings the servicer 2.6 mm too near; the offset by the mass error
+    stays without it: m_hat K e1 = (m - m_hat) Psi in the limit set (docs/models.md A.5.1)."""
     result = flight(PAPER, params="undisturbed")
     assert result["guidance.range"].min() > 4
     late = position_error(result)[-1]
     assert late == pytest.approx(0.011, abs=5e-4)
-    Psi = -result["controller.F_cmd_H"][-1] / result["controller.m_hat"][-1] - K_RHO * result["controller.e1_H"][-1]
+    Psi = (
+        -result["controller.F_cmd_H"][-1] / result["controller.m_hat"][-1]
+        - K_RHO * result["controller.e1_H"][-1]
+    )
     mass_error = TRUE_MASS / result["controller.m_hat"][-1] - 1
     assert late == pytest.approx(mass_error * np.linalg.norm(Psi) / K_RHO, rel=0.1)
 
@@ -103,7 +118,9 @@ def final_position_error(name: str, changes) -> float:
 
 
 def test_with_nothing_unknown_the_position_error_vanishes():
-    """The software takes the orbit for Keplerian; J2 turns the Hill frame by 1e-6 rad/s more (docs/models.md A.4.1)."""
+    """The software takes the orbit for Keplerian; J2 turns the Hill frame by 1e-6 rad/s more
+    (docs/models.md A.4.1).
+    """
     assert final_position_error("nothing unknown", NOTHING_UNKNOWN) < 1e-4
 
 
@@ -141,13 +158,18 @@ VARIANTS = {
     "no adaptation": ({"controller.Gamma_scale": 0}, 2.38),
     "a tenth of it": ({"controller.Gamma_scale": 0.1}, 2.28),
     "projection": ({"controller.projection": 1}, 2.81),
-    "true inertias": ({"controller.Gamma_scale": 0, "controller.eta_hat_0": TRUE_ETA.tolist()}, 0.35),
+    "true inertias": (
+        {"controller.Gamma_scale": 0, "controller.eta_hat_0": TRUE_ETA.tolist()},
+        0.35,
+    ),
 }
 
 
 @pytest.mark.parametrize("name", VARIANTS)
 def test_attitude_error_at_the_end_is_that_of_an_independent_program(name):
-    """Computed once by a program in Python that shares nothing with this repository; to its printed digits [deg]."""
+    """Computed once by a program in Python that shares nothing with this repository; to its printed
+    digits [deg].
+    """
     changes, expected = VARIANTS[name]
     result = flight(Case(name, PAPER.stop, changes))
     assert attitude_error(result)[-1] == pytest.approx(expected, abs=0.006)

@@ -1,4 +1,6 @@
-"""sync_approach on sixteen real thrusters: what allocation, delay, lag and pulses cost against ideal propulsion."""
+"""sync_approach on sixteen real thrusters: what allocation, delay, lag and pulses cost against
+ideal propulsion.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,9 @@ def test_parameters_of_the_common_components_are_those_of_the_ideal_system():
 
 
 def test_continuous_throttles_cost_half_a_percent():
-    """Delay, lag and allocation together take less than a second: error 2.16 -> 2.17 cm, impulse 178.1 -> 178.5 N s."""
+    """Delay, lag and allocation together take less than a second: error 2.16 -> 2.17 cm, impulse
+    178.1 -> 178.5 N s.
+    """
     ideal, real = flight(IDEAL), flight()
     assert tracking_error(ideal) == pytest.approx(0.02162, rel=0.01)
     assert tracking_error(real) == pytest.approx(1.004 * tracking_error(ideal), rel=0.01)
@@ -60,7 +64,9 @@ def test_all_commands_are_in_reach_and_allocated():
 
 
 def test_pulses_cost_five_times_the_error_because_thrust_falls_more_slowly_than_it_rises():
-    """Every pulse gives up to (T2dn - T2up) P too much: 10.5 cm, 12 % more impulse; with equal constants 2.6 cm."""
+    """Every pulse gives up to (T2dn - T2up) P too much: 10.5 cm, 12 % more impulse; with equal
+    constants 2.6 cm.
+    """
     pulsed, symmetric = flight(REAL, "pulsed"), flight(REAL, "pulsed", ("propulsion.T2dn=0.3",))
     assert tracking_error(pulsed) == pytest.approx(0.105, rel=0.03)
     assert impulse(pulsed) == pytest.approx(1.116 * impulse(flight(IDEAL)), rel=0.02)
@@ -70,8 +76,13 @@ def test_pulses_cost_five_times_the_error_because_thrust_falls_more_slowly_than_
 
 
 def test_thrusters_can_also_turn_the_vehicle():
-    """No wheels: torque by the same thrusters, the error of position stays, the impulse grows by a third."""
-    result, ideal = flight(REAL, "torque_by_thrusters"), flight(IDEAL, None, ("controller.use_wheels=0",))
+    """No wheels: torque by the same thrusters, the error of position stays, the impulse grows by a
+    third.
+    """
+    result, ideal = (
+        flight(REAL, "torque_by_thrusters"),
+        flight(IDEAL, None, ("controller.use_wheels=0",)),
+    )
     assert tracking_error(result) == pytest.approx(tracking_error(flight()), rel=1e-3)
     assert attitude_error(result) == pytest.approx(attitude_error(ideal), rel=0.05)
     assert impulse(result) == pytest.approx(237, rel=0.02)

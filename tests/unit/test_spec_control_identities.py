@@ -1,7 +1,7 @@
 """Identities of the controller, docs/models.md A, sections 5, each against a derivation of its own.
 
-Exact derivatives come from second-order jets or complex steps, so that tolerances cover rounding only: EXACT is about a
-hundred roundings of the largest term. Finite differences are used nowhere.
+Exact derivatives come from second-order jets or complex steps, so that tolerances cover rounding
+only: EXACT is about a hundred roundings of the largest term. Finite differences are used nowhere.
 """
 
 from __future__ import annotations
@@ -14,7 +14,15 @@ import pytest
 from tests.reference import adaptive, attitude, orbit
 from tests.reference.attitude import cross
 from tests.reference.body import Body
-from tests.reference.cases import EXACT, MU, close, complex_step, orbits, positive_definite, quaternion
+from tests.reference.cases import (
+    EXACT,
+    MU,
+    close,
+    complex_step,
+    orbits,
+    positive_definite,
+    quaternion,
+)
 from tests.reference.jet import Jet
 from tests.reference.printed import G, X, Y, f_rel
 
@@ -33,7 +41,9 @@ def random_reference(rng):
 
 
 def translation(rng, damping_in_regressor=0.0):
-    """True second derivative of the error under the commanded force, from the inertial motion of both bodies."""
+    """True second derivative of the error under the commanded force, from the inertial motion of
+    both bodies.
+    """
     c = orbits(rng)
     K, P = positive_definite(rng, (1e-3, 2e-3, 4e-3)), positive_definite(rng, (2e-2, 5e-2, 9e-2))
     m, m_hat, Gamma = 100.0, rng.uniform(60, 140), 10.0
@@ -57,7 +67,9 @@ def translation(rng, damping_in_regressor=0.0):
 
 
 def test_translational_lyapunov_rate_uses_the_estimated_mass(rng):
-    """V_dot = -m_hat e2' P e2. Rounding 1e-15 m/s2 of the inertial difference over 0.1 m/s2: 1e-12 of the terms."""
+    """V_dot = -m_hat e2' P e2. Rounding 1e-15 m/s2 of the inertial difference over 0.1 m/s2: 1e-12
+    of the terms.
+    """
     c = translation(rng)
     assert close(c.V_dot, -c.m_hat * c.e2 @ c.P @ c.e2, 1e-12, c.size)
 
@@ -77,7 +89,9 @@ def test_mass_error_leaves_a_constant_position_offset(rng):
 
 
 def test_error_and_model_term_of_the_reference_controller_are_the_printed_ones(rng):
-    """The controller takes e1, e2, Psi from one jet; here they are put together from the printed terms."""
+    """The controller takes e1, e2, Psi from one jet; here they are put together from the printed
+    terms.
+    """
     c = orbits(rng)
     reference = random_reference(rng)  # in N
     ports = dict(zip(("rho_ref_N", "drho_ref_N", "ddrho_ref_N"), reference, strict=True))
@@ -114,7 +128,9 @@ def test_regressor_is_the_jacobian_of_the_following_torque(rng):
 
 
 def slewing(rng, use_wheels):
-    """Random attitudes, rates, inertias and estimates; the controller's command and the true motion it causes."""
+    """Random attitudes, rates, inertias and estimates; the controller's command and the true motion
+    it causes.
+    """
     J, A = positive_definite(rng, (200, 250, 150)), positive_definite(rng, (12, 15, 10))
     J_hat, A_hat = positive_definite(rng, (180, 240, 160)), positive_definite(rng, (14, 16, 12))
     eta, eta_hat = np.concatenate((six(J), six(A))), np.concatenate((six(J_hat), six(A_hat)))
@@ -131,7 +147,9 @@ def slewing(rng, use_wheels):
 
 def true_error_rates(c):
     """d eps/dt and d dw/dt by complex steps along the motion of both frames, without (16)."""
-    q_dot = np.concatenate((attitude.rate(c.q_SN, c.w), attitude.rate(c.q_DN, c.wd_D), c.w_dot, c.wdd_D))
+    q_dot = np.concatenate(
+        (attitude.rate(c.q_SN, c.w), attitude.rate(c.q_DN, c.wd_D), c.w_dot, c.wdd_D)
+    )
 
     def errors(x):
         q_SD = attitude.multiply(attitude.conjugate(x[4:8]), x[:4])
@@ -144,7 +162,9 @@ def true_error_rates(c):
 
 
 def lyapunov_rate(c):
-    """V_dot of V = (K eps.eps + dw.J dw + (eta - eta_hat)' Gamma^-1 (eta - eta_hat))/2, and the size of its terms."""
+    """V_dot of V = (K eps.eps + dw.J dw + (eta - eta_hat)' Gamma^-1 (eta - eta_hat))/2, and the
+    size of its terms.
+    """
     eps_dot, dw_dot = true_error_rates(c)
     x = np.concatenate((c.err.epsilon, c.err.dw, c.eta_hat))
 
@@ -189,7 +209,9 @@ def test_rotational_lyapunov_rate_with_wheels(rng):
 
 
 def test_rotational_lyapunov_rate_with_thrusters(rng):
-    """M = J_hat wdd + wd x (A_hat Omega + J_hat wd) - G'K eps/4 - P dw without wheel acceleration: the same."""
+    """M = J_hat wdd + wd x (A_hat Omega + J_hat wd) - G'K eps/4 - P dw without wheel acceleration:
+    the same.
+    """
     c = slewing(rng, use_wheels=0.0)
     V_dot, size = lyapunov_rate(c)
     assert not c.Omega_dot.any()

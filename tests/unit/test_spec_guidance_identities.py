@@ -1,7 +1,8 @@
-"""Identities of the guidance, docs/models.md A, sections 4.3 and 4.5, each against a derivation of its own.
+"""Identities of the guidance, docs/models.md A, sections 4.3 and 4.5, each against a derivation of
+its own.
 
-Exact derivatives come from second-order jets or complex steps, so that tolerances cover rounding only: EXACT is about a
-hundred roundings of the largest term. Finite differences are used nowhere.
+Exact derivatives come from second-order jets or complex steps, so that tolerances cover rounding
+only: EXACT is about a hundred roundings of the largest term. Finite differences are used nowhere.
 """
 
 from __future__ import annotations
@@ -55,7 +56,9 @@ def test_reference_published_in_inertial_axes_is_the_printed_one_in_the_orbit_fr
 
 
 def test_desired_rates_are_the_derivative_of_the_desired_rotation_matrix(rng):
-    """Printed w_DH, w_DH_dot, omega_d, omegaDot_d; the rates grow as 1/|u| and 1/|u|^2, and rounding with them."""
+    """Printed w_DH, w_DH_dot, omega_d, omegaDot_d; the rates grow as 1/|u| and 1/|u|^2, and
+    rounding with them.
+    """
     c = tumbling(rng)
     d = printed.desired_attitude(printed.grasp_axis(c.T), c.C_HN.x, c.T.w_H, c.T.w_H_dot)
     C_DN, size = facing(c)

@@ -1,7 +1,8 @@
-"""Identities that docs/models.md A states in sections 0 to 4.4 and 6, each against a derivation of its own.
+"""Identities that docs/models.md A states in sections 0 to 4.4 and 6, each against a derivation of
+its own.
 
-Exact derivatives come from second-order jets or complex steps, so that tolerances cover rounding only: EXACT is about a
-hundred roundings of the largest term. Finite differences are used nowhere.
+Exact derivatives come from second-order jets or complex steps, so that tolerances cover rounding
+only: EXACT is about a hundred roundings of the largest term. Finite differences are used nowhere.
 """
 
 from __future__ import annotations
@@ -12,7 +13,16 @@ from scipy.spatial.transform import Rotation
 
 from tests.reference import attitude, guidance, orbit, paper_case, printed, servicer, target
 from tests.reference.attitude import cross, tilde
-from tests.reference.cases import EXACT, MU, close, complex_step, direction, orbits, positive_definite, quaternion
+from tests.reference.cases import (
+    EXACT,
+    MU,
+    close,
+    complex_step,
+    direction,
+    orbits,
+    positive_definite,
+    quaternion,
+)
 from tests.reference.printed import C, G
 
 
@@ -79,20 +89,25 @@ def test_matrix_turns_against_the_angular_velocity(rng):
 def test_oblateness_acceleration_is_the_gradient_of_the_potential(rng):
     r = 7.2e6 * direction(rng)
     R_E, J2 = paper_case.ORBIT["R_E"], paper_case.ORBIT["J2"]
-    gradient = [complex_step(lambda p: orbit.j2_potential(p, MU, R_E, J2), r, axis) for axis in np.eye(3)]
+    gradient = [
+        complex_step(lambda p: orbit.j2_potential(p, MU, R_E, J2), r, axis) for axis in np.eye(3)
+    ]
     assert close(printed.j2_acceleration(r, MU, R_E, J2), gradient)
     assert close(orbit.j2_acceleration(r, MU, R_E, J2), gradient)
 
 
 def test_gravity_gradient_torque_is_that_of_point_masses(rng):
-    """Three pairs of unit masses on the principal axes, exact gravity of each. With arms of 500 m the next term is
-    (500 m/r)^2 = 5e-9 smaller, and rounding (a force of 8 N) gives 1e-12: tolerance 1e-7."""
+    """Three pairs of unit masses on the principal axes, exact gravity of each. With arms of 500 m
+    the next term is (500 m/r)^2 = 5e-9 smaller, and rounding (a force of 8 N) gives 1e-12:
+    tolerance 1e-7."""
     inertia = rng.uniform(80, 160, 3)
     arms = np.sqrt((inertia.sum() / 2 - inertia) / 2) * 100.0
     R = Rotation.random(random_state=rng).as_matrix()
     J = 1e4 * R @ np.diag(inertia) @ R.T
     r = 7.2e6 * direction(rng)
-    points = [side * arm * axis for arm, axis in zip(arms, R.T, strict=True) for side in (-1.0, 1.0)]
+    points = [
+        side * arm * axis for arm, axis in zip(arms, R.T, strict=True) for side in (-1.0, 1.0)
+    ]
     total = sum(cross(p, -MU * (r + p) / np.linalg.norm(r + p) ** 3) for p in points)
     scale = 3 * MU / np.linalg.norm(r) ** 3 * np.max(J)
     torque = printed.gravity_gradient_torque(r, J, MU)
@@ -107,7 +122,10 @@ def test_momentum_of_body_and_wheels_obeys_the_printed_equation(rng):
     q = quaternion(rng)
     H = J @ w + A @ Omega
     w_dot = np.linalg.solve(J, -cross(w, H) - A @ Omega_dot + M)
-    C_NS, C_NS_dot = attitude.dcm(q).T, complex_step(lambda x: attitude.dcm(x).T, q, attitude.rate(q, w))
+    C_NS, C_NS_dot = (
+        attitude.dcm(q).T,
+        complex_step(lambda x: attitude.dcm(x).T, q, attitude.rate(q, w)),
+    )
     assert close(C_NS_dot @ H + C_NS @ (J @ w_dot + A @ Omega_dot), C_NS @ M, scale=250.0)
 
 
@@ -115,10 +133,15 @@ def test_reference_target_is_the_printed_right_hand_side(rng):
     p, t = paper_case.TARGET, 1300.0
     y = target.initial_state(p)
     w = y[10:13] = rng.normal(size=3)
-    M = p.M_dist_T(t) + printed.gravity_gradient_torque(attitude.dcm(y[6:10]) @ y[:3], p.inertia, MU)
+    M = p.M_dist_T(t) + printed.gravity_gradient_torque(
+        attitude.dcm(y[6:10]) @ y[:3], p.inertia, MU
+    )
     dy = target.rhs(t, y, p, target.Input())
     assert close(dy[10:], np.linalg.solve(p.inertia, -cross(w, p.inertia @ w) + M))
-    assert close(dy[3:6], -MU * y[:3] / np.linalg.norm(y[:3]) ** 3 + printed.j2_acceleration(y[:3], MU, p.R_E, p.J2))
+    assert close(
+        dy[3:6],
+        -MU * y[:3] / np.linalg.norm(y[:3]) ** 3 + printed.j2_acceleration(y[:3], MU, p.R_E, p.J2),
+    )
 
 
 def test_reference_servicer_is_the_printed_right_hand_side(rng):
@@ -129,7 +152,9 @@ def test_reference_servicer_is_the_printed_right_hand_side(rng):
     u = servicer.Input(F_S=rng.normal(size=3), wheel_accel_cmd=rng.normal(size=3))
     dy = servicer.rhs(t, y, p, u, active=True)
     H = p.inertia @ w + p.wheel_inertia @ Omega
-    assert close(p.inertia @ dy[10:13], -cross(w, H) - p.wheel_inertia @ u.wheel_accel_cmd + p.M_dist_S(t))
+    assert close(
+        p.inertia @ dy[10:13], -cross(w, H) - p.wheel_inertia @ u.wheel_accel_cmd + p.M_dist_S(t)
+    )
     gravity = -MU * r / np.linalg.norm(r) ** 3 + printed.j2_acceleration(r, MU, p.R_E, p.J2)
     force = attitude.dcm(q).T @ u.F_S / p.mass_0
     assert close(dy[3:6], gravity + force + orbit.hill_axes(r, v).T @ p.a_dist(t))
@@ -203,7 +228,9 @@ def test_elements_of_the_start_state_are_the_given_ones():
 
 
 def test_fixed_step_plants_agree_with_the_tight_tolerance_truth():
-    """70 s around t_att under constant inputs: RK4 at 0.1 s is exact to the rounding of 7e6 m and 7e3 m/s."""
+    """70 s around t_att under constant inputs: RK4 at 0.1 s is exact to the rounding of 7e6 m and
+    7e3 m/s.
+    """
     T, S = paper_case.TARGET, paper_case.SERVICER
     u = servicer.Input(F_S=(0.1, -0.2, 0.05), wheel_accel_cmd=(1e-3, -2e-3, 1.5e-3))
     yT, yS = target.initial_state(T), servicer.initial_state(S)

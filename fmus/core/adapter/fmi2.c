@@ -1,10 +1,13 @@
 /* fmi2.c - the FMI 2.0 co-simulation interface over a model table: life cycle, values, step.
  *
- * Every function checks the call state first (FMI 2.0, section 4.2.4) and answers a refused call with fmi2Error and a
- * message; the instance stays as it was and usable. Only a step that fails ends in the error state. */
+ * Every function checks the call state first (FMI 2.0, section 4.2.4) and answers a refused call
+ * with fmi2Error and a message; the instance stays as it was and usable. Only a step that fails
+ * ends in the error state. */
 #include "instance.h"
 
-enum { LONGEST_STEP = 100000 }; /* s; a longer communication step is taken for a mistake of the master */
+enum {
+    LONGEST_STEP = 100000
+}; /* s; a longer communication step is taken for a mistake of the master */
 
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
 const char *fmi2GetVersion(void) { return fmi2Version; }
@@ -14,7 +17,8 @@ static bool can_instantiate(const Instance *caller, fmi2Type type, fmi2String gu
 {
     char buffer[GUID_SIZE], text[200];
     const char *expected = guid_of(&fmu_model, buffer);
-    if (!caller->name || !*caller->name) return failure(caller, "fmi2Instantiate", "the instance name is empty"), false;
+    if (!caller->name || !*caller->name)
+        return failure(caller, "fmi2Instantiate", "the instance name is empty"), false;
     if (type != fmi2CoSimulation)
         return failure(caller, "fmi2Instantiate", "this FMU is for co-simulation only"), false;
     if (guid && strcmp(guid, expected) == 0) return true;
@@ -47,7 +51,8 @@ static Instance *new_instance(const Instance *caller)
 }
 
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
-                              const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean logging)
+                              const fmi2CallbackFunctions *functions, fmi2Boolean visible,
+                              fmi2Boolean logging)
 {
     Instance caller = {.categories = logging ? LOG_ERRORS | LOG_WARNINGS | LOG_EVENTS : 0};
     (void)resources, (void)visible;
@@ -74,7 +79,8 @@ void fmi2FreeInstance(fmi2Component c)
     release(instance, instance);
 }
 
-fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t count, const fmi2String categories[])
+fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t count,
+                               const fmi2String categories[])
 {
     Instance *instance = c;
     unsigned wanted = count ? 0 : LOG_ERRORS | LOG_WARNINGS | LOG_EVENTS;
@@ -82,7 +88,8 @@ fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t count, co
     for (size_t i = 0; i < count; i++) {
         unsigned bit = 0;
         for (unsigned k = 0; k < 3; k++)
-            if (categories && categories[i] && strcmp(categories[i], log_categories[k]) == 0) bit = 1u << k;
+            if (categories && categories[i] && strcmp(categories[i], log_categories[k]) == 0)
+                bit = 1u << k;
         if (!bit) return failure(instance, "fmi2SetDebugLogging", "unknown log category");
         wanted |= bit;
     }
@@ -90,15 +97,17 @@ fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t count, co
     return fmi2OK;
 }
 
-fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerance_defined, fmi2Real tolerance, fmi2Real start,
-                               fmi2Boolean stop_defined, fmi2Real stop)
+fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerance_defined, fmi2Real tolerance,
+                               fmi2Real start, fmi2Boolean stop_defined, fmi2Real stop)
 {
     Instance *instance = c;
     (void)tolerance_defined, (void)tolerance;
     if (!allowed(instance, "fmi2SetupExperiment", INSTANTIATED)) return fmi2Error;
-    if (!isfinite(start)) return failure(instance, "fmi2SetupExperiment", "the start time must be finite");
+    if (!isfinite(start))
+        return failure(instance, "fmi2SetupExperiment", "the start time must be finite");
     if (stop_defined && !(stop > start))
-        return failure(instance, "fmi2SetupExperiment", "the stop time must be after the start time");
+        return failure(instance, "fmi2SetupExperiment",
+                       "the stop time must be after the start time");
     instance->now.start = instance->now.time = start;
     instance->now.stop = stop_defined ? stop : INFINITY;
     return fmi2OK;
@@ -112,7 +121,8 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component c)
     return fmi2OK;
 }
 
-/* outputs for the values set so far; evaluated when they are read, so that masters can propagate start values */
+/* outputs for the values set so far; evaluated when they are read, so that masters can propagate
+ * start values */
 static bool refresh(Instance *instance, const char *function)
 {
     if (!instance->now.stale) return true;
@@ -122,14 +132,17 @@ static bool refresh(Instance *instance, const char *function)
     return true;
 }
 
-/* the shortest internal step or sample period; the parameters have the same names in all models; 0: there is none */
+/* the shortest internal step or sample period; the parameters have the same names in all models; 0:
+ * there is none */
 static double finest_grid(const void *model)
 {
     double finest = INFINITY;
     for (size_t i = 0; i < fmu_model.variable_count; i++) {
         const Variable *v = &fmu_model.variables[i];
         double value = *place_const(model, (Scalar){v, 0});
-        if (strcmp(v->name, "max_step") && strcmp(v->name, "sample_period") && strcmp(v->name, "T0")) continue;
+        if (strcmp(v->name, "max_step") && strcmp(v->name, "sample_period") &&
+            strcmp(v->name, "T0"))
+            continue;
         if (value > 0) finest = fmin(finest, value);
     }
     return isfinite(finest) ? finest : 0;
@@ -163,7 +176,8 @@ fmi2Status fmi2Reset(fmi2Component c)
 }
 
 /* ---- values ---- */
-static fmi2Status refuse_value(const Instance *instance, const char *function, unsigned vr, const char *rule)
+static fmi2Status refuse_value(const Instance *instance, const char *function, unsigned vr,
+                               const char *rule)
 {
     char name[NAME_SIZE], text[NAME_SIZE + 120];
     Scalar s = scalar_of(&fmu_model, vr);
@@ -181,21 +195,25 @@ static const char *why_not_settable(const Instance *instance, Scalar s)
 }
 
 /* all values are judged before the first is set */
-static bool acceptable(const Instance *instance, const fmi2ValueReference vr[], size_t count, const fmi2Real value[])
+static bool acceptable(const Instance *instance, const fmi2ValueReference vr[], size_t count,
+                       const fmi2Real value[])
 {
     for (size_t i = 0; i < count;) {
         Scalar s = scalar_of(&fmu_model, vr[i]);
         const char *rule = s.row ? why_not_settable(instance, s) : "";
         if (rule) return refuse_value(instance, "fmi2SetReal", vr[i], rule), false;
-        Rule limit =
-            s.row->causality == INPUT_ROW ? s.row->rule : ANY_VALUE; /* parameters: at the end of initialization */
+        Rule limit = s.row->causality == INPUT_ROW
+                         ? s.row->rule
+                         : ANY_VALUE; /* parameters: at the end of initialization */
         for (size_t end = i + run_length(s, vr + i, count - i); i < end; i++)
-            if ((rule = broken_rule(limit, value[i]))) return refuse_value(instance, "fmi2SetReal", vr[i], rule), false;
+            if ((rule = broken_rule(limit, value[i])))
+                return refuse_value(instance, "fmi2SetReal", vr[i], rule), false;
     }
     return true;
 }
 
-fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t count, const fmi2Real value[])
+fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t count,
+                       const fmi2Real value[])
 {
     Instance *instance = c;
     if (!allowed(instance, "fmi2SetReal", INSTANTIATED | INITIALIZING | STEPPING)) return fmi2Error;
@@ -211,10 +229,12 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t co
     return fmi2OK;
 }
 
-fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t count, fmi2Real value[])
+fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t count,
+                       fmi2Real value[])
 {
     Instance *instance = c;
-    if (!allowed(instance, "fmi2GetReal", INITIALIZING | STEPPING | TERMINATED | FAILED)) return fmi2Error;
+    if (!allowed(instance, "fmi2GetReal", INITIALIZING | STEPPING | TERMINATED | FAILED))
+        return fmi2Error;
     if (count && (!vr || !value)) return failure(instance, "fmi2GetReal", "missing array");
     for (size_t i = 0; i < count;) {
         Scalar s = scalar_of(&fmu_model, vr[i]);
@@ -234,10 +254,12 @@ static const char *why_no_step(const Progress *now, double t, double h)
     if (!isfinite(t) || !isfinite(h)) return "time and step size must be finite";
     if (h <= 0) return "the step size must be > 0";
     if (h > LONGEST_STEP) return "the step size must be <= 100000 s";
-    if (takes_ages(now, h)) return "the step would take more than 1e7 internal steps (max_step, sample_period, T0)";
+    if (takes_ages(now, h))
+        return "the step would take more than 1e7 internal steps (max_step, sample_period, T0)";
     if (fabs(t - now->time) > 1e-9 * fmax(1, fabs(now->time)))
         return "the communication point is not the end of the last step";
-    if (t + h > now->stop + 1e-9 * fmax(1, fabs(now->stop))) return "the step goes beyond the stop time";
+    if (t + h > now->stop + 1e-9 * fmax(1, fabs(now->stop)))
+        return "the step goes beyond the stop time";
     return NULL;
 }
 
@@ -249,11 +271,12 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean no_se
     if (!allowed(instance, "fmi2DoStep", STEPPING)) return fmi2Error;
     const char *rule = why_no_step(&instance->now, t, h);
     if (rule) {
-        snprintf(text, sizeof text, "t = %.17g s, step = %.17g s, expected t = %.17g s: %s", t, h, instance->now.time,
-                 rule);
+        snprintf(text, sizeof text, "t = %.17g s, step = %.17g s, expected t = %.17g s: %s", t, h,
+                 instance->now.time, rule);
         return failure(instance, "fmi2DoStep", text);
     }
-    if (!step_into(instance, "fmi2DoStep", instance->model, instance->spare, instance->now.time, h)) {
+    if (!step_into(instance, "fmi2DoStep", instance->model, instance->spare, instance->now.time,
+                   h)) {
         instance->now.phase = FAILED;
         return fmi2Error;
     }

@@ -1,4 +1,5 @@
-/* fmi2_state.c - FMU states (plain copies of the model) and directional derivatives (differences on copies). */
+/* fmi2_state.c - FMU states (plain copies of the model) and directional derivatives (differences on
+ * copies). */
 #include "instance.h"
 
 typedef struct {
@@ -54,7 +55,8 @@ fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_
 {
     Instance *instance = c;
     if (!allowed(instance, "fmi2SerializedFMUstateSize", ANY_PHASE)) return fmi2Error;
-    if (!state || !size) return failure(instance, "fmi2SerializedFMUstateSize", "missing state or pointer");
+    if (!state || !size)
+        return failure(instance, "fmi2SerializedFMUstateSize", "missing state or pointer");
     *size = snapshot_size();
     return fmi2OK;
 }
@@ -63,19 +65,23 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte b
 {
     Instance *instance = c;
     if (!allowed(instance, "fmi2SerializeFMUstate", ANY_PHASE)) return fmi2Error;
-    if (!state || !bytes) return failure(instance, "fmi2SerializeFMUstate", "missing state or array");
-    if (size < snapshot_size()) return failure(instance, "fmi2SerializeFMUstate", "the array is too small");
+    if (!state || !bytes)
+        return failure(instance, "fmi2SerializeFMUstate", "missing state or array");
+    if (size < snapshot_size())
+        return failure(instance, "fmi2SerializeFMUstate", "the array is too small");
     uint64_t sum = check_sum(state);
     memcpy(bytes, state, snapshot_size());
     memcpy(bytes + offsetof(Snapshot, sum), &sum, sizeof sum);
     return fmi2OK;
 }
 
-fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
+fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size,
+                                   fmi2FMUstate *state)
 {
     Instance *instance = c;
     if (!allowed(instance, "fmi2DeSerializeFMUstate", ANY_PHASE)) return fmi2Error;
-    if (!bytes || !state) return failure(instance, "fmi2DeSerializeFMUstate", "missing array or pointer");
+    if (!bytes || !state)
+        return failure(instance, "fmi2DeSerializeFMUstate", "missing array or pointer");
     if (size != snapshot_size())
         return failure(instance, "fmi2DeSerializeFMUstate", "wrong number of bytes for this FMU");
     Snapshot *s = allocate(instance, size);
@@ -83,7 +89,8 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size
     memcpy(s, bytes, size);
     if (s->model != fingerprint(&fmu_model, 0) || s->sum != check_sum(s)) {
         release(instance, s);
-        return failure(instance, "fmi2DeSerializeFMUstate", "the bytes are damaged or belong to another FMU");
+        return failure(instance, "fmi2DeSerializeFMUstate",
+                       "the bytes are damaged or belong to another FMU");
     }
     s->sum = 0;
     release(instance, *state);
@@ -92,32 +99,40 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size
 }
 
 /* ---- directional derivatives ----
- * After initialization: of the outputs at the end of the next step (of the size of the last one, 0.1 s before the first)
- * with respect to the inputs held over it. In initialization mode: of the first outputs with respect to parameters and
- * inputs. Central differences at d and d/2 with Richardson extrapolation, so the error is of fourth order in d. */
+ * After initialization: of the outputs at the end of the next step (of the size of the last one,
+ * 0.1 s before the first) with respect to the inputs held over it. In initialization mode: of the
+ * first outputs with respect to parameters and inputs. Central differences at d and d/2 with
+ * Richardson extrapolation, so the error is of fourth order in d. */
 typedef struct {
     const fmi2ValueReference *unknown, *known;
     size_t unknowns, knowns;
     const double *seed;
 } Direction;
 
-static double next_step(const Instance *instance) { return instance->now.step > 0 ? instance->now.step : 0.1; }
+static double next_step(const Instance *instance)
+{
+    return instance->now.step > 0 ? instance->now.step : 0.1;
+}
 
 /* model at the operating point moved by `distance` along the seed, evaluated into `into` */
-static bool evaluate_at(const Instance *instance, const Direction *d, double distance, void *moved, void *into)
+static bool evaluate_at(const Instance *instance, const Direction *d, double distance, void *moved,
+                        void *into)
 {
     const char *function = "fmi2GetDirectionalDerivative";
     memcpy(moved, instance->model, fmu_model.size);
-    for (size_t i = 0; i < d->knowns; i++) *place(moved, scalar_of(&fmu_model, d->known[i])) += distance * d->seed[i];
-    if (instance->now.phase == INITIALIZING) return initialize_into(instance, function, moved, into);
+    for (size_t i = 0; i < d->knowns; i++)
+        *place(moved, scalar_of(&fmu_model, d->known[i])) += distance * d->seed[i];
+    if (instance->now.phase == INITIALIZING)
+        return initialize_into(instance, function, moved, into);
     return step_into(instance, function, moved, into, instance->now.time, next_step(instance));
 }
 
-static bool central_difference(const Instance *instance, const Direction *d, double distance, void *work,
-                               double *result)
+static bool central_difference(const Instance *instance, const Direction *d, double distance,
+                               void *work, double *result)
 {
     char *moved = work, *plus = moved + fmu_model.size, *minus = plus + fmu_model.size;
-    if (!evaluate_at(instance, d, distance, moved, plus) || !evaluate_at(instance, d, -distance, moved, minus))
+    if (!evaluate_at(instance, d, distance, moved, plus) ||
+        !evaluate_at(instance, d, -distance, moved, minus))
         return false;
     for (size_t i = 0; i < d->unknowns; i++) {
         Scalar s = scalar_of(&fmu_model, d->unknown[i]);
@@ -126,7 +141,8 @@ static bool central_difference(const Instance *instance, const Direction *d, dou
     return true;
 }
 
-/* how far a variable may be moved: one unit, more for a position in N; a parameter by a part of its value */
+/* how far a variable may be moved: one unit, more for a position in N; a parameter by a part of its
+ * value */
 static double scale_of(Scalar s, double value)
 {
     if (s.row->causality == PARAMETER_ROW && value != 0) return fabs(value);
@@ -147,32 +163,40 @@ static double difference_distance(const Instance *instance, const Direction *d)
 
 static const char *why_no_derivative(const Instance *instance, const Direction *d)
 {
-    if ((d->unknowns && !d->unknown) || (d->knowns && (!d->known || !d->seed))) return "missing array";
+    if ((d->unknowns && !d->unknown) || (d->knowns && (!d->known || !d->seed)))
+        return "missing array";
     for (size_t i = 0; i < d->unknowns; i++) {
         Scalar s = scalar_of(&fmu_model, d->unknown[i]);
-        if (!s.row || s.row->causality != OUTPUT_ROW) return "an unknown is not an output of this FMU";
+        if (!s.row || s.row->causality != OUTPUT_ROW)
+            return "an unknown is not an output of this FMU";
     }
     for (size_t i = 0; i < d->knowns; i++) {
         Scalar s = scalar_of(&fmu_model, d->known[i]);
-        bool known = s.row && (s.row->causality == INPUT_ROW ||
-                               (s.row->causality == PARAMETER_ROW && instance->now.phase == INITIALIZING));
-        if (!known) return "a known is not an input (or, in initialization mode, a parameter) of this FMU";
+        bool known =
+            s.row && (s.row->causality == INPUT_ROW ||
+                      (s.row->causality == PARAMETER_ROW && instance->now.phase == INITIALIZING));
+        if (!known)
+            return "a known is not an input (or, in initialization mode, a parameter) of this FMU";
         if (!isfinite(d->seed[i])) return "the direction must be finite";
     }
     return NULL;
 }
 
-fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknown[], size_t unknowns,
-                                        const fmi2ValueReference known[], size_t knowns, const fmi2Real seed[],
+fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknown[],
+                                        size_t unknowns, const fmi2ValueReference known[],
+                                        size_t knowns, const fmi2Real seed[],
                                         fmi2Real sensitivity[])
 {
     Instance *instance = c;
     const char *function = "fmi2GetDirectionalDerivative";
     const Direction d = {unknown, known, unknowns, knowns, seed};
-    if (!allowed(instance, function, INITIALIZING | STEPPING | TERMINATED | FAILED)) return fmi2Error;
+    if (!allowed(instance, function, INITIALIZING | STEPPING | TERMINATED | FAILED))
+        return fmi2Error;
     const char *rule = why_no_derivative(instance, &d);
-    if (takes_ages(&instance->now, next_step(instance))) rule = "the next step would take more than 1e7 internal steps";
-    if (rule || (unknowns && !sensitivity)) return failure(instance, function, rule ? rule : "missing array");
+    if (takes_ages(&instance->now, next_step(instance)))
+        rule = "the next step would take more than 1e7 internal steps";
+    if (rule || (unknowns && !sensitivity))
+        return failure(instance, function, rule ? rule : "missing array");
 
     double distance = difference_distance(instance, &d);
     for (size_t i = 0; i < unknowns; i++) sensitivity[i] = 0;
@@ -182,7 +206,8 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
     if (!half) return failure(instance, function, "out of memory");
     bool good = central_difference(instance, &d, distance, half + unknowns, sensitivity) &&
                 central_difference(instance, &d, distance / 2, half + unknowns, half);
-    for (size_t i = 0; i < unknowns && good; i++) sensitivity[i] = (4 * half[i] - sensitivity[i]) / 3;
+    for (size_t i = 0; i < unknowns && good; i++)
+        sensitivity[i] = (4 * half[i] - sensitivity[i]) / 3;
     release(instance, half);
     return good ? fmi2OK : fmi2Error;
 }

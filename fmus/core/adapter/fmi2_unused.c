@@ -1,43 +1,55 @@
-/* fmi2_unused.c - the parts of the FMI 2.0 co-simulation interface that these FMUs answer and do not use.
+/* fmi2_unused.c - the parts of the FMI 2.0 co-simulation interface that these FMUs answer and do
+ * not use.
  *
- * All variables are Real; inputs are held over a step (no input derivatives); a step is complete when fmi2DoStep returns. */
+ * All variables are Real; inputs are held over a step (no input derivatives); a step is complete
+ * when fmi2DoStep returns. */
 #include "instance.h"
 
-static fmi2Status none(fmi2Component c, const char *function, unsigned phases, size_t count, const char *text)
+static fmi2Status none(fmi2Component c, const char *function, unsigned phases, size_t count,
+                       const char *text)
 {
     if (!allowed(c, function, phases)) return fmi2Error;
     return count == 0 ? fmi2OK : failure(c, function, text);
 }
 
-enum { MAY_SET = INSTANTIATED | INITIALIZING | STEPPING, MAY_GET = INITIALIZING | STEPPING | TERMINATED | FAILED };
+enum {
+    MAY_SET = INSTANTIATED | INITIALIZING | STEPPING,
+    MAY_GET = INITIALIZING | STEPPING | TERMINATED | FAILED
+};
 static const char *const only_real = "this FMU has Real variables only";
 
-fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t count, fmi2Integer value[])
+fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t count,
+                          fmi2Integer value[])
 {
     (void)vr, (void)value;
     return none(c, "fmi2GetInteger", MAY_GET, count, only_real);
 }
-fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t count, fmi2Boolean value[])
+fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t count,
+                          fmi2Boolean value[])
 {
     (void)vr, (void)value;
     return none(c, "fmi2GetBoolean", MAY_GET, count, only_real);
 }
-fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference vr[], size_t count, fmi2String value[])
+fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference vr[], size_t count,
+                         fmi2String value[])
 {
     (void)vr, (void)value;
     return none(c, "fmi2GetString", MAY_GET, count, only_real);
 }
-fmi2Status fmi2SetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t count, const fmi2Integer value[])
+fmi2Status fmi2SetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t count,
+                          const fmi2Integer value[])
 {
     (void)vr, (void)value;
     return none(c, "fmi2SetInteger", MAY_SET, count, only_real);
 }
-fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t count, const fmi2Boolean value[])
+fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t count,
+                          const fmi2Boolean value[])
 {
     (void)vr, (void)value;
     return none(c, "fmi2SetBoolean", MAY_SET, count, only_real);
 }
-fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t count, const fmi2String value[])
+fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t count,
+                         const fmi2String value[])
 {
     (void)vr, (void)value;
     return none(c, "fmi2SetString", MAY_SET, count, only_real);
@@ -47,10 +59,11 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference
                                        const fmi2Integer order[], const fmi2Real value[])
 {
     (void)vr, (void)order, (void)value;
-    return none(c, "fmi2SetRealInputDerivatives", MAY_SET, count, "inputs are held, derivatives are not used");
+    return none(c, "fmi2SetRealInputDerivatives", MAY_SET, count,
+                "inputs are held, derivatives are not used");
 }
-fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t count,
-                                        const fmi2Integer order[], fmi2Real value[])
+fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference vr[],
+                                        size_t count, const fmi2Integer order[], fmi2Real value[])
 {
     (void)vr, (void)order, (void)value;
     return none(c, "fmi2GetRealOutputDerivatives", STEPPING | TERMINATED | FAILED, count,
@@ -66,7 +79,8 @@ static fmi2Status no_status(fmi2Component c, const char *function, const void *v
     char text[120];
     if (!allowed(instance, function, STEPPING | TERMINATED | FAILED)) return fmi2Error;
     if (!value) return failure(instance, function, "missing pointer");
-    snprintf(text, sizeof text, "%s: no such status, steps are complete when fmi2DoStep returns", function);
+    snprintf(text, sizeof text, "%s: no such status, steps are complete when fmi2DoStep returns",
+             function);
     log_message(instance, fmi2Discard, LOG_WARNINGS, text);
     return fmi2Discard;
 }

@@ -1,6 +1,8 @@
-/* fmu.h - what the C file of a subsystem includes: the rows of its interface table and the contract with the adapter.
+/* fmu.h - what the C file of a subsystem includes: the rows of its interface table and the contract
+ * with the adapter.
  *
- * A model is plain data. It defines four structs made of doubles only (Parameters, Input, State, Output), gathers them as
+ * A model is plain data. It defines four structs made of doubles only (Parameters, Input, State,
+ * Output), gathers them as
  *     typedef struct { Parameters p; Input u; State x; Output y; } Model;
  * and provides the start values, the table of variables, and
  *     check(p, problems)         refuse parameter values, all problems at once
@@ -18,7 +20,14 @@
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
 
 typedef enum { PARAMETER_ROW, INPUT_ROW, OUTPUT_ROW } Causality;
-typedef enum { ANY_VALUE, POSITIVE_VALUE, NONNEGATIVE_VALUE, SWITCH_VALUE, ANGLE_VALUE, ALARM_VALUE } Rule;
+typedef enum {
+    ANY_VALUE,
+    POSITIVE_VALUE,
+    NONNEGATIVE_VALUE,
+    SWITCH_VALUE,
+    ANGLE_VALUE,
+    ALARM_VALUE
+} Rule;
 
 typedef struct {
     Causality causality;
@@ -31,27 +40,42 @@ typedef struct {
     Rule rule;
 } Variable;
 
-#define ROW_AS(causality, part, name, member, columns, unit, text, rule)                                               \
-    {causality, name, offsetof(Model, part.member), sizeof(((Model *)0)->part.member) / sizeof(double), columns, unit, \
-     text,      rule}
+#define ROW_AS(causality, part, name, member, columns, unit, text, rule) \
+    {causality,                                                          \
+     name,                                                               \
+     offsetof(Model, part.member),                                       \
+     sizeof(((Model *)0)->part.member) / sizeof(double),                 \
+     columns,                                                            \
+     unit,                                                               \
+     text,                                                               \
+     rule}
 
-#define PARAMETER(member, unit, text)          ROW_AS(PARAMETER_ROW, p, #member, member, 1, unit, text, ANY_VALUE)
-#define PARAMETER_AS(name, member, unit, text) ROW_AS(PARAMETER_ROW, p, name, member, 1, unit, text, ANY_VALUE)
-#define POSITIVE(member, unit, text)           ROW_AS(PARAMETER_ROW, p, #member, member, 1, unit, text, POSITIVE_VALUE)
-#define POSITIVE_AS(name, member, unit, text)  ROW_AS(PARAMETER_ROW, p, name, member, 1, unit, text, POSITIVE_VALUE)
-#define NONNEGATIVE(member, unit, text) ROW_AS(PARAMETER_ROW, p, #member, member, 1, unit, text, NONNEGATIVE_VALUE)
+#define PARAMETER(member, unit, text) \
+    ROW_AS(PARAMETER_ROW, p, #member, member, 1, unit, text, ANY_VALUE)
+#define PARAMETER_AS(name, member, unit, text) \
+    ROW_AS(PARAMETER_ROW, p, name, member, 1, unit, text, ANY_VALUE)
+#define POSITIVE(member, unit, text) \
+    ROW_AS(PARAMETER_ROW, p, #member, member, 1, unit, text, POSITIVE_VALUE)
+#define POSITIVE_AS(name, member, unit, text) \
+    ROW_AS(PARAMETER_ROW, p, name, member, 1, unit, text, POSITIVE_VALUE)
+#define NONNEGATIVE(member, unit, text) \
+    ROW_AS(PARAMETER_ROW, p, #member, member, 1, unit, text, NONNEGATIVE_VALUE)
 #define NONNEGATIVE_AS(name, member, unit, text) \
     ROW_AS(PARAMETER_ROW, p, name, member, 1, unit, text, NONNEGATIVE_VALUE)
-#define SWITCH(member, text)                   ROW_AS(PARAMETER_ROW, p, #member, member, 1, "1", text, SWITCH_VALUE)
-#define MATRIX(member, unit, text)             ROW_AS(PARAMETER_ROW, p, #member, member, 3, unit, text, ANY_VALUE)
-#define INPUT(member, unit, text)              ROW_AS(INPUT_ROW, u, #member, member, 1, unit, text, ANY_VALUE)
-#define NONNEGATIVE_INPUT(member, unit, text)  ROW_AS(INPUT_ROW, u, #member, member, 1, unit, text, NONNEGATIVE_VALUE)
-#define OUTPUT(member, unit, text)             ROW_AS(OUTPUT_ROW, y, #member, member, 1, unit, text, ANY_VALUE)
-#define NONNEGATIVE_OUTPUT(member, unit, text) ROW_AS(OUTPUT_ROW, y, #member, member, 1, unit, text, NONNEGATIVE_VALUE)
-#define FLAG(member, text)                     ROW_AS(OUTPUT_ROW, y, #member, member, 1, "1", text, SWITCH_VALUE)
+#define SWITCH(member, text) ROW_AS(PARAMETER_ROW, p, #member, member, 1, "1", text, SWITCH_VALUE)
+#define MATRIX(member, unit, text) \
+    ROW_AS(PARAMETER_ROW, p, #member, member, 3, unit, text, ANY_VALUE)
+#define INPUT(member, unit, text) ROW_AS(INPUT_ROW, u, #member, member, 1, unit, text, ANY_VALUE)
+#define NONNEGATIVE_INPUT(member, unit, text) \
+    ROW_AS(INPUT_ROW, u, #member, member, 1, unit, text, NONNEGATIVE_VALUE)
+#define OUTPUT(member, unit, text) ROW_AS(OUTPUT_ROW, y, #member, member, 1, unit, text, ANY_VALUE)
+#define NONNEGATIVE_OUTPUT(member, unit, text) \
+    ROW_AS(OUTPUT_ROW, y, #member, member, 1, unit, text, NONNEGATIVE_VALUE)
+#define FLAG(member, text) ROW_AS(OUTPUT_ROW, y, #member, member, 1, "1", text, SWITCH_VALUE)
 /* a flag whose rise from 0 to 1 is logged as a warning */
-#define ALARM(member, text)        ROW_AS(OUTPUT_ROW, y, #member, member, 1, "1", text, ALARM_VALUE)
-#define ANGLE_OUTPUT(member, text) ROW_AS(OUTPUT_ROW, y, #member, member, 1, "rad", text, ANGLE_VALUE)
+#define ALARM(member, text) ROW_AS(OUTPUT_ROW, y, #member, member, 1, "1", text, ALARM_VALUE)
+#define ANGLE_OUTPUT(member, text) \
+    ROW_AS(OUTPUT_ROW, y, #member, member, 1, "rad", text, ANGLE_VALUE)
 
 /* ---- refusing parameter values: one line each, all of them ---- */
 typedef struct {
@@ -62,7 +86,8 @@ typedef struct {
 static inline void refuse(Problems *all, const char *name, double value, const char *rule)
 {
     size_t used = strlen(all->text);
-    snprintf(all->text + used, sizeof all->text - used, "%s%s = %.9g: %s", all->count ? "; " : "", name, value, rule);
+    snprintf(all->text + used, sizeof all->text - used, "%s%s = %.9g: %s", all->count ? "; " : "",
+             name, value, rule);
     all->count++;
 }
 
@@ -84,21 +109,31 @@ typedef struct {
 
 extern const ModelInterface FMU_MODEL_SYMBOL;
 
-#define FMU_MODEL(identifier, description)                                                                          \
-    static void check_model(const void *model, Problems *problems) { check(&((const Model *)model)->p, problems); } \
-    static void initialize_model(void *model, double t)                                                             \
-    {                                                                                                               \
-        Model *m = (Model *)model;                                                                                  \
-        initialize(&m->p, &m->u, &m->x, &m->y, t);                                                                  \
-    }                                                                                                               \
-    static void step_model(void *model, double t, double h)                                                         \
-    {                                                                                                               \
-        Model *m = (Model *)model;                                                                                  \
-        step(&m->p, &m->u, &m->x, &m->y, t, h);                                                                     \
-    }                                                                                                               \
-    const ModelInterface FMU_MODEL_SYMBOL = {                                                                       \
-        identifier, description, sizeof(Model),    offsetof(Model, x), sizeof(State) / sizeof(double),              \
-        &start,     variables,   COUNT(variables), check_model,        initialize_model,                            \
-        step_model}
+#define FMU_MODEL(identifier, description)                                   \
+    static void check_model(const void *model, Problems *problems)           \
+    {                                                                        \
+        check(&((const Model *)model)->p, problems);                         \
+    }                                                                        \
+    static void initialize_model(void *model, double t)                      \
+    {                                                                        \
+        Model *m = (Model *)model;                                           \
+        initialize(&m->p, &m->u, &m->x, &m->y, t);                           \
+    }                                                                        \
+    static void step_model(void *model, double t, double h)                  \
+    {                                                                        \
+        Model *m = (Model *)model;                                           \
+        step(&m->p, &m->u, &m->x, &m->y, t, h);                              \
+    }                                                                        \
+    const ModelInterface FMU_MODEL_SYMBOL = {identifier,                     \
+                                             description,                    \
+                                             sizeof(Model),                  \
+                                             offsetof(Model, x),             \
+                                             sizeof(State) / sizeof(double), \
+                                             &start,                         \
+                                             variables,                      \
+                                             COUNT(variables),               \
+                                             check_model,                    \
+                                             initialize_model,               \
+                                             step_model}
 
 #endif

@@ -14,12 +14,13 @@ static const char *category_name(unsigned category)
 void log_message(const Instance *instance, fmi2Status status, unsigned category, const char *text)
 {
     char line[LINE_SIZE];
-    if (!instance->call.logger || (category != LOG_ERRORS && !(instance->categories & category))) return;
+    if (!instance->call.logger || (category != LOG_ERRORS && !(instance->categories & category)))
+        return;
     snprintf(line, sizeof line, "%s", text);
     for (char *c = line; *c; c++)
         if (*c == '%') *c = ' ';
-    instance->call.logger(instance->call.componentEnvironment, instance->name ? instance->name : "", status,
-                          category_name(category), line);
+    instance->call.logger(instance->call.componentEnvironment, instance->name ? instance->name : "",
+                          status, category_name(category), line);
 }
 
 fmi2Status failure(const Instance *instance, const char *function, const char *text)
@@ -74,7 +75,8 @@ static void check_parameters(const void *model, Problems *problems)
         for (size_t k = 0; k < fmu_model.variables[i].size; k++) {
             Scalar s = {&fmu_model.variables[i], k};
             double value = *place_const(model, s);
-            const char *rule = s.row->causality == PARAMETER_ROW ? broken_rule(s.row->rule, value) : NULL;
+            const char *rule =
+                s.row->causality == PARAMETER_ROW ? broken_rule(s.row->rule, value) : NULL;
             if (rule) refuse(problems, element_name(name, s), value, rule);
         }
     fmu_model.check(model, problems);
@@ -89,9 +91,11 @@ static const char *first_broken_output(const void *model, char text[FINDING_SIZE
         for (size_t k = 0; k < fmu_model.variables[i].size; k++) {
             Scalar s = {&fmu_model.variables[i], k};
             double value = *place_const(model, s);
-            const char *rule = s.row->causality == OUTPUT_ROW ? broken_rule(s.row->rule, value) : NULL;
+            const char *rule =
+                s.row->causality == OUTPUT_ROW ? broken_rule(s.row->rule, value) : NULL;
             if (!rule) continue;
-            snprintf(text, FINDING_SIZE, "%s = %.9g: %s (%s)", element_name(name, s), value, rule, s.row->text);
+            snprintf(text, FINDING_SIZE, "%s = %.9g: %s (%s)", element_name(name, s), value, rule,
+                     s.row->text);
             return text;
         }
     return NULL;
@@ -119,12 +123,14 @@ static bool outputs_in_bounds(const void *model)
     return true;
 }
 
-static bool result_is_good(const Instance *instance, const char *function, const void *model, double t)
+static bool result_is_good(const Instance *instance, const char *function, const void *model,
+                           double t)
 {
     char broken[FINDING_SIZE], text[FINDING_SIZE + 80];
     if (all_finite(model) && outputs_in_bounds(model)) return true;
     const char *what = first_broken_output(model, broken);
-    snprintf(text, sizeof text, "result at t = %.9g s refused: %s", t, what ? what : "an internal state is not finite");
+    snprintf(text, sizeof text, "result at t = %.9g s refused: %s", t,
+             what ? what : "an internal state is not finite");
     failure(instance, function, text);
     return false;
 }
@@ -143,7 +149,8 @@ bool initialize_into(const Instance *instance, const char *function, const void 
     return result_is_good(instance, function, into, instance->now.start);
 }
 
-bool step_into(const Instance *instance, const char *function, const void *from, void *into, double t, double h)
+bool step_into(const Instance *instance, const char *function, const void *from, void *into,
+               double t, double h)
 {
     memcpy(into, from, fmu_model.size);
     fmu_model.step(into, t, h);
@@ -153,11 +160,14 @@ bool step_into(const Instance *instance, const char *function, const void *from,
 void report_alarms(const Instance *instance, const void *before, const void *after, double t)
 {
     char name[NAME_SIZE], text[FINDING_SIZE];
-    for (size_t i = fmu_model.variable_count; i-- > 0 && fmu_model.variables[i].causality == OUTPUT_ROW;)
-        for (size_t k = 0; k < fmu_model.variables[i].size && fmu_model.variables[i].rule == ALARM_VALUE; k++) {
+    for (size_t i = fmu_model.variable_count;
+         i-- > 0 && fmu_model.variables[i].causality == OUTPUT_ROW;)
+        for (size_t k = 0;
+             k < fmu_model.variables[i].size && fmu_model.variables[i].rule == ALARM_VALUE; k++) {
             Scalar s = {&fmu_model.variables[i], k};
             if (*place_const(before, s) != 0 || *place_const(after, s) == 0) continue;
-            snprintf(text, sizeof text, "t = %.9g s: %s (%s)", t, element_name(name, s), s.row->text);
+            snprintf(text, sizeof text, "t = %.9g s: %s (%s)", t, element_name(name, s),
+                     s.row->text);
             log_message(instance, fmi2Warning, LOG_WARNINGS, text);
         }
 }

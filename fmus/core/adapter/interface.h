@@ -1,4 +1,5 @@
-/* interface.h - reading the interface table of a model: scalars by value reference, names of elements, guid. */
+/* interface.h - reading the interface table of a model: scalars by value reference, names of
+ * elements, guid. */
 #ifndef INTERFACE_H
 #define INTERFACE_H
 
@@ -34,7 +35,8 @@ static inline double *place(void *memory, Scalar s)
 {
     return (double *)(void *)((char *)memory + s.row->offset) + s.element;
 }
-static inline void copy_values(double *to, const double *from, size_t count) /* a handful: cheaper than memcpy */
+static inline void copy_values(double *to, const double *from,
+                               size_t count) /* a handful: cheaper than memcpy */
 {
     for (size_t i = 0; i < count; i++) to[i] = from[i];
 }
@@ -49,11 +51,14 @@ static inline const char *element_name(char buffer[NAME_SIZE], Scalar s)
     unsigned i = (unsigned)(s.element + 1), columns = (unsigned)s.row->columns;
     if (s.row->size == 1) snprintf(buffer, NAME_SIZE, "%s", s.row->name);
     else if (columns == 1) snprintf(buffer, NAME_SIZE, "%s[%u]", s.row->name, i);
-    else snprintf(buffer, NAME_SIZE, "%s[%u,%u]", s.row->name, (i - 1) / columns + 1, (i - 1) % columns + 1);
+    else
+        snprintf(buffer, NAME_SIZE, "%s[%u,%u]", s.row->name, (i - 1) / columns + 1,
+                 (i - 1) % columns + 1);
     return buffer;
 }
 
-/* what a rule allows: inclusive bounds (the adapter refuses 0 for POSITIVE_VALUE and all but 0 and 1 for a switch) */
+/* what a rule allows: inclusive bounds (the adapter refuses 0 for POSITIVE_VALUE and all but 0 and
+ * 1 for a switch) */
 static inline double lowest(Rule rule) { return rule == ANY_VALUE ? -DBL_MAX : 0; }
 static inline int is_flag(Rule rule) { return rule == SWITCH_VALUE || rule == ALARM_VALUE; }
 static inline double highest(Rule rule)
@@ -69,21 +74,26 @@ static inline const char *broken_rule(Rule rule, double value) /* NULL: the valu
     return value > highest(rule) ? "is above its upper bound" : NULL;
 }
 
-/* 64-bit FNV-1a over names, units, shapes and start values: the same interface has the same guid everywhere */
+/* 64-bit FNV-1a over names, units, shapes and start values: the same interface has the same guid
+ * everywhere */
 static inline uint64_t fold(uint64_t hash, const void *bytes, size_t count)
 {
-    for (const unsigned char *b = bytes; count-- > 0; b++) hash = (hash ^ *b) * UINT64_C(1099511628211);
+    for (const unsigned char *b = bytes; count-- > 0; b++)
+        hash = (hash ^ *b) * UINT64_C(1099511628211);
     return hash;
 }
-static inline uint64_t fold_text(uint64_t hash, const char *text) { return fold(hash, text, strlen(text) + 1); }
+static inline uint64_t fold_text(uint64_t hash, const char *text)
+{
+    return fold(hash, text, strlen(text) + 1);
+}
 
 static inline uint64_t fingerprint(const ModelInterface *m, uint64_t hash)
 {
     hash = fold_text(hash, m->name);
     for (size_t i = 0; i < m->variable_count; i++) {
         const Variable *v = &m->variables[i];
-        unsigned char shape[] = {(unsigned char)v->causality, (unsigned char)v->size, (unsigned char)v->columns,
-                                 (unsigned char)v->rule};
+        unsigned char shape[] = {(unsigned char)v->causality, (unsigned char)v->size,
+                                 (unsigned char)v->columns, (unsigned char)v->rule};
         hash = fold(fold_text(fold_text(hash, v->name), v->unit), shape, sizeof shape);
         if (v->causality != OUTPUT_ROW)
             hash = fold(hash, place_const(m->start, (Scalar){v, 0}), v->size * sizeof(double));
@@ -94,8 +104,9 @@ static inline uint64_t fingerprint(const ModelInterface *m, uint64_t hash)
 static inline const char *guid_of(const ModelInterface *m, char buffer[GUID_SIZE])
 {
     uint64_t a = fingerprint(m, UINT64_C(14695981039346656037)), b = fingerprint(m, a);
-    snprintf(buffer, GUID_SIZE, "{%08x-%04x-%04x-%04x-%04x%08x}", (unsigned)(a >> 32), (unsigned)(a >> 16 & 0xffff),
-             (unsigned)(a & 0xffff), (unsigned)(b >> 48), (unsigned)(b >> 32 & 0xffff), (unsigned)(b & 0xffffffff));
+    snprintf(buffer, GUID_SIZE, "{%08x-%04x-%04x-%04x-%04x%08x}", (unsigned)(a >> 32),
+             (unsigned)(a >> 16 & 0xffff), (unsigned)(a & 0xffff), (unsigned)(b >> 48),
+             (unsigned)(b >> 32 & 0xffff), (unsigned)(b & 0xffffffff));
     return buffer;
 }
 

@@ -1,4 +1,5 @@
-"""Add the binaries of all platforms to FMUs, compiled from the sources inside each archive by one cross compiler.
+"""Add the binaries of all platforms to FMUs, compiled from the sources inside each archive by one
+cross compiler.
 
 Usage: cross_compile.py --fmus DIR -o DIR [--cc COMMAND]
 """
@@ -23,15 +24,37 @@ TARGETS = {
 }
 """FMI platform: target of the compiler, ending of a shared library, flags of its own."""
 
-FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden", "-shared", "-s", "-g0")
+FLAGS = (
+    "-std=c99",
+    "-O2",
+    "-ffp-contract=off",
+    "-fno-math-errno",
+    "-fvisibility=hidden",
+    "-shared",
+    "-s",
+    "-g0",
+)
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 
 
-def compile_for(platform: str, folder: Path, sources: list[str], name: str, compiler: list[str]) -> bytes:
+def compile_for(
+    platform: str, folder: Path, sources: list[str], name: str, compiler: list[str]
+) -> bytes:
     """The shared library of one platform; subprocess.CalledProcessError if the compiler fails."""
     target, ending, flags = TARGETS[platform]
     library = f"{name}{ending}"
-    command = [*compiler, "-target", target, *FLAGS, "-isystem", str(HEADERS), *sources, "-o", library, *flags]
+    command = [
+        *compiler,
+        "-target",
+        target,
+        *FLAGS,
+        "-isystem",
+        str(HEADERS),
+        *sources,
+        "-o",
+        library,
+        *flags,
+    ]
     # in the folder and with relative names, so that no path gets into the binary
     subprocess.run(command, check=True, cwd=folder / "sources")
     binary = (folder / "sources" / library).read_bytes()
@@ -39,7 +62,9 @@ def compile_for(platform: str, folder: Path, sources: list[str], name: str, comp
 
 
 def without_link_time(dll: bytes) -> bytes:
-    """A Windows library with the time of linking in its PE header set to zero: same sources, same bytes."""
+    """A Windows library with the time of linking in its PE header set to zero: same sources, same
+    bytes.
+    """
     (header,) = struct.unpack_from("<I", dll, 0x3C)
     return dll[: header + 8] + bytes(4) + dll[header + 12 :]
 
@@ -48,7 +73,11 @@ def all_platforms(fmu: Path, compiler: list[str]) -> dict[str, bytes]:
     """Files of an FMU with the binaries of every platform in TARGETS in place of its own."""
     with zipfile.ZipFile(fmu) as archive, tempfile.TemporaryDirectory() as folder:
         archive.extractall(folder)
-        files = {name: archive.read(name) for name in archive.namelist() if not name.startswith("binaries/")}
+        files = {
+            name: archive.read(name)
+            for name in archive.namelist()
+            if not name.startswith("binaries/")
+        }
         description = ElementTree.fromstring(files["modelDescription.xml"])
         sources = [element.attrib["name"] for element in description.iter("File")]
         for platform, (_, ending, _) in TARGETS.items():

@@ -1,9 +1,10 @@
 /* describe.c - host tool: prints the modelDescription.xml of the model it is linked with.
  *
- *     describe VERSION DATE SOURCE...      DATE as 2026-01-31T00:00:00Z; SOURCE: the .c files in sources/
+ *     describe VERSION DATE SOURCE...
+ *                 DATE as 2026-01-31T00:00:00Z; SOURCE: the .c files in sources/
  *
- * It refuses an interface that is not fit to ship: missing texts, doubled names, unknown units, start values that break
- * their rules, outputs that are not finite for the start values. */
+ * It refuses an interface that is not fit to ship: missing texts, doubled names, unknown units,
+ * start values that break their rules, outputs that are not finite for the start values. */
 #include "interface.h"
 
 #include <stdlib.h>
@@ -16,7 +17,7 @@ static void fault(const char *name, const char *what)
     faults++;
 }
 
-/* ---- units: products of kg, m, s, rad, N, J with exponents, e.g. "kg.m2", "m3/s2", "1/(N.m)"; "1" is dimensionless ---- */
+/* ---- units: products of kg m s rad N J with exponents ("kg.m2", "1/(N.m)"); "1": none ---- */
 typedef struct { int kg, m, s, rad; } Dimension;
 
 static const struct {
@@ -52,7 +53,8 @@ static int parse_unit(const char *text, Dimension *d)
     while (parse_factor(&text, sign, d)) {
         if (*text == ')' && sign < 0) text++;
         if (!*text) return 1;
-        if (*text++ == '/') sign = -1; /* all that follows is a divisor, in brackets if it is several factors */
+        if (*text++ == '/')
+            sign = -1; /* all that follows is a divisor, in brackets if it is several factors */
         if (*text == '(' && sign < 0) text++;
     }
     return 0;
@@ -69,7 +71,8 @@ static void print_text(const char *text) /* XML attribute value */
         else putchar(*text);
 }
 
-static const char *number(char buffer[32], double value) /* shortest text that reads back the same */
+static const char *number(char buffer[32],
+                          double value) /* shortest text that reads back the same */
 {
     for (int digits = 1; digits <= 17; digits++) {
         snprintf(buffer, 32, "%.*g", digits, value);
@@ -112,7 +115,8 @@ static void print_unit(const char *unit)
     print_exponent("rad", d.rad);
     printf("/>\n");
     if (display_unit(unit))
-        printf("      <DisplayUnit name=\"%s\" factor=\"57.29577951308232\"/>\n", display_unit(unit));
+        printf("      <DisplayUnit name=\"%s\" factor=\"57.29577951308232\"/>\n",
+               display_unit(unit));
     printf("    </Unit>\n");
 }
 
@@ -151,8 +155,8 @@ static void print_variable(size_t row, size_t element, const void *model)
     Scalar s = {v, element};
     const double *values = place_const(model, (Scalar){v, 0});
 
-    printf("    <ScalarVariable name=\"%s\" valueReference=\"%u\" %s description=\"", element_name(name, s),
-           (unsigned)(VR_STRIDE * row + element), kind[v->causality]);
+    printf("    <ScalarVariable name=\"%s\" valueReference=\"%u\" %s description=\"",
+           element_name(name, s), (unsigned)(VR_STRIDE * row + element), kind[v->causality]);
     print_text(v->text);
     printf("\">\n      <Real unit=\"%s\"", v->unit);
     if (display_unit(v->unit)) printf(" displayUnit=\"%s\"", display_unit(v->unit));
@@ -184,30 +188,37 @@ static void print_unknowns(const char *section, const char *attributes)
 static void print_header(const char *version, const char *date, int sources, char *source[])
 {
     char guid[GUID_SIZE];
-    printf("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"2.0\" modelName=\"%s\" "
+    printf("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"2.0\" "
+           "modelName=\"%s\" "
            "guid=\"%s\"\n  description=\"",
            fmu_model.name, guid_of(&fmu_model, guid));
     print_text(fmu_model.text);
-    printf("\" author=\"servicing-fmus\" version=\"%s\" copyright=\"BSD-2-Clause, see licenses/license.txt\"\n"
-           "  license=\"BSD-2-Clause\" generationTool=\"servicing-fmus %s\" generationDateAndTime=\"%s\" "
+    printf("\" author=\"servicing-fmus\" version=\"%s\" copyright=\"BSD-2-Clause, see "
+           "licenses/license.txt\"\n"
+           "  license=\"BSD-2-Clause\" generationTool=\"servicing-fmus %s\" "
+           "generationDateAndTime=\"%s\" "
            "variableNamingConvention=\"structured\">\n",
            version, version, date);
     printf("  <CoSimulation modelIdentifier=\"%s\" canHandleVariableCommunicationStepSize=\"true\" "
            "canGetAndSetFMUstate=\"true\" "
-           "canSerializeFMUstate=\"true\" providesDirectionalDerivative=\"true\">\n    <SourceFiles>\n",
+           "canSerializeFMUstate=\"true\" providesDirectionalDerivative=\"true\">\n    "
+           "<SourceFiles>\n",
            fmu_model.name);
     for (int i = 0; i < sources; i++) printf("      <File name=\"%s\"/>\n", source[i]);
     printf("    </SourceFiles>\n  </CoSimulation>\n");
 }
 
-static void print_description(const char *version, const char *date, int sources, char *source[], const void *model)
+static void print_description(const char *version, const char *date, int sources, char *source[],
+                              const void *model)
 {
     print_header(version, date, sources, source);
     print_units();
-    printf("  <LogCategories>\n"
-           "    <Category name=\"logStatusError\" description=\"refused calls and failed steps\"/>\n"
-           "    <Category name=\"logStatusWarning\" description=\"questionable calls\"/>\n"
-           "    <Category name=\"logEvents\" description=\"life cycle of the instance\"/>\n  </LogCategories>\n");
+    printf(
+        "  <LogCategories>\n"
+        "    <Category name=\"logStatusError\" description=\"refused calls and failed steps\"/>\n"
+        "    <Category name=\"logStatusWarning\" description=\"questionable calls\"/>\n"
+        "    <Category name=\"logEvents\" description=\"life cycle of the instance\"/>\n  "
+        "</LogCategories>\n");
     printf("  <DefaultExperiment startTime=\"0\" stopTime=\"100\" stepSize=\"0.1\"/>\n");
     print_variables(model);
     printf("  <ModelStructure>\n");
@@ -223,7 +234,8 @@ static void check_row(size_t row)
     if (!*v->text) fault(v->name, "no description");
     if (row > 0 && v->causality < fmu_model.variables[row - 1].causality)
         fault(v->name, "rows must be in the order parameters, inputs, outputs");
-    if (v->size == 0 || v->size > VR_STRIDE || v->size % v->columns) fault(v->name, "impossible shape");
+    if (v->size == 0 || v->size > VR_STRIDE || v->size % v->columns)
+        fault(v->name, "impossible shape");
     for (size_t i = 0; i < row; i++)
         if (strcmp(fmu_model.variables[i].name, v->name) == 0) fault(v->name, "name used twice");
 }

@@ -1,8 +1,10 @@
-"""Zip one FMU: model description, binaries, sources, documentation, licence, picture. Same inputs, same bytes.
+"""Zip one FMU: model description, binaries, sources, documentation, licence, picture. Same inputs,
+same bytes.
 
-Usage: package_fmu.py OUTPUT --description XML --license FILE --binary PLATFORM=FILE... --source FILE... --include DIR...
-The first source is the file of the model; its opening comment (equations, source) becomes the documentation. The headers
-that the sources include, directly or not, are found in the folders given and go into sources/ beside them.
+Usage: package_fmu.py OUTPUT --description XML --license FILE --binary PLATFORM=FILE... --source
+FILE... --include DIR... The first source is the file of the model; its opening comment (equations,
+source) becomes the documentation. The headers that the sources include, directly or not, are found
+in the folders given and go into sources/ beside them.
 """
 
 import argparse
@@ -24,7 +26,9 @@ SECTIONS = {"input": "Inputs", "output": "Outputs", "parameter": "Parameters"}
 
 
 def read_rows(description: ElementTree.Element) -> list[dict[str, str]]:
-    """One row per variable; the elements of a vector or matrix are gathered: name, shape, unit, start, limits, text."""
+    """One row per variable; the elements of a vector or matrix are gathered: name, shape, unit,
+    start, limits, text.
+    """
     rows: dict[str, dict[str, str]] = {}
     for variable in description.iter("ScalarVariable"):
         name, _, index = variable.attrib["name"].partition("[")
@@ -47,7 +51,9 @@ def headers_of(sources: list[Path], folders: list[Path]) -> list[Path]:
     found: dict[str, Path] = {}
     waiting = list(sources)
     while waiting:
-        for name in re.findall(r'^#include "(.+?)"', waiting.pop().read_text(encoding="utf-8"), re.MULTILINE):
+        for name in re.findall(
+            r'^#include "(.+?)"', waiting.pop().read_text(encoding="utf-8"), re.MULTILINE
+        ):
             header = next((folder / name for folder in folders if (folder / name).exists()), None)
             if header and name not in found:
                 found[name] = header
@@ -58,8 +64,13 @@ def headers_of(sources: list[Path], folders: list[Path]) -> list[Path]:
 def table(rows: list[dict[str, str]]) -> str:
     """HTML table of variables."""
     head = "<tr><th>name</th><th>size</th><th>unit</th><th>limits</th><th>start</th><th>description</th></tr>"
-    cells = ((r["name"], r["shape"], r["unit"], limits(r), r["starts"].strip(), r["description"]) for r in rows)
-    body = ("<tr>" + "".join(f"<td>{html.escape(c)}</td>" for c in cell) + "</tr>" for cell in cells)
+    cells = (
+        (r["name"], r["shape"], r["unit"], limits(r), r["starts"].strip(), r["description"])
+        for r in rows
+    )
+    body = (
+        "<tr>" + "".join(f"<td>{html.escape(c)}</td>" for c in cell) + "</tr>" for cell in cells
+    )
     return f"<table>{head}{''.join(body)}</table>"
 
 
@@ -71,7 +82,9 @@ def opening_comment(source: Path) -> str:
 
 
 def documentation(description: ElementTree.Element, source: Path) -> str:
-    """documentation/index.html: equations and source from the model file, tables from the model description."""
+    """documentation/index.html: equations and source from the model file, tables from the model
+    description.
+    """
     rows = read_rows(description)
     name = html.escape(description.attrib["modelName"])
     text = html.escape(description.attrib["description"])
@@ -139,7 +152,10 @@ def main() -> None:
         "documentation/index.html": documentation(description, a.source[0]).encode(),
         "documentation/model.png": png,
         "licenses/license.txt": a.license.read_bytes(),
-        **{f"sources/{source.name}": source.read_bytes() for source in [*a.source, *headers_of(a.source, a.include)]},
+        **{
+            f"sources/{source.name}": source.read_bytes()
+            for source in [*a.source, *headers_of(a.source, a.include)]
+        },
     }
     for binary in a.binary:
         platform, _, file = binary.partition("=")

@@ -1,7 +1,8 @@
 /* attitude.h - direction cosines, unit quaternions, modified Rodrigues parameters.
  *
- * Attitude of frame B relative to frame N: C_BN maps N components to B components; the quaternion q_BN is scalar first with
- * v_N = q v_B q*; the MRP is sigma_BN = q_vec / (1 + q_0). Equations: docs/models.md A.1. */
+ * Attitude of frame B relative to frame N: C_BN maps N components to B components; the quaternion
+ * q_BN is scalar first with v_N = q v_B q*; the MRP is sigma_BN = q_vec / (1 + q_0). Equations:
+ * docs/models.md A.1. */
 #ifndef ATTITUDE_H
 #define ATTITUDE_H
 
@@ -20,7 +21,8 @@ static inline quat product(quat a, quat b)
     return (quat){a.w * b.w - dot(av, bv), v.x, v.y, v.z};
 }
 
-/* the same attitude with unit norm and q_0 >= 0; half a turn, where q_0 = 0, with the first of the others positive */
+/* the same attitude with unit norm and q_0 >= 0; half a turn, where q_0 = 0, with the first of the
+ * others positive */
 static inline quat canonical(quat q)
 {
     double n = sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z);
@@ -68,9 +70,10 @@ static inline quat quat_of_mrp(vec3 s)
 static inline mat3 dcm_of_mrp(vec3 s)
 {
     double ss = dot(s, s), d = (1 + ss) * (1 + ss), a = 4 * (1 - ss) / d, b = 8 / d;
-    return rows(vec(1 - b * (s.y * s.y + s.z * s.z), b * s.x * s.y + a * s.z, b * s.x * s.z - a * s.y),
-                vec(b * s.x * s.y - a * s.z, 1 - b * (s.x * s.x + s.z * s.z), b * s.y * s.z + a * s.x),
-                vec(b * s.x * s.z + a * s.y, b * s.y * s.z - a * s.x, 1 - b * (s.x * s.x + s.y * s.y)));
+    return rows(
+        vec(1 - b * (s.y * s.y + s.z * s.z), b * s.x * s.y + a * s.z, b * s.x * s.z - a * s.y),
+        vec(b * s.x * s.y - a * s.z, 1 - b * (s.x * s.x + s.z * s.z), b * s.y * s.z + a * s.x),
+        vec(b * s.x * s.z + a * s.y, b * s.y * s.z - a * s.x, 1 - b * (s.x * s.x + s.y * s.y)));
 }
 
 /* (3): G(s) w = (1-s.s) w + 2 s x w + 2 s (s.w), and its transpose; ds/dt = G(s) w / 4 */

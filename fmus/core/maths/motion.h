@@ -1,4 +1,5 @@
-/* motion.h - a vector with its first and second time derivative, carried through products, quotients and frames. */
+/* motion.h - a vector with its first and second time derivative, carried through products,
+ * quotients and frames. */
 #ifndef MOTION_H
 #define MOTION_H
 
@@ -14,7 +15,8 @@ static inline Motion cross_motion(Motion a, Motion b)
                     sum3(cross(a.dd, b.x), scale(2, cross(a.d, b.d)), cross(a.x, b.dd))};
 }
 
-/* k = u/|u|:  n' = k.u',  k' = (u' - n' k)/n,  n'' = k'.u' + k.u'',  k'' = (u'' - n'' k - 2 n' k')/n */
+/* k = u/|u|:  n' = k.u',  k' = (u' - n' k)/n,  n'' = k'.u' + k.u'',  k'' = (u'' - n'' k - 2 n'
+ * k')/n */
 static inline Motion normalised(Motion u)
 {
     double n = norm(u.x);
@@ -34,10 +36,14 @@ static inline Motion normal_part(vec3 fixed, Motion i)
 }
 
 /* turning of the frame with axes i, j, k, in its own components: w = [j'.k, k'.i, i'.j] */
-static inline vec3 frame_rate(Motion i, Motion j, Motion k) { return vec(dot(j.d, k.x), dot(k.d, i.x), dot(i.d, j.x)); }
+static inline vec3 frame_rate(Motion i, Motion j, Motion k)
+{
+    return vec(dot(j.d, k.x), dot(k.d, i.x), dot(i.d, j.x));
+}
 static inline vec3 frame_acceleration(Motion i, Motion j, Motion k)
 {
-    return vec(dot(j.dd, k.x) + dot(j.d, k.d), dot(k.dd, i.x) + dot(k.d, i.d), dot(i.dd, j.x) + dot(i.d, j.d));
+    return vec(dot(j.dd, k.x) + dot(j.d, k.d), dot(k.dd, i.x) + dot(k.d, i.d),
+               dot(i.dd, j.x) + dot(i.d, j.d));
 }
 
 #endif

@@ -1,13 +1,15 @@
 /* portable_math.h - atan2 and exp from sums, products, quotients and roots alone.
  *
- * Those operations are exact to the last bit on every platform; the C libraries' atan2 and exp are not, and their last bits
- * would travel through a whole simulation. Both are accurate to 2e-15 relative. */
+ * Those operations are exact to the last bit on every platform; the C libraries' atan2 and exp are
+ * not, and their last bits would travel through a whole simulation. Both are accurate to 2e-15
+ * relative. */
 #ifndef PORTABLE_MATH_H
 #define PORTABLE_MATH_H
 
 #include <math.h>
 
-/* atan2(y, x) for y >= 0, in 0 .. pi; 0 if both vanish. The angle is halved four times, then the series of atan is summed. */
+/* atan2(y, x) for y >= 0, in 0 .. pi; 0 if both vanish. The angle is halved four times, then the
+ * series of atan is summed. */
 static inline double arc(double y, double x)
 {
     double r = sqrt(x * x + y * y), t = y / (r + fabs(x)), series = 0;
@@ -18,7 +20,8 @@ static inline double arc(double y, double x)
     return x < 0 ? 3.14159265358979323846 - angle : angle;
 }
 
-/* exp(x) = 2^n exp(r), r = x - n ln 2 in two parts, |r| <= 0.35, series of 18 terms; 0 below the range of doubles */
+/* exp(x) = 2^n exp(r), r = x - n ln 2 in two parts, |r| <= 0.35, series of 18 terms; 0 below the
+ * range of doubles */
 static inline double exponential(double x)
 {
     if (!(fabs(x) < 700)) return x < 0 ? 0 : x > 0 ? INFINITY : x;

@@ -3,9 +3,10 @@
  *   Riccati:   A^T X + X A - X S X + Q = 0,     A - S X stable
  *   Lyapunov:  T A + A^T T = C                  for many symmetric C and one stable A
  *
- * Riccati by the structure-preserving doubling algorithm (Chu, Fan & Lin 2005), quadratically convergent for a
- * stabilisable, detectable problem, and Newton steps (Kleinman 1968) that bring stiff problems to full precision.
- * Lyapunov as 21 linear equations for the elements on and above the diagonal. */
+ * Riccati by the structure-preserving doubling algorithm (Chu, Fan & Lin 2005), quadratically
+ * convergent for a stabilisable, detectable problem, and Newton steps (Kleinman 1968) that bring
+ * stiff problems to full precision. Lyapunov as 21 linear equations for the elements on and above
+ * the diagonal. */
 #ifndef RICCATI_H
 #define RICCATI_H
 
@@ -66,7 +67,8 @@ static inline int largest_below(const double *a, int n, int column)
     return best;
 }
 
-/* b := a^-1 b by Gauss-Jordan elimination with row pivoting; a is n x n and destroyed, b is n x m */
+/* b := a^-1 b by Gauss-Jordan elimination with row pivoting; a is n x n and destroyed, b is n x
+ * m */
 static inline void solve_in_place(double *a, int n, double *b, int m)
 {
     for (int c = 0; c < n; c++) {
@@ -102,20 +104,25 @@ static inline double largest6(mat6 a)
 /* ---- Riccati by doubling ---- */
 typedef struct { mat6 E, G, H; } Doubling;
 
-/* Cayley transform with 1/s as its point: any positive number serves, it only sets the speed of convergence.
+/* Cayley transform with 1/s as its point: any positive number serves, it only sets the speed of
+ * convergence.
  *   B = A - I,  W = B^T + Q B^-1 S,  E = I + 2 W^-T,  G = 2 B^-1 S W^-1,  H = 2 W^-1 Q B^-1 */
 static inline Doubling doubling_start(mat6 A, mat6 S, mat6 Q)
 {
-    mat6 I = identity6(), B_inverse = solve6(sum6(1, A, -1, I), I), B_inverse_S = product6(B_inverse, S);
-    mat6 W = sum6(1, transpose6(sum6(1, A, -1, I)), 1, product6(Q, B_inverse_S)), W_inverse = solve6(W, I);
-    return (Doubling){sum6(1, I, 2, transpose6(W_inverse)), sum6(2, product6(B_inverse_S, W_inverse), 0, I),
+    mat6 I = identity6(), B_inverse = solve6(sum6(1, A, -1, I), I),
+         B_inverse_S = product6(B_inverse, S);
+    mat6 W = sum6(1, transpose6(sum6(1, A, -1, I)), 1, product6(Q, B_inverse_S)),
+         W_inverse = solve6(W, I);
+    return (Doubling){sum6(1, I, 2, transpose6(W_inverse)),
+                      sum6(2, product6(B_inverse_S, W_inverse), 0, I),
                       sum6(2, product6(product6(W_inverse, Q), B_inverse), 0, I)};
 }
 
 /* E := E N E,  G := G + E N G E^T,  H := H + E^T H N E,  N = (I + G H)^-1 */
 static inline Doubling doubled(Doubling d)
 {
-    mat6 I = identity6(), N = solve6(sum6(1, I, 1, product6(d.G, d.H)), I), EN = product6(d.E, N), Et = transpose6(d.E);
+    mat6 I = identity6(), N = solve6(sum6(1, I, 1, product6(d.G, d.H)), I), EN = product6(d.E, N),
+         Et = transpose6(d.E);
     mat6 NE = product6(N, d.E);
     return (Doubling){product6(EN, d.E), sum6(1, d.G, 1, product6(product6(EN, d.G), Et)),
                       sum6(1, d.H, 1, product6(product6(Et, d.H), NE))};
@@ -187,7 +194,8 @@ static inline mat6 riccati(mat6 A, mat6 S, mat6 Q)
         if (!(change > 1e-16 * largest6(d.H))) break;
     }
     mat6 X = sum6(0.5, d.H, 0.5, transpose6(d.H));
-    for (int k = 0; k < 3; k++) X = refined(A, S, Q, X); /* what the doubling loses in stiff problems */
+    for (int k = 0; k < 3; k++)
+        X = refined(A, S, Q, X); /* what the doubling loses in stiff problems */
     return X;
 }
 

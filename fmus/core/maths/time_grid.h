@@ -1,8 +1,9 @@
-/* time_grid.h - absolute time grids, so that nothing depends on how a master cuts its communication steps.
+/* time_grid.h - absolute time grids, so that nothing depends on how a master cuts its communication
+ * steps.
  *
- * Plants integrate on the grid k * max_step: a communication point off the grid shortens the neighbouring internal steps.
- * Flight software samples at the instants k * sample_period. Times within 1e-9 (relative) of a grid point count as on it,
- * because masters accumulate t += h. */
+ * Plants integrate on the grid k * max_step: a communication point off the grid shortens the
+ * neighbouring internal steps. Flight software samples at the instants k * sample_period. Times
+ * within 1e-9 (relative) of a grid point count as on it, because masters accumulate t += h. */
 #ifndef TIME_GRID_H
 #define TIME_GRID_H
 
@@ -16,7 +17,8 @@ static inline double on_grid(double t, double grid)
     return fabs(t / grid - n) <= grid_tolerance(n) ? n * grid : t;
 }
 
-/* ---- internal steps of a plant:  for (Substep s = first_substep(t, h, grid); s.h > 0; s = next_substep(s)) ---- */
+/* ---- internal steps of a plant ----
+ * for (Substep s = first_substep(t, h, grid); s.h > 0; s = next_substep(s)) */
 typedef struct { double t, h, next, end, grid; } Substep;
 
 static inline Substep substep_at(double t, double end, double grid)
@@ -32,13 +34,18 @@ static inline Substep first_substep(double t, double h, double grid)
 }
 static inline Substep next_substep(Substep s)
 {
-    return s.next < s.end ? substep_at(s.next, s.end, s.grid) : (Substep){s.end, 0, s.end, s.end, s.grid};
+    return s.next < s.end ? substep_at(s.next, s.end, s.grid)
+                          : (Substep){s.end, 0, s.end, s.end, s.grid};
 }
 
-/* ---- sample instants in [t, t+h):  for (Sample s = first_sample(t, h, period); s.left > 0; s = next_sample(s)) ---- */
+/* ---- sample instants in [t, t+h) ----
+ * for (Sample s = first_sample(t, h, period); s.left > 0; s = next_sample(s)) */
 typedef struct { double t, period, index, left; } Sample; /* period 0: one sample at every call */
 
-static inline double sample_index(double t, double period) { return ceil(t / period - grid_tolerance(t / period)); }
+static inline double sample_index(double t, double period)
+{
+    return ceil(t / period - grid_tolerance(t / period));
+}
 static inline Sample first_sample(double t, double h, double period)
 {
     if (period == 0) return (Sample){t, h, 0, 1};

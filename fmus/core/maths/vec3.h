@@ -12,7 +12,10 @@ static inline vec3 add(vec3 a, vec3 b) { return vec(a.x + b.x, a.y + b.y, a.z + 
 static inline vec3 sub(vec3 a, vec3 b) { return vec(a.x - b.x, a.y - b.y, a.z - b.z); }
 static inline vec3 neg(vec3 a) { return vec(-a.x, -a.y, -a.z); }
 static inline vec3 scale(double k, vec3 a) { return vec(k * a.x, k * a.y, k * a.z); }
-static inline vec3 times(vec3 a, vec3 b) { return vec(a.x * b.x, a.y * b.y, a.z * b.z); } /* per axis */
+static inline vec3 times(vec3 a, vec3 b)
+{
+    return vec(a.x * b.x, a.y * b.y, a.z * b.z);
+} /* per axis */
 static inline vec3 sum3(vec3 a, vec3 b, vec3 c) { return add(add(a, b), c); }
 static inline vec3 sum4(vec3 a, vec3 b, vec3 c, vec3 d) { return add(sum3(a, b, c), d); }
 static inline double dot(vec3 a, vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
@@ -27,18 +30,30 @@ static inline vec3 cross(vec3 a, vec3 b)
 /* angle between two directions, exact also near 0 and pi, 0 if one of them vanishes [rad] */
 static inline double angle(vec3 a, vec3 b) { return arc(norm(cross(a, b)), dot(a, b)); }
 
-static inline double clamp(double value, double low, double high) { return fmin(fmax(value, low), high); }
+static inline double clamp(double value, double low, double high)
+{
+    return fmin(fmax(value, low), high);
+}
 
 /* value within +-limit; a limit of 0 means "no limit" */
-static inline double limited(double value, double limit) { return limit > 0 ? clamp(value, -limit, limit) : value; }
+static inline double limited(double value, double limit)
+{
+    return limit > 0 ? clamp(value, -limit, limit) : value;
+}
 static inline vec3 limited3(vec3 a, vec3 limit)
 {
     return vec(limited(a.x, limit.x), limited(a.y, limit.y), limited(a.z, limit.z));
 }
 
 static inline mat3 rows(vec3 a, vec3 b, vec3 c) { return (mat3){{a, b, c}}; }
-static inline mat3 diagonal(double a, double b, double c) { return rows(vec(a, 0, 0), vec(0, b, 0), vec(0, 0, c)); }
-static inline vec3 mul(mat3 m, vec3 a) { return vec(dot(m.row[0], a), dot(m.row[1], a), dot(m.row[2], a)); }
+static inline mat3 diagonal(double a, double b, double c)
+{
+    return rows(vec(a, 0, 0), vec(0, b, 0), vec(0, 0, c));
+}
+static inline vec3 mul(mat3 m, vec3 a)
+{
+    return vec(dot(m.row[0], a), dot(m.row[1], a), dot(m.row[2], a));
+}
 static inline vec3 tmul(mat3 m, vec3 a) /* transpose(m) a */
 {
     return sum3(scale(a.x, m.row[0]), scale(a.y, m.row[1]), scale(a.z, m.row[2]));
@@ -50,7 +65,10 @@ static inline mat3 transpose(mat3 m)
                 vec(m.row[0].z, m.row[1].z, m.row[2].z));
 }
 
-static inline mat3 matmul(mat3 a, mat3 b) { return rows(tmul(b, a.row[0]), tmul(b, a.row[1]), tmul(b, a.row[2])); }
+static inline mat3 matmul(mat3 a, mat3 b)
+{
+    return rows(tmul(b, a.row[0]), tmul(b, a.row[1]), tmul(b, a.row[2]));
+}
 static inline mat3 matmul_t(mat3 a, mat3 b) /* a transpose(b) */
 {
     return rows(mul(b, a.row[0]), mul(b, a.row[1]), mul(b, a.row[2]));
@@ -58,7 +76,8 @@ static inline mat3 matmul_t(mat3 a, mat3 b) /* a transpose(b) */
 
 static inline double determinant(mat3 m) { return dot(m.row[0], cross(m.row[1], m.row[2])); }
 
-/* x with m x = b, m regular: the rows of the inverse transpose are the cross products of the rows of m */
+/* x with m x = b, m regular: the rows of the inverse transpose are the cross products of the rows
+ * of m */
 static inline vec3 solve(mat3 m, vec3 b)
 {
     vec3 x = sum3(scale(b.x, cross(m.row[1], m.row[2])), scale(b.y, cross(m.row[2], m.row[0])),

@@ -1,8 +1,10 @@
 /* line_of_sight.h - relative motion in line-of-sight (LOS) coordinates: range, elevation, azimuth.
  *
- * r points from the servicer to the target. One inertial axis is "up"; with that axis called y and the two others in
- * cyclic order, ce = cos(elevation), sb = sin(azimuth) and so on, the axes of frame L are
- *   x_l = [ ce cb,  se, -ce sb] = r/|r|,   y_l = [-se cb,  ce,  se sb],   z_l = x_l x y_l = [ sb,  0,  cb]
+ * r points from the servicer to the target. One inertial axis is "up"; with that axis called y and
+ * the two others in cyclic order, ce = cos(elevation), sb = sin(azimuth) and so on, the axes of
+ * frame L are
+ *   x_l = [ ce cb,  se, -ce sb] = r/|r|,   y_l = [-se cb,  ce,  se sb],   
+ *   z_l = x_l x y_l = [ sb,  0,  cb]
  * elevation is counted from the plane normal to "up", azimuth from its first axis, and
  *   rho' = x_l.v,   eps' = y_l.v/rho,   bet' = -z_l.v/(rho ce)
  *   rho'' = x_l.a + rho (eps'^2 + bet'^2 ce^2)
@@ -20,10 +22,12 @@ enum { UP_IS_X = 1, UP_IS_Y = 2, UP_IS_Z = 3 };
 #define UP_AXIS_TEXT "inertial axis that is up for the line-of-sight angles: 1 = X, 2 = Y, 3 = Z"
 
 /* a vec3 of LOS coordinates is (range, elevation, azimuth) */
-#define LOS_OUTPUTS(name, member, range_unit, angle_unit, text)                                           \
-    ROW_AS(OUTPUT_ROW, y, name ".range", member.x, 1, range_unit, text ", range", ANY_VALUE),             \
-        ROW_AS(OUTPUT_ROW, y, name ".elevation", member.y, 1, angle_unit, text ", elevation", ANY_VALUE), \
-        ROW_AS(OUTPUT_ROW, y, name ".azimuth", member.z, 1, angle_unit, text ", azimuth", ANY_VALUE)
+#define LOS_OUTPUTS(name, member, range_unit, angle_unit, text)                               \
+    ROW_AS(OUTPUT_ROW, y, name ".range", member.x, 1, range_unit, text ", range", ANY_VALUE), \
+        ROW_AS(OUTPUT_ROW, y, name ".elevation", member.y, 1, angle_unit, text ", elevation", \
+               ANY_VALUE),                                                                    \
+        ROW_AS(OUTPUT_ROW, y, name ".azimuth", member.z, 1, angle_unit, text ", azimuth",     \
+               ANY_VALUE)
 
 typedef struct {
     Motion q;                         /* range, elevation, azimuth with derivatives; m, rad */
@@ -33,7 +37,8 @@ typedef struct {
 
 static inline void check_up_axis(Problems *problems, double up)
 {
-    if (up != UP_IS_X && up != UP_IS_Y && up != UP_IS_Z) refuse(problems, "up_axis", up, "must be 1, 2 or 3");
+    if (up != UP_IS_X && up != UP_IS_Y && up != UP_IS_Z)
+        refuse(problems, "up_axis", up, "must be 1, 2 or 3");
 }
 
 /* components with "up" as second one, and the way back */
@@ -48,7 +53,8 @@ static inline vec3 with_up_in_place(vec3 a, double up)
 
 static inline mat3 los_axes(double up, double ce, double se, double cb, double sb)
 {
-    return rows(with_up_in_place(vec(ce * cb, se, -ce * sb), up), with_up_in_place(vec(-se * cb, ce, se * sb), up),
+    return rows(with_up_in_place(vec(ce * cb, se, -ce * sb), up),
+                with_up_in_place(vec(-se * cb, ce, se * sb), up),
                 with_up_in_place(vec(sb, 0, cb), up));
 }
 
@@ -59,10 +65,12 @@ static inline vec3 los_rates(const LineOfSight *los, vec3 v_L)
 
 static inline vec3 los_accelerations(const LineOfSight *los, vec3 a_L)
 {
-    double rho = los->q.x.x, drho = los->q.d.x, deps = los->q.d.y, dbet = los->q.d.z, ce = los->ce, se = los->se;
+    double rho = los->q.x.x, drho = los->q.d.x, deps = los->q.d.y, dbet = los->q.d.z, ce = los->ce,
+           se = los->se;
     return vec(a_L.x + rho * (deps * deps + dbet * dbet * ce * ce),
                (a_L.y - 2 * drho * deps) / los->rho_safe - dbet * dbet * se * ce,
-               (-a_L.z - 2 * drho * dbet * ce + 2 * rho * deps * dbet * se) / (los->rho_safe * los->ce_safe));
+               (-a_L.z - 2 * drho * dbet * ce + 2 * rho * deps * dbet * se) /
+                   (los->rho_safe * los->ce_safe));
 }
 
 /* LOS coordinates of the motion of r as seen in N */
@@ -90,7 +98,8 @@ static inline double wrapped(double angle)
 }
 
 /* gravity at r_T + rho minus gravity at r_T, without cancellation (Encke):
- *   -mu/r^3 (rho + f (r_T + rho)),  f = -q (3 + 3q + q^2) / ((1+q)^1.5 (1 + (1+q)^1.5)),  q = rho.(rho + 2 r_T)/r^2 */
+ *   -mu/r^3 (rho + f (r_T + rho)),  f = -q (3 + 3q + q^2) / ((1+q)^1.5 (1 + (1+q)^1.5)),
+ *           q = rho.(rho + 2 r_T)/r^2 */
 static inline vec3 differential_gravity(double mu, vec3 r_T, vec3 rho)
 {
     double rr = fmax(dot(r_T, r_T), 1), q = fmax(dot(rho, add(rho, scale(2, r_T))) / rr, 1e-12 - 1);

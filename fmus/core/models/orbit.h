@@ -15,8 +15,8 @@ typedef struct { vec3 r, v; } PosVel; /* N axes */
 static inline PosVel posvel_of_elements(const Orbit *o)
 {
     double p = o->a * (1 - o->e * o->e), r = p / (1 + o->e * cos(o->nu)), k = sqrt(o->mu / p);
-    double ci = cos(o->inc), si = sin(o->inc), cw = cos(o->argp), sw = sin(o->argp), cO = cos(o->raan),
-           sO = sin(o->raan);
+    double ci = cos(o->inc), si = sin(o->inc), cw = cos(o->argp), sw = sin(o->argp),
+           cO = cos(o->raan), sO = sin(o->raan);
     vec3 P = vec(cO * cw - sO * sw * ci, sO * cw + cO * sw * ci, sw * si);
     vec3 Q = vec(-cO * sw - sO * cw * ci, -sO * sw + cO * cw * ci, cw * si);
     return (PosVel){add(scale(r * cos(o->nu), P), scale(r * sin(o->nu), Q)),
@@ -29,11 +29,12 @@ static inline vec3 gravity(const Orbit *o, double with_J2, vec3 r)
     if (o->mu == 0) return vec(0, 0, 0);
     double rr = dot(r, r), k = o->mu / (rr * sqrt(rr)), zz = 5 * r.z * r.z / rr;
     double j = with_J2 * 1.5 * o->J2 * o->R_E * o->R_E / rr;
-    return scale(-k, vec(r.x * (1 + j * (1 - zz)), r.y * (1 + j * (1 - zz)), r.z * (1 + j * (3 - zz))));
+    return scale(-k,
+                 vec(r.x * (1 + j * (1 - zz)), r.y * (1 + j * (1 - zz)), r.z * (1 + j * (3 - zz))));
 }
 
-/* A.4.1: C_HN = [ir; it; ih], rate |h|/r^2 and Keplerian acceleration -2 (r.v)/r^2 rate, both about z of H.
- * In deep space (mu = 0) there is no orbit: H is N. */
+/* A.4.1: C_HN = [ir; it; ih], rate |h|/r^2 and Keplerian acceleration -2 (r.v)/r^2 rate, both about
+ * z of H. In deep space (mu = 0) there is no orbit: H is N. */
 typedef struct {
     mat3 C_HN;
     vec3 w_H, dw_H;
@@ -44,14 +45,23 @@ static inline HillFrame hill_frame(double mu, vec3 r, vec3 v)
     if (mu == 0) return (HillFrame){diagonal(1, 1, 1), vec(0, 0, 0), vec(0, 0, 0)};
     vec3 h = cross(r, v), ir = unit(r), ih = unit(h);
     double rr = dot(r, r), rate = norm(h) / rr;
-    return (HillFrame){rows(ir, cross(ih, ir), ih), vec(0, 0, rate), vec(0, 0, -2 * dot(r, v) / rr * rate)};
+    return (HillFrame){rows(ir, cross(ih, ir), ih), vec(0, 0, rate),
+                       vec(0, 0, -2 * dot(r, v) / rr * rate)};
 }
 
-/* derivative of a vector as seen in the frame, from its derivative seen in N, and the way back (all in H components) */
-static inline vec3 rate_in_frame(const HillFrame *f, vec3 x, vec3 dx_N) { return sub(dx_N, cross(f->w_H, x)); }
-static inline vec3 rate_in_N(const HillFrame *f, vec3 x, vec3 dx) { return add(dx, cross(f->w_H, x)); }
+/* derivative of a vector as seen in the frame, from its derivative seen in N, and the way back (all
+ * in H components) */
+static inline vec3 rate_in_frame(const HillFrame *f, vec3 x, vec3 dx_N)
+{
+    return sub(dx_N, cross(f->w_H, x));
+}
+static inline vec3 rate_in_N(const HillFrame *f, vec3 x, vec3 dx)
+{
+    return add(dx, cross(f->w_H, x));
+}
 
-/* transport terms w' x x + 2 w x x' + w x (w x x) of the second derivative; dx as seen in the frame */
+/* transport terms w' x x + 2 w x x' + w x (w x x) of the second derivative; dx as seen in the
+ * frame */
 static inline vec3 transport(const HillFrame *f, vec3 x, vec3 dx)
 {
     return sum3(cross(f->dw_H, x), scale(2, cross(f->w_H, dx)), cross(f->w_H, cross(f->w_H, x)));

@@ -17,22 +17,25 @@ static inline vec3 gravity_gradient(double mu, vec3 r_B, mat3 J)
 static inline void check_positive_definite(Problems *problems, const char *name, mat3 m)
 {
     double minor = m.row[0].x * m.row[1].y - m.row[0].y * m.row[1].x;
-    int symmetric = m.row[0].y == m.row[1].x && m.row[0].z == m.row[2].x && m.row[1].z == m.row[2].y;
+    int symmetric =
+        m.row[0].y == m.row[1].x && m.row[0].z == m.row[2].x && m.row[1].z == m.row[2].y;
     if (!symmetric) refuse(problems, name, m.row[0].y, "must be symmetric");
     if (m.row[0].x <= 0 || minor <= 0 || determinant(m) <= 0)
-        refuse(problems, name, fmin(m.row[0].x, fmin(m.row[1].y, m.row[2].z)), "must be positive definite");
+        refuse(problems, name, fmin(m.row[0].x, fmin(m.row[1].y, m.row[2].z)),
+               "must be positive definite");
 }
 
-/* no principal moment above the sum of the other two  <=>  E = trace(J)/2 I - J has no negative principal minor */
+/* no principal moment above the sum of the other two  <=>  E = trace(J)/2 I - J has no negative
+ * principal minor */
 static inline int keeps_triangle_rule(mat3 J)
 {
     double half = (J.row[0].x + J.row[1].y + J.row[2].z) / 2, tolerance = -1e-12 * half;
     double a = half - J.row[0].x, b = half - J.row[1].y, c = half - J.row[2].z;
     double d = -J.row[0].y, e = -J.row[0].z, f = -J.row[1].z;
     double determinant_E = a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e);
-    return a >= tolerance && b >= tolerance && c >= tolerance && a * b - d * d >= tolerance * half &&
-           a * c - e * e >= tolerance * half && b * c - f * f >= tolerance * half &&
-           determinant_E >= tolerance * half * half;
+    return a >= tolerance && b >= tolerance && c >= tolerance &&
+           a * b - d * d >= tolerance * half && a * c - e * e >= tolerance * half &&
+           b * c - f * f >= tolerance * half && determinant_E >= tolerance * half * half;
 }
 
 static inline void check_inertia(Problems *problems, const char *name, mat3 J)

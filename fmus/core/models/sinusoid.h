@@ -1,4 +1,5 @@
-/* sinusoid.h - a disturbance: bias + amplitude sin(frequency t + phase) per axis from its start time on, 0 before. */
+/* sinusoid.h - a disturbance: bias + amplitude sin(frequency t + phase) per axis from its start
+ * time on, 0 before. */
 #ifndef SINUSOID_H
 #define SINUSOID_H
 
@@ -17,13 +18,15 @@ typedef struct {
         PARAMETER(member.phase, "rad", text ": phase, per axis"),                   \
         PARAMETER(member.start, "s", text ": nothing before this time")
 
-/* one axis; most disturbances of a run are switched off by zero amplitude, so the sine is worth a test */
+/* one axis; most disturbances of a run are switched off by zero amplitude, so the sine is worth a
+ * test */
 static inline double wave(double bias, double amplitude, double frequency, double phase, double t)
 {
     return amplitude == 0 ? bias : bias + amplitude * sin(frequency * t + phase);
 }
 
-/* `since`: start of the internal step that t lies in, so that the last stage before the start time does not feel it */
+/* `since`: start of the internal step that t lies in, so that the last stage before the start time
+ * does not feel it */
 static inline vec3 sinusoid(const Sinusoid *d, double since, double t)
 {
     if (!reached(since, d->start)) return vec(0, 0, 0);

@@ -1,4 +1,5 @@
-/* orbit_rows.h - the start orbit of a plant: planet, elements or Cartesian start, and their rules. */
+/* orbit_rows.h - the start orbit of a plant: planet, elements or Cartesian start, and their
+ * rules. */
 #ifndef ORBIT_ROWS_H
 #define ORBIT_ROWS_H
 
@@ -7,15 +8,17 @@
 
 #define EARTH .mu = 3.986004415e14, .R_E = 6378136.3, .J2 = 1.0826360229829945e-3 /* JGM-3 */
 
-#define ORBIT_ROWS                                                                                              \
-    NONNEGATIVE_AS("a", orbit.a, "m", "semi-major axis of the target orbit; 0 = Cartesian start r_0_N, v_0_N"), \
-        NONNEGATIVE_AS("e", orbit.e, "1", "eccentricity, below 1"),                                             \
-        PARAMETER_AS("inc", orbit.inc, "rad", "inclination"),                                                   \
-        PARAMETER_AS("argp", orbit.argp, "rad", "argument of perigee"),                                         \
-        PARAMETER_AS("raan", orbit.raan, "rad", "right ascension of the ascending node"),                       \
-        PARAMETER_AS("nu", orbit.nu, "rad", "true anomaly at the start"),                                       \
-        NONNEGATIVE_AS("mu", orbit.mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),       \
-        NONNEGATIVE_AS("R_E", orbit.R_E, "m", "equatorial radius of the planet"),                               \
+#define ORBIT_ROWS                                                                           \
+    NONNEGATIVE_AS("a", orbit.a, "m",                                                        \
+                   "semi-major axis of the target orbit; 0 = Cartesian start r_0_N, v_0_N"), \
+        NONNEGATIVE_AS("e", orbit.e, "1", "eccentricity, below 1"),                          \
+        PARAMETER_AS("inc", orbit.inc, "rad", "inclination"),                                \
+        PARAMETER_AS("argp", orbit.argp, "rad", "argument of perigee"),                      \
+        PARAMETER_AS("raan", orbit.raan, "rad", "right ascension of the ascending node"),    \
+        PARAMETER_AS("nu", orbit.nu, "rad", "true anomaly at the start"),                    \
+        NONNEGATIVE_AS("mu", orbit.mu, "m3/s2",                                              \
+                       "gravitational parameter of the planet; 0 = deep space"),             \
+        NONNEGATIVE_AS("R_E", orbit.R_E, "m", "equatorial radius of the planet"),            \
         NONNEGATIVE_AS("J2", orbit.J2, "1", "second zonal harmonic of the planet")
 
 static inline void check_orbit(Problems *problems, const Orbit *o, vec3 r_0_N)

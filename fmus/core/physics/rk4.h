@@ -10,7 +10,8 @@ typedef void Derivative(const void *context, double t, const double *x, double *
 
 static inline void rk4(Derivative *f, const void *context, double t, double h, double *x, size_t n)
 {
-    double k1[RK4_MAX_STATES], k2[RK4_MAX_STATES], k3[RK4_MAX_STATES], k4[RK4_MAX_STATES], s[RK4_MAX_STATES];
+    double k1[RK4_MAX_STATES], k2[RK4_MAX_STATES], k3[RK4_MAX_STATES], k4[RK4_MAX_STATES],
+        s[RK4_MAX_STATES];
 
     f(context, t, x, k1);
     for (size_t i = 0; i < n; i++) s[i] = x[i] + h / 2 * k1[i];

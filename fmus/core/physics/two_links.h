@@ -1,7 +1,9 @@
-/* two_links.h - a base and two links with parallel joint axes: configuration, mass matrix and loads in base axes.
+/* two_links.h - a base and two links with parallel joint axes: configuration, mass matrix and loads
+ * in base axes.
  *
- * Generalised speeds u = [omega of the base; joint rates]; the origin is the centre of mass of the whole. Body k has its x
- * axis along the link; joint 1 lies on the x axis of the base, r[0] from its centre of mass. Equations: docs/models.md D. */
+ * Generalised speeds u = [omega of the base; joint rates]; the origin is the centre of mass of the
+ * whole. Body k has its x axis along the link; joint 1 lies on the x axis of the base, r[0] from
+ * its centre of mass. Equations: docs/models.md D. */
 #ifndef TWO_LINKS_H
 #define TWO_LINKS_H
 
@@ -9,7 +11,8 @@
 
 enum { BODIES = 3, JOINTS = 2, SPEEDS = 5 };
 
-/* base, link 1, link 2: moments of inertia about the own centre of mass, inboard joint -> centre of mass -> outboard joint */
+/* base, link 1, link 2: moments of inertia about the own centre of mass, inboard joint -> centre of
+ * mass -> outboard joint */
 typedef struct {
     double mass[BODIES], Ixx[BODIES], Iyy[BODIES], Izz[BODIES];
     double l[BODIES], r[BODIES];
@@ -18,10 +21,11 @@ typedef struct {
 typedef struct {
     double mass, sigma; /* sigma: rate relative to the base about z */
     mat3 inertia;
-    vec3 rho;                    /* centre of mass, from that of the whole robot */
-    vec3 D[JOINTS];              /* its derivatives by the joint angles */
-    vec3 c;                      /* its acceleration by the squares of the joint rates */
-    vec3 Jw[SPEEDS], Jv[SPEEDS]; /* columns: what one unit of a generalised speed does to rotation and translation */
+    vec3 rho;       /* centre of mass, from that of the whole robot */
+    vec3 D[JOINTS]; /* its derivatives by the joint angles */
+    vec3 c;         /* its acceleration by the squares of the joint rates */
+    vec3 Jw[SPEEDS],
+        Jv[SPEEDS]; /* columns: what a unit of a generalised speed does to rotation, translation */
 } Part;
 typedef struct { Part part[BODIES]; } Robot;
 
@@ -29,13 +33,15 @@ typedef struct { Part part[BODIES]; } Robot;
 static inline mat3 turned_inertia(const Links *p, int k, vec3 along)
 {
     double c = along.x, s = along.y, difference = p->Ixx[k] - p->Iyy[k];
-    double xx = p->Iyy[k] + c * c * difference, yy = p->Iyy[k] + s * s * difference, xy = c * s * difference;
+    double xx = p->Iyy[k] + c * c * difference, yy = p->Iyy[k] + s * s * difference,
+           xy = c * s * difference;
     return rows(vec(xx, xy, 0), vec(xy, yy, 0), vec(0, 0, p->Izz[k]));
 }
 
-/* position, derivatives and rate-square acceleration of the body at the end of two pieces of length a and b, turned by the
- * first joint and by both */
-static inline void place(Part *part, double a, double b, vec3 along_1, vec3 along_2, const double dq[JOINTS])
+/* position, derivatives and rate-square acceleration of the body at the end of two pieces of length
+ * a and b, turned by the first joint and by both */
+static inline void place(Part *part, double a, double b, vec3 along_1, vec3 along_2,
+                         const double dq[JOINTS])
 {
     vec3 z = vec(0, 0, 1), both = scale(b, along_2), first = scale(a, along_1);
     double s1 = dq[0], s2 = dq[0] + dq[1];
@@ -86,10 +92,15 @@ static inline Robot robot_in(const Links *p, const double q[JOINTS], const doubl
     vec3 none = vec(0, 0, 0), joint_1 = vec(p->r[0], 0, 0);
     vec3 along_0 = vec(1, 0, 0), along_1 = vec(cos(q[0]), sin(q[0]), 0),
          along_2 = vec(cos(q[0] + q[1]), sin(q[0] + q[1]), 0);
-    Robot robot = {
-        {{.mass = p->mass[0], .rho = none, .inertia = turned_inertia(p, 0, along_0)},
-         {.mass = p->mass[1], .rho = joint_1, .inertia = turned_inertia(p, 1, along_1), .sigma = dq[0]},
-         {.mass = p->mass[2], .rho = joint_1, .inertia = turned_inertia(p, 2, along_2), .sigma = dq[0] + dq[1]}}};
+    Robot robot = {{{.mass = p->mass[0], .rho = none, .inertia = turned_inertia(p, 0, along_0)},
+                    {.mass = p->mass[1],
+                     .rho = joint_1,
+                     .inertia = turned_inertia(p, 1, along_1),
+                     .sigma = dq[0]},
+                    {.mass = p->mass[2],
+                     .rho = joint_1,
+                     .inertia = turned_inertia(p, 2, along_2),
+                     .sigma = dq[0] + dq[1]}}};
     place(&robot.part[1], p->l[1], 0, along_1, along_2, dq);
     place(&robot.part[2], p->l[1] + p->r[1], p->l[2], along_1, along_2, dq);
     refer_to_centre_of_mass(&robot);
@@ -108,7 +119,8 @@ static inline Matrix mass_matrix(const Robot *robot)
         const Part *b = &robot->part[k];
         for (int i = 0; i < SPEEDS; i++)
             for (int j = 0; j < SPEEDS; j++)
-                H.at[i][j] += dot(b->Jw[i], mul(b->inertia, b->Jw[j])) + b->mass * dot(b->Jv[i], b->Jv[j]);
+                H.at[i][j] +=
+                    dot(b->Jw[i], mul(b->inertia, b->Jw[j])) + b->mass * dot(b->Jv[i], b->Jv[j]);
     }
     return H;
 }

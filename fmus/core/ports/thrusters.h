@@ -1,7 +1,8 @@
 /* thrusters.h - up to 16 body-fixed thrusters: where they sit, where they push, how strongly.
  *
- * A thruster with nominal thrust 0 does not exist. Position and direction are in body axes from the body origin O, torques
- * are about the centre of mass:   F = P R,   M = (L - D_cm) x (P R)      docs/models.md B.6 */
+ * A thruster with nominal thrust 0 does not exist. Position and direction are in body axes from the
+ * body origin O, torques are about the centre of mass:   F = P R,   M = (L - D_cm) x (P R)
+ * docs/models.md B.6 */
 #ifndef THRUSTERS_H
 #define THRUSTERS_H
 
@@ -17,15 +18,18 @@ typedef struct {
     vec3 centre_of_mass;
 } Thrusters;
 
-#define THRUSTER_ROWS(member)                                                                                        \
-    ROW_AS(PARAMETER_ROW, p, "thruster_position", member.position, 3, "m",                                           \
-           "positions of the thrusters from the body origin, body axes, one row each", ANY_VALUE),                   \
-        ROW_AS(PARAMETER_ROW, p, "thruster_direction", member.direction, 3, "1",                                     \
-               "unit vectors of the forces on the vehicle, body axes, one row each", ANY_VALUE),                     \
-        NONNEGATIVE_AS("thrust_nominal", member.nominal, "N", "nominal thrust, per thruster; 0 = no such thruster"), \
-        PARAMETER_AS("centre_of_mass", member.centre_of_mass, "m", "centre of mass from the body origin, body axes")
+#define THRUSTER_ROWS(member)                                                                      \
+    ROW_AS(PARAMETER_ROW, p, "thruster_position", member.position, 3, "m",                         \
+           "positions of the thrusters from the body origin, body axes, one row each", ANY_VALUE), \
+        ROW_AS(PARAMETER_ROW, p, "thruster_direction", member.direction, 3, "1",                   \
+               "unit vectors of the forces on the vehicle, body axes, one row each", ANY_VALUE),   \
+        NONNEGATIVE_AS("thrust_nominal", member.nominal, "N",                                      \
+                       "nominal thrust, per thruster; 0 = no such thruster"),                      \
+        PARAMETER_AS("centre_of_mass", member.centre_of_mass, "m",                                 \
+                     "centre of mass from the body origin, body axes")
 
-/* Kozlova & Fomichev 2023: attitude P1..P8 (0.5 N), brakes P'1..P'4 (10 N), main engine P'5 (50 N); positions chosen here */
+/* Kozlova & Fomichev 2023: attitude P1..P8 (0.5 N), brakes P'1..P'4 (10 N), main engine P'5 (50 N);
+ * positions chosen here */
 #define PAPER_THRUSTERS                                                       \
     {.position = {{{-0.5, 1, 0},                                              \
                    {-0.5, 0, 1},                                              \
@@ -70,7 +74,8 @@ static inline void check_thrusters(Problems *problems, const Thrusters *all)
     for (int i = 0; i < THRUSTERS; i++) {
         double length = norm(all->direction.row[i]);
         snprintf(name, sizeof name, "|thruster_direction[%d]|", i + 1);
-        if (all->nominal[i] > 0 && !(fabs(length - 1) <= 1e-9)) refuse(problems, name, length, "must be a unit vector");
+        if (all->nominal[i] > 0 && !(fabs(length - 1) <= 1e-9))
+            refuse(problems, name, length, "must be a unit vector");
     }
 }
 
