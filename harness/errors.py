@@ -15,12 +15,8 @@ Several problems are several lines of one text.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from harness.results import Result
+from typing import Any
 
 
 class HarnessError(Exception):
@@ -55,7 +51,7 @@ class RunError(HarnessError):
     """An FMU failed while the system was being initialised or stepped.
 
     component, variable: where (variable is None if the FMU did not say); time: communication point [s];
-    partial: everything recorded before the failure, or None if there is nothing.
+    partial: the Result with everything recorded before the failure, or None if there is nothing.
     """
 
     def __init__(
@@ -65,7 +61,7 @@ class RunError(HarnessError):
         self.variable = variable
         self.time = time
         self.message = " ".join(message.split())
-        self.partial: Result | None = None
+        self.partial: Any = None
         place = component if variable is None else f"{component}.{variable}"
         super().__init__(f"{place}: {self.message} (at t = {time:.12g} s)")
 
@@ -87,13 +83,3 @@ class ComparisonError(HarnessError):
 
 class ResultsError(HarnessError):
     """A results file cannot be written or read."""
-
-
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Close matches of a misspelt or shortened name as the end of a line, e.g. " (close: J_T, J_S)", or nothing."""
-    names = list(known)
-    close = (
-        difflib.get_close_matches(name, names, n=3)
-        or [each for each in names if name in each and len(name) > 2][:3]
-    )
-    return f" (close: {', '.join(close)})" if close else ""

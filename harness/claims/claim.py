@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.results import Result
+from harness.results.result import Result
 
 Array = NDArray[np.float64]
 Measure = Callable[[Result], tuple[float, ...]]

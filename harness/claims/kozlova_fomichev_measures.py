@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.claims.claim import Array, CannotJudgeError, final
-from harness.results import Result
+from harness.results.result import Result
 
 RANGE, TRANSITION = "guidance.range", "guidance.q_DS"
 VELOCITIES = ("servicer.v_SN_N", "target.v_TN_N")

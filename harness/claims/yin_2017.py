@@ -10,7 +10,7 @@ from __future__ import annotations
 from harness.claims import yin_measures as measures
 from harness.claims.claim import Band, Claim, Condition, Paper, at_least, at_most
 from harness.claims.yin_measures import ATTITUDES, COMMAND, ELEVATION, FEATURE, FUNNEL, RANGE
-from harness.results import Result
+from harness.results.result import Result
 
 
 def converges(seconds: float, where: str, least: float = 0.9) -> Claim:

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.claims.claim import ROUNDING, Array, CannotJudgeError, between, parameter, since
-from harness.figures.derived import attitude_error
-from harness.results import Result
+from harness.results.derived import attitude_error
+from harness.results.result import Result
 
 RANGE, ELEVATION = "guidance.range", "controller.error.elevation"
 FEATURE, COMMAND = "guidance.beta_t", "controller.a_cmd_L"

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from harness.claims.claim import Array, CannotJudgeError, at, final, since
-from harness.results import Result
+from harness.results.result import Result
 
 STOP = 1800.0
 """Duration of the paper's simulation [s]."""

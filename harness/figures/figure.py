@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.results import Result
+from harness.results.result import Result
 
 Array = NDArray[np.float64]
 Axes = Any

@@ -10,7 +10,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from harness.figures.derived import (
+from harness.figures.figure import AXES, Axes, Curve, Figure, Overlay, Panel, degrees, draw_paths
+from harness.figures.ppc_tracking import LOS, quaternion
+from harness.results.derived import (
     ATTITUDE,
     REFERENCE,
     REFERENCE_ATTITUDE,
@@ -22,10 +24,8 @@ from harness.figures.derived import (
     range_,
     relative_speed,
 )
-from harness.figures.figure import AXES, Axes, Curve, Figure, Overlay, Panel, degrees, draw_paths
-from harness.figures.pitch import ANOMALY, PITCH, RATE, strobe
-from harness.figures.ppc_tracking import LOS, quaternion
-from harness.results import Result
+from harness.results.pitch import ANOMALY, PITCH, RATE, strobe
+from harness.results.result import Result
 
 ECCENTRICITY = "robot.e"
 NAMED = 10

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.figures.derived import ATTITUDE, REFERENCE_ATTITUDE, SERVICER, TARGET, attitude_error
 from harness.figures.figure import (
     AXES,
     Array,
@@ -18,7 +17,8 @@ from harness.figures.figure import (
     degrees,
     draw_paths,
 )
-from harness.results import Result
+from harness.results.derived import ATTITUDE, REFERENCE_ATTITUDE, SERVICER, TARGET, attitude_error
+from harness.results.result import Result
 
 LOS = ("guidance.los.elevation",)
 """What only the line-of-sight guidance publishes."""

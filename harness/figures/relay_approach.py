@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.figures.derived import SERVICER, TARGET, VELOCITIES, range_, relative_speed
 from harness.figures.figure import AXES, Array, Axes, Curve, Drawing, Figure, Panel, draw_paths
-from harness.results import Result
+from harness.results.derived import SERVICER, TARGET, VELOCITIES, range_, relative_speed
+from harness.results.result import Result
 
 PURSUIT = ("guidance.q_DS",)
 """What only the guidance of this system publishes."""

@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 
 from harness.figures.figure import Axes, Curve, Drawing, Figure, Panel, degrees
-from harness.figures.pitch import ANOMALY, PITCH, RATE, orbits, spectrum, strobe
-from harness.results import Result
+from harness.results.pitch import ANOMALY, PITCH, RATE, orbits, spectrum, strobe
+from harness.results.result import Result
 
 JOINTS = ("joint 1", "joint 2")
 FASTEST = 5.0

@@ -15,7 +15,7 @@ from harness.figures.figure import (
     draw_paths,
     norm,
 )
-from harness.results import Result
+from harness.results.result import Result
 
 J_LABELS = ("J11", "J12", "J13", "J22", "J23", "J33")
 A_LABELS = ("A11", "A12", "A13", "A22", "A23", "A33")

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from harness.system import Component, Connection, Experiment, Parameter, Port, System
+from harness.system.model import Component, Connection, Experiment, Parameter, Port, System
 from tests.harness.foreign_fmu import MODELS, build
 
 

@@ -14,11 +14,11 @@ import pytest
 from fmpy.ssp.ssd import read_ssd
 from lxml import etree
 
-from harness import ssp
-from harness.build_ssp import build, compose, main
 from harness.errors import StructureError
-from harness.system import Connection, Port
-from harness.write_ssp import write_ssp
+from harness.ssp import reader as ssp
+from harness.ssp.build import build, compose, main
+from harness.ssp.writer import write_ssp
+from harness.system.model import Connection, Port
 
 TOML = """
 name = "demo"

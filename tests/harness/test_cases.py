@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from harness.cases import cases
 from harness.errors import UsageError
+from harness.studies.cases import cases
 
 SWAP = ("swap", "controller=a,b")
 

@@ -14,10 +14,10 @@ import zipfile
 import numpy as np
 import pytest
 
-from harness import result_files
-from harness.build_ssp import compose
-from harness.cli import main
-from harness.write_ssp import write_ssp
+from harness.cli.app import main
+from harness.results import files as result_files
+from harness.ssp.build import compose
+from harness.ssp.writer import write_ssp
 from tests.harness.demo import TOML
 
 
@@ -183,7 +183,7 @@ def test_a_run_that_cannot_be_is_status_1_and_one_line(command, arguments, line)
 
 
 def test_the_output_is_tried_before_the_run(command, folder, monkeypatch):
-    monkeypatch.setattr(sys.modules["harness.run"], "run", lambda *_, **__: pytest.fail("it ran"))
+    monkeypatch.setattr(sys.modules["harness.api"], "run", lambda *_, **__: pytest.fail("it ran"))
     (folder / "x.csv").mkdir()
     assert command("run", "demo", "-o", "x.csv") == (
         1,
@@ -295,7 +295,7 @@ def test_plot_and_report_of_a_file_that_is_no_result_are_one_line(command, folde
 
 
 def test_a_mistake_of_ours_is_one_line_unless_a_traceback_is_wanted(command, monkeypatch):
-    monkeypatch.setattr("harness.catalogue.text", lambda _: 1 / 0)
+    monkeypatch.setattr("harness.studies.catalogue.text", lambda _: 1 / 0)
     status, _, err = command("list")
     assert status == 1
     assert err == [

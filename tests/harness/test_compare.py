@@ -13,13 +13,13 @@ import tomllib
 import pytest
 
 from harness import run
-from harness.build_ssp import compose
-from harness.cases import cases
-from harness.cli import main
-from harness.compare import _thinning, compare, text
+from harness.cli.app import main
 from harness.errors import StructureError, UsageError
-from harness.result_files import ResultFile, read
-from harness.write_ssp import write_ssp
+from harness.results.files import ResultFile, read
+from harness.ssp.build import compose
+from harness.ssp.writer import write_ssp
+from harness.studies.cases import cases
+from harness.studies.compare import _thinning, compare, text
 from tests.harness.demo import TOML
 from tests.harness.foreign_fmu import Model, build, p, u, y
 

@@ -7,9 +7,9 @@ from __future__ import annotations
 import pytest
 from lxml import etree
 
-from harness.cli import main
-from harness.diagram import CHARACTER, Net, lay_out, nets
-from harness.draw import draw, svg
+from harness.cli.app import main
+from harness.exports.diagram import CHARACTER, Net, lay_out, nets
+from harness.exports.draw import draw, svg
 
 LOOP = (
     {"a": "ladder", "b": "ladder", "c": "ladder"},
@@ -55,7 +55,7 @@ def test_the_picture_names_components_and_signals_and_is_always_the_same(make, t
 
 @pytest.mark.parametrize("arguments", [[], ["-o", "y.svg"]])
 def test_the_command_writes_a_picture_beside(make, tmp_path, monkeypatch, capsys, arguments):
-    from harness.write_ssp import write_ssp
+    from harness.ssp.writer import write_ssp
 
     monkeypatch.chdir(tmp_path)
     write_ssp(make(*LOOP), tmp_path / "loop.ssp")

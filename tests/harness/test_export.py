@@ -13,12 +13,13 @@ import zipfile
 import numpy as np
 import pytest
 
-from harness import run, ssp
-from harness.build_ssp import compose
-from harness.cli import main
+from harness import run
+from harness.cli.app import main
 from harness.errors import FmuError, ResultsError, StructureError, UsageError
-from harness.export import export
-from harness.write_ssp import write_ssp
+from harness.exports.package import export
+from harness.ssp import reader as ssp
+from harness.ssp.build import compose
+from harness.ssp.writer import write_ssp
 from tests.harness.foreign_ssp import component, inline, linear, ssm, ssv, system, write
 from tests.harness.test_foreign_ssp import nested
 

@@ -14,8 +14,8 @@ import pytest
 from harness import run
 from harness.archive import read_entry, unpack
 from harness.errors import ArchiveError, FmuError, HarnessError
-from harness.interface import read_interface
-from harness.scratch import PrivateFolder
+from harness.system.interface import read_interface
+from harness.temporary import PrivateFolder
 from tests.harness.foreign_fmu import COUNTER, description
 from tests.harness.foreign_ssp import component, ssm, ssv, system, write
 

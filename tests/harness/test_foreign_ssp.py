@@ -11,9 +11,10 @@ import zipfile
 import numpy as np
 import pytest
 
-from harness import run, ssp
-from harness.cli import main
+from harness import run
+from harness.cli.app import main
 from harness.errors import StructureError
+from harness.ssp import reader as ssp
 from tests.harness.foreign_ssp import component, inline, linear, ssm, ssv, system, write
 
 COUNT = component("count", "counter", "n>", "t_last>")

@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from harness.errors import FmuError, StructureError
-from harness.graph import build_graph
-from harness.system import Parameter
+from harness.system.graph import build_graph
+from harness.system.model import Parameter
 
 
 def problems(system):

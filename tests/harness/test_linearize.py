@@ -6,7 +6,7 @@ from scipy.linalg import expm
 
 from harness import paths
 from harness.errors import UsageError
-from harness.linearize import linearize
+from harness.studies.linearize import linearize
 
 MU = 3.986004415e14
 

@@ -13,8 +13,7 @@ import pytest
 
 from harness import run
 from harness.errors import FmuError, InterruptionError, RunError, StructureError, UsageError
-from harness.master import Simulation
-from harness.run import fly
+from harness.master.simulation import Simulation, simulate
 
 EXECUTORS = pytest.mark.parametrize("executor", ["c", "python"])
 
@@ -303,16 +302,16 @@ def test_what_was_unpacked_is_gone_after_the_run_and_after_a_failure(make, monke
 
 def test_unknown_executors_and_senseless_thinning_are_wrong_use(make):
     with pytest.raises(UsageError, match="there is no executor fortran, only c and python"):
-        fly(make({"a": "counter"}), executor="fortran")
+        simulate(make({"a": "counter"}), executor="fortran")
     with pytest.raises(UsageError, match="--every must be at least 1, not 0"):
-        fly(make({"a": "counter"}), every=0)
+        simulate(make({"a": "counter"}), every=0)
 
 
 def test_a_missing_c_executor_is_said_clearly(make, monkeypatch):
-    monkeypatch.setattr("harness.executors.loop_library", lambda: None)
+    monkeypatch.setattr("harness.master.executors.loop_library", lambda: None)
     with pytest.raises(UsageError, match="the C executor has not been built"):
-        fly(make({"a": "counter"}))
-    assert fly(make({"a": "counter"}), executor="python").complete
+        simulate(make({"a": "counter"}))
+    assert simulate(make({"a": "counter"}), executor="python").complete
 
 
 def test_a_stop_time_beyond_whole_steps_is_refused_before_anything_is_loaded(make):

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.figures.derived import (
+from harness.results.derived import (
     attitude_error,
     position_error,
     range_,
     range_error,
     rotation_angle,
 )
-from harness.measures import MEASURES, settling_time, steady_error
-from harness.results import Result
+from harness.results.result import Result
+from harness.studies.measures import MEASURES, settling_time, steady_error
 
 MEASURE = {measure.name: measure for measure in MEASURES}
 TIME = np.linspace(0.0, 100.0, 1001)

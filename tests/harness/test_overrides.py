@@ -7,13 +7,12 @@ from dataclasses import replace
 
 import pytest
 
-from harness import run
-from harness.build_ssp import compose
+from harness import load, run
+from harness.changes import apply
 from harness.errors import StructureError, UsageError
-from harness.overrides import apply
-from harness.run import loaded
-from harness.system import Parameter
-from harness.write_ssp import write_ssp
+from harness.ssp.build import compose
+from harness.ssp.writer import write_ssp
+from harness.system.model import Parameter
 from tests.harness.foreign_fmu import Model, build, p, u, y
 
 TOML = """
@@ -328,7 +327,7 @@ def test_an_fmu_of_another_name_gets_nothing(prepared, other, tmp_path, caplog):
 
 def test_alternatives_survive_in_the_ssp(prepared, other, tmp_path):
     write_ssp(prepared, tmp_path / "demo.ssp")
-    with loaded(tmp_path / "demo.ssp") as back:
+    with load(tmp_path / "demo.ssp") as back:
         assert [(a.component, a.fmu) for a in back.alternatives] == [("second", "other")]
         assert value(apply(back, swap={"second": other}), "third.k") == 5
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.figures.pitch import orbits, spectrum, strobe
-from harness.results import Result
+from harness.results.pitch import orbits, spectrum, strobe
+from harness.results.result import Result
 
 RATE = 0.01
 """Rate of the true anomaly [rad/s]."""

@@ -12,8 +12,8 @@ import scipy.io
 import xarray
 
 from harness.errors import ResultsError, UsageError
-from harness.result_files import ResultFile, read
-from harness.results import Result
+from harness.results.files import ResultFile, read
+from harness.results.result import Result
 
 MATRIX = ("a.J[1,1]", "a.J[1,2]", "a.J[2,1]", "a.J[2,2]")
 NAMES = ("a.r[1]", "a.r[2]", "a.r[3]", *MATRIX, "a.m", "b.M.bias[1]", "b.M.bias[2]", "b.lone[2]")

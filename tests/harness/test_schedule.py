@@ -8,8 +8,8 @@ import pytest
 
 from harness import run
 from harness.errors import StructureError
-from harness.schedule import gauss_seidel, jacobi, macro_steps, schedule
-from harness.system import Experiment
+from harness.system.model import Experiment
+from harness.system.schedule import gauss_seidel, jacobi, macro_steps, schedule
 
 
 def unit(name, every=1, latency=0):

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from harness import run, ssp
+from harness import run
 from harness.archive import unpack
 from harness.errors import ArchiveError, StructureError
-from harness.ssp_parameters import read_ssv
+from harness.ssp import reader as ssp
+from harness.ssp.parameters import read_ssv
 
 SSD = """<?xml version="1.0" encoding="UTF-8"?>
 <d:SystemStructureDescription version="1.0" name="foreign"

@@ -10,12 +10,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness import paths, run
-from harness.cli import main
-from harness.interface import read_interface
-from harness.master import Simulation
-from harness.overrides import apply
-from harness.run import loaded
+from harness import load, paths, run
+from harness.changes import apply
+from harness.cli.app import main
+from harness.master.simulation import Simulation
+from harness.system.interface import read_interface
 
 pytestmark = pytest.mark.skipif(
     "sync_approach" not in paths.systems(), reason="the project has not been built"
@@ -61,7 +60,7 @@ def test_rows_go_from_zero_to_the_stop_time_with_every_output_of_every_component
         header, *rows = csv.reader(file)
     assert status == 0
     assert [float(row[0]) for row in rows] == [k * 0.1 for k in range(21)]
-    with loaded("sync_approach") as system:
+    with load("sync_approach") as system:
         expected = [
             f"{c.name}.{name}"
             for c in system.components
@@ -84,7 +83,7 @@ def test_the_first_row_holds_propagated_values():
 
 def test_a_restored_system_has_the_same_future(early):
     with (
-        loaded("sync_approach") as system,
+        load("sync_approach") as system,
         Simulation(apply(system, set=early, stop=SPAN)) as simulation,
     ):
         simulation.advance(to=350)
@@ -98,7 +97,7 @@ def test_a_restored_system_has_the_same_future(early):
 
 
 def test_the_order_of_components_does_not_matter_to_jacobi(early):
-    with loaded("sync_approach") as system:
+    with load("sync_approach") as system:
         changed = apply(system, set=early, stop=SPAN, algorithm="jacobi")
         forward = run(changed)
         backward = run(replace(changed, components=changed.components[::-1]))
@@ -107,7 +106,7 @@ def test_the_order_of_components_does_not_matter_to_jacobi(early):
 
 
 def test_every_parameter_set_flies():
-    with loaded("sync_approach") as system:
+    with load("sync_approach") as system:
         names = ["default", *(s.name for s in system.sets)]
     finals = {
         name: run("sync_approach", params=name, stop=5.0)["controller.m_hat"][-1] for name in names

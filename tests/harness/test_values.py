@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from harness.values import assign, base, coerce, elements_of, expand, index, leaves, parse
+from harness.system.values import assign, base, coerce, elements_of, expand, index, leaves, parse
 
 KNOWN = [
     "mass",

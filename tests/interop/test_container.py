@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 
-from harness import paths
+from harness import load, paths
 from harness.errors import StructureError
-from harness.export import export
-from harness.run import fly, loaded
+from harness.exports.package import export
+from harness.master.simulation import simulate
 
 pytestmark = [
     pytest.mark.interop,
@@ -39,7 +39,7 @@ def system(request):
 @pytest.fixture(scope="module", params=["jacobi", "gauss-seidel"])
 def contained(request, system, tmp_path_factory):
     """Container of a system, its macro step, and our run with the same algorithm."""
-    with loaded(system) as found:
+    with load(system) as found:
         h = found.experiment.step
         stop = found.experiment.start + MACRO_STEPS * h
         changed = replace(
@@ -49,7 +49,7 @@ def contained(request, system, tmp_path_factory):
             return (
                 export(changed, tmp_path_factory.mktemp("container") / f"{system}.fmu"),
                 h,
-                fly(changed),
+                simulate(changed),
             )
         except StructureError as error:
             pytest.skip(f"{system}: {error}")

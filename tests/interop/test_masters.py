@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness import paths
-from harness.master import Simulation
-from harness.run import loaded
+from harness import load, paths
+from harness.master.simulation import Simulation
 
 pytestmark = pytest.mark.interop
 
@@ -33,7 +32,7 @@ def require(module):
 @pytest.fixture(scope="module", params=SYSTEMS)
 def ours(request):
     """Name of the system, macro step, rows of our Jacobi run by column name."""
-    with loaded(request.param) as system:
+    with load(request.param) as system:
         h = system.experiment.step
         experiment = replace(
             system.experiment, stop=system.experiment.start + MACRO_STEPS * h, algorithm="jacobi"

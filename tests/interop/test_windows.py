@@ -14,8 +14,8 @@ import fmpy
 import numpy as np
 import pytest
 
-from harness.graph import build_graph
-from harness.run import loaded, run
+from harness import load, run
+from harness.system.graph import build_graph
 
 pytestmark = [pytest.mark.interop, pytest.mark.tool("Wine (win64 by Zig)", "ziglang")]
 
@@ -49,7 +49,7 @@ def workshop(tmp_path_factory):
         "-o",
         folder / "replay.exe",
     )
-    with loaded(SYSTEM) as system:
+    with load(SYSTEM) as system:
         for component in system.components:
             shutil.copy(component.fmu, folder)
     command = [
@@ -67,7 +67,7 @@ def workshop(tmp_path_factory):
 @pytest.fixture(scope="module")
 def flight():
     """The graph of the system and its rows flown with the linux64 libraries."""
-    with loaded(SYSTEM) as system:
+    with load(SYSTEM) as system:
         return system, build_graph(system), run(SYSTEM).values
 
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from harness.results import Result
-from harness.run import run
+from harness import run
+from harness.results.result import Result
 
 from ..reference import ppc_case
 from ..reference.attitude import Array

@@ -7,9 +7,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from harness.overrides import apply
-from harness.results import Result
-from harness.run import fly, loaded
+from harness import load
+from harness.changes import apply
+from harness.master.simulation import simulate
+from harness.results.result import Result
 
 SYSTEM = "relay_approach"
 PAPER, SMALL, NEWTON, GEO = "paper", "paper_small_thrust", "newton", "geo"
@@ -34,10 +35,10 @@ def flight(
     """What the master records; `late`: components that publish one macro step later. Kept for other
     tests (25 MB).
     """
-    with loaded(SYSTEM) as found:
+    with load(SYSTEM) as found:
         system = apply(found, params=params, set=changes, stop=stop, step=step, algorithm=algorithm)
         slow = tuple(replace(c, latency=1) if c.name in late else c for c in system.components)
-        result = fly(replace(system, components=slow), executor=executor, every=every)
+        result = simulate(replace(system, components=slow), executor=executor, every=every)
     result.values.flags.writeable = False
     return result
 

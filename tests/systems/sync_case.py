@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from harness.overrides import apply
-from harness.results import Result
-from harness.run import fly, loaded
-from harness.system import System
+from harness import load
+from harness.changes import apply
+from harness.master.simulation import simulate
+from harness.results.result import Result
+from harness.system.model import System
 
 from ..reference import closed_loop
 
@@ -110,9 +111,9 @@ guard in action.
 @contextmanager
 def system(case: Case, **options: Any) -> Iterator[System]:
     """The system of a case, ready to be changed further or to be flown; options are those of
-    harness.run.
+    harness.api.
     """
-    with loaded(SYSTEM) as found:
+    with load(SYSTEM) as found:
         yield apply(found, set=case.changes, **({"stop": case.stop} | options))
 
 
@@ -122,7 +123,7 @@ def flight(case: Case, executor: str = "c", every: int = 1, **options: Any) -> R
     changed.
     """
     with system(case, **options) as changed:
-        result = fly(changed, executor=executor, every=every)
+        result = simulate(changed, executor=executor, every=every)
     result.values.flags.writeable = False
     return result
 

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from harness.cli import main
+from harness import run
+from harness.cli.app import main
 from harness.errors import ResultsError
 from harness.figures import FIGURES, OVERLAYS
-from harness.figures.derived import attitude_error, position_error
-from harness.figures.pitch import strobe
-from harness.plots import overlay, paint, paint_overlay, plot
-from harness.result_files import ResultFile
-from harness.results import Result
-from harness.run import run
+from harness.figures.plots import overlay, paint, paint_overlay, plot
+from harness.results.derived import attitude_error, position_error
+from harness.results.files import ResultFile
+from harness.results.pitch import strobe
+from harness.results.result import Result
 
 SYNC = {
     "trajectory",

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.run import run
+from harness import run
 
 from .ppc_flights import (
     BAND,

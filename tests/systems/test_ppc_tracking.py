@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from harness import run
 from harness.errors import RunError
-from harness.run import run
 
 from ..reference import adaptive, ppc, ppc_case
 from ..reference.attitude import dcm

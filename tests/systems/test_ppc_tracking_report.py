@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from harness.claims import PAPERS, Verdict
+from harness.claims.report import report
 from harness.errors import ResultsError
-from harness.report import report
 
 from .ppc_flights import flight
 

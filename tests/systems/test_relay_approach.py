@@ -252,7 +252,7 @@ def test_both_executors_fly_the_same_bits():
 MEASURE = """
 import time
 from pathlib import Path
-from harness.run import run
+from harness import run
 began = time.perf_counter()
 rows = len(run("relay_approach", every=10).time)
 seconds = time.perf_counter() - began

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from harness.claims import KOZLOVA_FOMICHEV_2023, Verdict
-from harness.cli import main
-from harness.report import report
-from harness.result_files import ResultFile
+from harness.claims.report import report
+from harness.cli.app import main
+from harness.results.files import ResultFile
 
 from .relay_case import BRAKES, GEO, HOLD, MAIN, NEWTON, PAPER, SMALL, flight, impulse
 

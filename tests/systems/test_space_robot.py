@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from harness.run import run
+from harness import run
 
 from ..fmu.robot_cases import PAPER, Q, pitch_constants, same_sign
 from ..reference.space_robot import Orbit, fly

@@ -9,9 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.master import Simulation
-from harness.monolith import Monolith
-from harness.run import fly
+from harness.bench.monolith import Monolith
+from harness.master.simulation import Simulation, simulate
 
 from .sync_case import (
     GYROSCOPIC,
@@ -138,8 +137,8 @@ def test_both_executors_agree_to_the_bit_with_periods_and_latencies(algorithm):
             changed,
             components=tuple(replace(c, **rates.get(c.name, {})) for c in changed.components),
         )
-        result = fly(slow)
-        assert identical(fly(slow, executor="python"), result)
+        result = simulate(slow)
+        assert identical(simulate(slow, executor="python"), result)
     assert not identical(result, flight(GYROSCOPIC, algorithm=algorithm))
 
 
@@ -158,7 +157,7 @@ def test_recording_fewer_steps_changes_nothing_but_the_rows(every):
 def test_order_of_the_components_does_not_matter_to_jacobi(order):
     with system(GYROSCOPIC, algorithm="jacobi") as changed:
         shuffled = replace(changed, components=tuple(changed.components[i] for i in order))
-        assert identical(fly(changed), fly(shuffled))
+        assert identical(simulate(changed), simulate(shuffled))
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from harness.claims import ZHU_YANG_2009, Verdict
-from harness.results import Result
-from harness.values import expand
+from harness.results.result import Result
+from harness.system.values import expand
 
 from .sync_case import PAPER, flight, reference_flight
 

@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from harness.run import fly
+from harness.master.simulation import simulate
 
 from ..reference import adaptive, closed_loop, guidance, integrate, servicer, target
 from .sync_case import GYROSCOPIC, STEP, Case, deviation, flight, reference_system, system
@@ -170,7 +170,7 @@ def test_software_sampled_every_other_step_may_as_well_be_called_every_other_ste
         components = [
             replace(c, every=2) if c.name in SOFTWARE[:2] else c for c in changed.components
         ]
-        called = fly(replace(changed, components=tuple(components)))
+        called = simulate(replace(changed, components=tuple(components)))
     difference = np.abs(called.values - sampled.values).max(axis=0)
     assert (difference <= tolerance * np.abs(sampled.values).max(axis=0)).all()
 
@@ -197,7 +197,7 @@ def test_jacobi_is_gauss_seidel_with_a_latency_of_one_step_in_all_software_and_a
     """To the bit for the plants; late components publish, and are recorded, one row later."""
     with system(CASE) as changed:
         components = [replace(c, latency=int(c.name in SOFTWARE)) for c in changed.components]
-        late = fly(replace(changed, components=tuple(components)))
+        late = simulate(replace(changed, components=tuple(components)))
     jacobi = flight(CASE, algorithm="jacobi")
     for name in jacobi.vectors:
         ours, expected = late[name], jacobi[name]

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from harness.claims import ZHU_YANG_2009, Verdict
-from harness.cli import main
+from harness.claims.report import report
+from harness.cli.app import main
 from harness.errors import ResultsError
-from harness.report import report
-from harness.result_files import ResultFile, read
-from harness.results import Result
+from harness.results.files import ResultFile, read
+from harness.results.result import Result
 
 from .sync_case import PAPER, flight
 

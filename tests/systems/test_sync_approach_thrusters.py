@@ -9,8 +9,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from harness.results import Result
-from harness.run import loaded, run
+from harness import load, run
+from harness.results.result import Result
 
 IDEAL, REAL = "sync_approach", "sync_approach_thrusters"
 
@@ -38,7 +38,7 @@ def impulse(result: Result) -> float:
 
 
 def test_parameters_of_the_common_components_are_those_of_the_ideal_system():
-    with loaded(IDEAL) as ideal, loaded(REAL) as real:
+    with load(IDEAL) as ideal, load(REAL) as real:
         for name in ("guidance", "controller", "servicer", "target"):
             assert real.component(name).parameters == ideal.component(name).parameters
         assert real.experiment == ideal.experiment

@@ -1,0 +1,112 @@
+"""The public functions: what `from harness import ...` offers, and what the commands call."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Unpack
+
+from harness.changes import Changes, Pairs, apply, pairs
+from harness.exports.package import export
+from harness.master.simulation import Simulation, simulate
+from harness.results.files import read
+from harness.results.result import Result
+from harness.ssp.library import load
+from harness.studies import cases
+from harness.studies import compare as comparison
+from harness.studies import linearize as linear
+from harness.system.model import System
+from harness.system.swap import find_fmu
+from harness.system.values import parse
+
+__all__ = [
+    "Result",
+    "Simulation",
+    "compare",
+    "export",
+    "linearize",
+    "load",
+    "read",
+    "run",
+]
+
+Several = Sequence[str] | Mapping[str, Sequence[Any]]
+"""Values side by side: texts `name=value,value,...`, or a mapping of names to values."""
+
+
+def run(
+    system: str | Path | System,
+    *,
+    executor: str = "c",
+    every: int = 1,
+    progress: bool = False,
+    **changes: Unpack[Changes],
+) -> Result:
+    """Run a system and return what was recorded.
+
+    system: name of a system of the project, path of an .ssp, or a System; executor: c or python
+    (same bits); every: record every N-th macro step; progress: show a bar on stderr; changes: what
+    shall be otherwise than the system says, see harness.changes.Changes (params, set, swap,
+    latency, step, stop, algorithm).
+
+    Raises UsageError, ArchiveError, StructureError, FmuError, or RunError, whose `partial` is what
+    was recorded so far.
+    """
+    with load(system) as found:
+        changed = apply(found, **changes)
+        return simulate(changed, executor=executor, every=every, progress=progress)
+
+
+def compare(  # noqa: PLR0913 - every one is an option of the command line
+    system: str | Path,
+    folder: str | Path,
+    *,
+    params: Sequence[str] = (),
+    swap: Several = (),
+    latency: Several = (),
+    vary: Several = (),
+    algorithm: Sequence[str] = (),
+    set: Pairs = (),
+    step: float | None = None,
+    stop: float | None = None,
+    every: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> comparison.Comparison:
+    """Run every combination of the values given, in parallel, and measure the runs.
+
+    params: parameter sets or files; swap: FMUs by component; latency: macro steps by component;
+    vary: values by `component.parameter`; algorithm: names; set, step, stop: as for run(), the
+    same for all. Results and the table comparison.csv go to `folder`. every: record every N-th macro step
+    (default: at most 20 000 rows); progress: called with the number of runs that are over.
+
+    Raises UsageError, what run() raises before its first step, and ResultsError; a run that fails
+    under way ends early (Comparison.failures), the others go on.
+    """
+    varied = [
+        (option, ",".join(values))
+        for option, values in (("params", params), ("algorithm", algorithm))
+        if values
+    ]
+    for option, given in (("swap", swap), ("latency", latency), ("set", vary)):
+        varied += [(option, text) for text in _texts(given)]
+    chosen = cases.cases({"set": set, "step": step, "stop": stop}, varied)
+    return comparison.compare(system, chosen, Path(folder), every=every, progress=progress)
+
+
+def _texts(given: Several) -> list[str]:
+    """Values side by side as the command line writes them."""
+    if not isinstance(given, Mapping):
+        return list(given)
+    return [f"{name}={','.join(map(str, values))}" for name, values in given.items()]
+
+
+def linearize(
+    fmu: str | Path, at: float = 0.0, step: float = 0.1, *, set: Pairs = ()
+) -> linear.LinearModel:
+    """Linear model of one FMU, given by name or path, after running alone for `at` seconds.
+
+    at: operating point [s], a multiple of step; step: h [s]; set: parameters and held inputs, as
+    texts `name=value` or a mapping. Raises UsageError, FmuError, RunError.
+    """
+    given = {name: parse(v) if isinstance(v, str) else v for name, v in pairs("--set", set)}
+    return linear.linearize(find_fmu(fmu), at, step, given)

@@ -1,0 +1,1 @@
+"""What a macro step costs, side by side with other masters, a bare loop and one C program."""

@@ -1,0 +1,172 @@
+"""Changes to a system before it flies: parameter sets and files, single values, other FMUs,
+latencies, step, stop.
+
+A change is a replacement of frozen data, so the changed system can be exported exactly as it was
+flown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TypedDict
+
+from harness.errors import StructureError, UsageError
+from harness.spelling import did_you_mean
+from harness.ssp.parameters import read_ssv
+from harness.system.graph import read_interfaces
+from harness.system.model import DEFAULT_SET, System
+from harness.system.swap import exchange
+from harness.system.tables import Assignments, read_toml
+from harness.system.values import parse
+from harness.system.wiring import split
+
+Pairs = Sequence[str] | Mapping[str, Any]
+"""Assignments, as texts `name=value` or as a mapping."""
+
+
+class Changes(TypedDict, total=False):
+    """What a user may want otherwise: the arguments of apply() by name."""
+
+    params: str | Path | None
+    set: Pairs
+    swap: Pairs
+    latency: Pairs
+    step: float | None
+    stop: float | None
+    algorithm: str | None
+
+
+def apply(  # noqa: PLR0913 - every one is an option of the command line
+    system: System,
+    *,
+    params: str | Path | None = None,
+    set: Pairs = (),
+    swap: Pairs = (),
+    latency: Pairs = (),
+    step: float | None = None,
+    stop: float | None = None,
+    algorithm: str | None = None,
+) -> System:
+    """Return the system with everything the user wants otherwise; the arguments are those of run().
+
+    Order: named set, swapped FMUs, file of parameters, single values. Raises UsageError for names
+    that do not exist and StructureError for a parameter file with mistakes or a swapped FMU that
+    does not fit.
+    """
+    if params is not None and (chosen := str(params)) in set_names(system):
+        system, params = choose_set(system, chosen), None
+    for component, fmu in pairs("--swap", swap):
+        system = exchange(system, component, fmu)
+    if params is not None:
+        system = _parameter_file(system, Path(params))
+    if set:
+        system = _single_values(system, pairs("--set", set))
+    for component, steps in pairs("--latency", latency):
+        system = _delayed(system, component, steps)
+    given = {"step": step, "stop": stop, "algorithm": algorithm}
+    changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    return replace(system, experiment=replace(system.experiment, **changes))
+
+
+def pairs(option: str, given: Pairs) -> Iterator[tuple[str, Any]]:
+    """Names and values of assignments; UsageError if a text is none."""
+    if isinstance(given, Mapping):
+        yield from given.items()
+        return
+    for text in given:
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise UsageError(f"{option} {text}: wants name=value")
+        yield name.strip(), value.strip()
+
+
+def set_names(system: System) -> list[str]:
+    """Names of all parameter sets of a system, the default one first."""
+    return [DEFAULT_SET, *(s.name for s in system.sets)]
+
+
+def choose_set(system: System, name: str) -> System:
+    """Return the system with a named parameter set in place of the default one."""
+    if name == DEFAULT_SET:
+        return system
+    chosen = next(s for s in system.sets if s.name == name)
+    components = tuple(
+        replace(c, parameters=chosen.parameters.get(c.name, c.parameters))
+        for c in system.components
+    )
+    given = {"stop": chosen.stop, "step": chosen.step}
+    changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    return replace(system, components=components, experiment=replace(system.experiment, **changes))
+
+
+def _parameter_file(system: System, path: Path) -> System:
+    """Parameters from a .toml (tables per component and `shared`) or an .ssv (names
+    component.parameter).
+    """
+    readers = {".toml": _read_tables, ".ssv": _read_ssv}
+    if path.suffix not in readers:
+        names = set_names(system)
+        hint = did_you_mean(str(path), names) or f", only {', '.join(names)}"
+        raise UsageError(f"--params {path}: {system.name} has no such set{hint}")
+    if not path.is_file():
+        raise UsageError(f"--params {path}: no such file")
+    values = Assignments(read_interfaces(system))
+    readers[path.suffix](values, path)
+    if values.problems:
+        raise StructureError(f"{path.name}: {problem}" for problem in values.problems)
+    return _with(system, values)
+
+
+def _read_tables(values: Assignments, path: Path) -> None:
+    tables = read_toml(path)
+    values.tables(tables.get("parameters", tables))
+
+
+def _read_ssv(values: Assignments, path: Path) -> None:
+    for name, parameter in read_ssv(path).items():
+        try:
+            component, variable = split(name, values.interfaces)
+        except ValueError as error:
+            values.problems.append(str(error))
+        else:
+            values.parameters[component][variable] = parameter
+
+
+def _single_values(system: System, pairs: Iterator[tuple[str, Any]]) -> System:
+    values = Assignments(read_interfaces(system))
+    for name, value in pairs:
+        try:
+            component, variable = split(name, values.interfaces)
+        except ValueError as error:
+            values.problems.append(str(error))
+        else:
+            values.set(component, variable, parse(value) if isinstance(value, str) else value)
+    if values.problems:
+        raise UsageError("\n".join(f"--set {problem}" for problem in values.problems))
+    return _with(system, values)
+
+
+def _delayed(system: System, name: str, steps: Any) -> System:
+    """A component publishes so many macro steps later; how many are possible the schedule knows."""
+    known = [c.name for c in system.components]
+    if name not in known:
+        raise UsageError(
+            f"--latency {name}: {system.name} has no such component{did_you_mean(name, known)}"
+        )
+    try:
+        count = int(steps)
+    except ValueError as error:
+        raise UsageError(f"--latency {name}: wants a number of macro steps, not {steps}") from error
+    components = tuple(
+        replace(c, latency=count) if c.name == name else c for c in system.components
+    )
+    return replace(system, components=components)
+
+
+def _with(system: System, values: Assignments) -> System:
+    components = tuple(
+        replace(c, parameters=values.over(c.name, c.parameters)) for c in system.components
+    )
+    return replace(system, components=components)

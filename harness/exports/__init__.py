@@ -1,0 +1,1 @@
+"""A system for others: one .ssp, one container FMU, a block diagram."""

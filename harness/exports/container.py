@@ -1,0 +1,252 @@
+"""A whole system as one FMU, by fmucontainer of fmu-manipulation-toolbox (an optional dependency).
+
+fmucontainer reads the wiring of an .ssp but none of its values, so it gets the assembly with all
+start values from here. It steps its FMUs as Jacobi does, or one after the other ("sequential"),
+which is Gauss-Seidel.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import shutil
+import zipfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+from uuid import NAMESPACE_URL, uuid5
+
+from lxml import etree
+
+from harness.archive import pack
+from harness.errors import ResultsError, StructureError, UsageError
+from harness.master.simulation import Simulation
+from harness.ssp.xml import Element, literal
+from harness.system.conversion import final, way
+from harness.system.graph import read_interfaces
+from harness.system.interface import Interface
+from harness.system.model import Port, System
+from harness.system.units import IDENTITY
+from harness.system.values import Scalar
+from harness.temporary import PrivateFolder
+
+MODEL = "modelDescription.xml"
+RUNTIME = "resources/container.txt"
+ORDER = b"# Initialization order of the embedded FMU's\n"
+"""Line of the container's own description before the order in which it initialises its FMUs."""
+
+DATE = "1980-01-01T00:00:00Z"
+
+
+def write_container(system: System, path: Path) -> None:
+    """Write a checked system as one FMU. Its outputs are called `component.variable` as in our
+    results.
+
+    Raises UsageError without fmucontainer, StructureError if the system has what it cannot express.
+    """
+    if found := list(_problems(system)):
+        raise StructureError(found)
+    with PrivateFolder() as folder:
+        for component in system.components:
+            shutil.copyfile(component.fmu, folder / f"{component.name}.fmu")
+        description = folder / f"{path.stem}.json"
+        description.write_text(json.dumps(assembly(system, path.name)), encoding="utf-8")
+        _make(folder, description.name)
+        _finish(folder / path.name, path, system)
+
+
+def _problems(system: System) -> Iterator[str]:
+    """What a container cannot express, one line each."""
+    interfaces = read_interfaces(system)
+    if system.experiment.start != 0:
+        yield f"a container starts at 0 s, the system at {system.experiment.start:g} s"
+    for c in system.components:
+        if c.every != 1 or c.latency != 0:
+            yield f"{c.name}: steps every {c.every} macro steps with a latency of {c.latency}, a container cannot"
+    for connection in system.connections:
+        if way(connection, interfaces) != IDENTITY:
+            yield f"{connection.target}: the signal from {connection.source} is transformed, a container cannot"
+
+
+def assembly(system: System, name: str) -> dict[str, Any]:
+    """The system in the words of fmucontainer; every FMU goes by the name of its component."""
+    interfaces = read_interfaces(system)
+    return {
+        "name": name,
+        "fmu": [_fmu(c.name) for c in system.components],
+        "step_size": system.experiment.step,
+        "sequential": system.experiment.algorithm == "gauss-seidel",
+        **dict.fromkeys(
+            ("auto_link", "auto_input", "auto_output", "auto_parameter", "auto_local"), False
+        ),
+        "output": [
+            [_fmu(c), v, f"{c}.{v}"]
+            for c, interface in interfaces.items()
+            for v in interface.outputs()
+        ],
+        "link": [
+            [_fmu(source.component), source.variable, _fmu(target.component), target.variable]
+            for source, target, _ in system.connections
+        ],
+        "start": [[_fmu(c), v, value] for (c, v), value in _start_values(system, interfaces)],
+    }
+
+
+def _start_values(
+    system: System, interfaces: Mapping[str, Interface]
+) -> Iterator[tuple[Port, Scalar]]:
+    for component in system.components:
+        interface = interfaces[component.name]
+        for name, parameter in component.parameters.items():
+            if name in interface.variables:
+                yield (
+                    Port(component.name, name),
+                    final(parameter, interface.variables[name], interface),
+                )
+
+
+def _fmu(component: str) -> str:
+    return f"{component}.fmu"
+
+
+def _make(folder: Path, description: str) -> None:
+    try:
+        from fmu_manipulation_toolbox.assembly import Assembly, AssemblyError
+        from fmu_manipulation_toolbox.container.errors import FMUContainerError
+    except ImportError as error:
+        raise UsageError(
+            "an FMU of a system needs fmucontainer: pip install fmu-manipulation-toolbox"
+        ) from error
+    logging.getLogger("fmu_manipulation_toolbox").setLevel(
+        logging.CRITICAL
+    )  # it complains of every open input
+    try:
+        Assembly(description, fmu_directory=folder).make_fmu()
+    except (AssemblyError, FMUContainerError) as error:
+        raise ResultsError(f"fmucontainer: {' '.join(str(error.reason).split())}") from error
+
+
+# ---- what fmucontainer leaves undone
+
+
+def _finish(made: Path, path: Path, system: System) -> None:
+    """Repack a container with a description that other tools accept, always with the same bytes."""
+    with zipfile.ZipFile(made) as archive:
+        content = {
+            name: archive.read(name) for name in archive.namelist() if not name.endswith("/")
+        }
+    content[RUNTIME] = _in_order(content[RUNTIME], initial_order(system))
+    content[MODEL] = _description(content, system)
+    pack(path, content, zipfile.ZIP_DEFLATED)
+
+
+def initial_order(system: System) -> list[int]:
+    """Indices of the components in an order in which each can be initialised after all that it
+    depends on.
+
+    A container initialises one FMU after the other. It cuts a loop before the first of the list,
+    whose inputs are then zero, so a loop is entered where that does no harm: at a component whose
+    first outputs settle before those of what it still waits for, of several at the last in order of
+    execution, which is a plant. Raises StructureError if there is none.
+    """
+    rounds = _rounds(system)
+    index = {c.name: i for i, c in enumerate(system.components)}
+    sources: dict[int, set[int]] = {i: set() for i in index.values()}
+    for start, end, _ in system.connections:
+        sources[index[end.component]].add(index[start.component])
+    order: list[int] = []
+    while len(order) < len(rounds):
+        rest = [i for i in reversed(range(len(rounds))) if i not in order]
+        ready = [i for i in rest if sources[i] <= set(order)]
+        order.append(ready[0] if ready else min(rest, key=lambda i: rounds[i]))
+        known = (rounds[i] for i in sources[order[-1]] if i in order)
+        if not ready and rounds[order[-1]] > 1 + max(known, default=0):
+            raise StructureError(
+                ["initial outputs depend on each other in a circle, a container cannot"]
+            )
+    return order
+
+
+def _rounds(system: System) -> list[int]:
+    """Rounds of our own initialization after which the outputs of each component settle, 1 without
+    any inputs.
+    """
+    with Simulation(system, executor="python") as simulation:
+        simulation.initialize()
+        settled = simulation.settled
+        return [
+            max((int(settled[w.slot]) for w in node.outputs), default=1) or 1
+            for node in simulation.graph.nodes
+        ]
+
+
+def _in_order(runtime: bytes, order: list[int]) -> bytes:
+    """The description that the container reads at run time, with another order of
+    initialization.
+    """
+    before, found, after = runtime.partition(ORDER)
+    old, _, rest = after.partition(b"\n")
+    if not found or sorted(map(int, old.split())) != sorted(order):
+        raise UsageError(
+            "this version of fmu-manipulation-toolbox writes other containers than 2.0 does"
+        )
+    return before + found + " ".join(map(str, order)).encode() + b"\n" + rest
+
+
+def _description(content: dict[str, bytes], system: System) -> bytes:
+    """Each output once (fmucontainer lists connected ones a second time, as local), with units, and
+    the time span.
+
+    The variable `time` is left out: libcosim logs an error for it.
+    """
+    root = etree.fromstring(content[MODEL])
+    variables = root.find("ModelVariables")
+    for variable in variables.findall("ScalarVariable"):
+        if variable.get("causality") in ("local", "independent"):
+            variables.remove(variable)
+    _units(root, variables, read_interfaces(system))
+    _structure(root, variables)
+    default = root.find("DefaultExperiment")
+    default.set("startTime", "0.0")
+    default.set("stopTime", literal(system.experiment.stop or 0.0))
+    root.set("description", system.description or system.name)
+    root.set("generationDateAndTime", DATE)
+    for wrong in ("author", "license"):  # of the account that runs, and "Proprietary"
+        root.attrib.pop(wrong, None)
+    root.set("guid", str(uuid5(NAMESPACE_URL, content[RUNTIME].decode() + system.name)))
+    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
+
+
+def _units(root: Element, variables: Element, interfaces: dict[str, Interface]) -> None:
+    """Units of the outputs, with their definitions before the log categories."""
+    used: dict[str, Any] = {}
+    for variable in variables.iterfind("ScalarVariable[@causality='output']"):
+        component, _, name = variable.get("name").partition(".")
+        unit = interfaces[component].unit(interfaces[component].variables[name])
+        if unit is not None and unit.base is not None:
+            variable[0].set("unit", unit.name)
+            used.setdefault(unit.name, unit.base)
+    table = etree.Element("UnitDefinitions")
+    for name, base in sorted(used.items()):
+        parts = {
+            part: literal(value)
+            for part, value in base.items()
+            if value != (1 if part == "factor" else 0)
+        }
+        etree.SubElement(etree.SubElement(table, "Unit", name=name), "BaseUnit", parts)
+    if used:
+        root.find("LogCategories").addprevious(table)
+
+
+def _structure(root: Element, variables: Element) -> None:
+    """Outputs by their places in the list of variables; they depend on nothing, the container has
+    no inputs.
+    """
+    outputs = [i for i, v in enumerate(variables, start=1) if v.get("causality") == "output"]
+    structure = root.find("ModelStructure")
+    for child in list(structure):
+        structure.remove(child)
+    for name in ("Outputs", "InitialUnknowns") if outputs else ():
+        unknowns = etree.SubElement(structure, name)
+        for i in outputs:
+            etree.SubElement(unknowns, "Unknown", index=str(i), dependencies="")

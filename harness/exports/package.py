@@ -1,0 +1,45 @@
+"""The run at hand as one file for others: an .ssp with everything inside, or one FMU that contains
+the whole system.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Unpack
+
+from harness.changes import Changes, apply
+from harness.errors import ResultsError
+from harness.exports.container import write_container
+from harness.ssp.library import load
+from harness.ssp.writer import write_ssp
+from harness.system.graph import build_graph
+from harness.system.model import System
+from harness.system.schedule import macro_steps
+
+
+def export(system: str | Path | System, target: Path, **changes: Unpack[Changes]) -> Path:
+    """Write a system with all changes to an .ssp or .fmu file, or as .ssp into a folder; returns
+    the file.
+
+    changes: as for run(). Flying the .ssp gives the bits of flying the system with the same
+    options; the same options give the same bytes. Raises what run() raises before its first step,
+    or ResultsError.
+    """
+    with load(system) as found:
+        changed = apply(found, **changes)
+        build_graph(changed)
+        macro_steps(changed.experiment, [c.every for c in changed.components])
+        file = _file(target, changed.name)
+        (write_container if file.suffix == ".fmu" else write_ssp)(changed, file)
+    return file
+
+
+def _file(target: Path, name: str) -> Path:
+    """The file itself, or NAME.ssp in a folder that is made if needed."""
+    is_file = target.suffix in (".ssp", ".fmu") and not target.is_dir()
+    folder = target.parent if is_file else target
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ResultsError(f"{folder}: cannot be made a folder ({error.strerror})") from error
+    return target if is_file else folder / f"{name}.ssp"

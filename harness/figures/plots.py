@@ -1,0 +1,142 @@
+"""Pictures of results: the tables of harness/figures drawn by matplotlib, for one run or several in
+one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness.errors import ResultsError
+from harness.figures import FIGURES, OVERLAYS, Curve, Drawing, Figure, Overlay, Panel
+from harness.results.result import Result
+
+Canvas = Any
+"""Figure of matplotlib."""
+
+
+def plot(result: Result, directory: Path, ending: str = "png") -> list[Path]:
+    """Draw every figure whose variables the result holds; returns the files written.
+
+    ending: png, svg or pdf. Raises ResultsError if no figure fits or the directory cannot be
+    written.
+    """
+    figures = {figure.name: figure for figure in FIGURES if figure.fits(result)}
+    if not figures:
+        raise ResultsError("the result holds the variables of no known figure")
+    return _write(
+        directory, ending, {name: partial(paint, f, result) for name, f in figures.items()}
+    )
+
+
+def overlay(results: Mapping[str, Result], directory: Path, ending: str = "png") -> list[Path]:
+    """Draw several runs, by label, into the same figures; returns the files written, none if no
+    figure fits.
+
+    A run that lacks a variable of a figure is left out of it. Raises ResultsError if the directory
+    cannot be written.
+    """
+    fitting = {f: {label: r for label, r in results.items() if f.fits(r)} for f in OVERLAYS}
+    colours = {label: f"C{number}" for number, label in enumerate(results)}
+    figures = {
+        f.name: partial(paint_overlay, f, runs, colours) for f, runs in fitting.items() if runs
+    }
+    return _write(directory, ending, figures)
+
+
+def _write(directory: Path, ending: str, figures: Mapping[str, Callable[[], Canvas]]) -> list[Path]:
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        return [_save(draw(), directory / f"{name}.{ending}") for name, draw in figures.items()]
+    except OSError as error:
+        raise ResultsError(f"{directory}: cannot be written: {error.strerror}") from error
+
+
+def _save(canvas: Canvas, path: Path) -> Path:
+    canvas.savefig(path, dpi=110, metadata={"Date": None} if path.suffix == ".svg" else None)
+    return path
+
+
+def _new_canvas(title: str, size: tuple[float, float]) -> Canvas:
+    """A figure of matplotlib without a window and without pyplot's global state."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    canvas = MatplotlibFigure(layout="constrained", figsize=size)
+    FigureCanvasAgg(canvas)
+    canvas.suptitle(title)
+    return canvas
+
+
+# ---- one run
+
+
+def paint(figure: Figure | Drawing, result: Result) -> Canvas:
+    """The figure of one run as matplotlib has it."""
+    if isinstance(figure, Drawing):
+        canvas = _new_canvas(figure.title, figure.size)
+        figure.draw(canvas, result)
+        return canvas
+    canvas = _new_canvas(figure.title, (8, 1.2 + 2.6 * len(figure.panels)))
+    for axes, panel in _panels(canvas, figure):
+        for curve in panel.curves:
+            _draw_curve(axes, result, panel, curve)
+        if axes.get_legend_handles_labels()[1]:
+            axes.legend(loc="best", fontsize="small", ncols=3)
+    return canvas
+
+
+def _panels(canvas: Canvas, figure: Figure) -> Iterator[tuple[Any, Panel]]:
+    for i, panel in enumerate(figure.panels, start=1):
+        axes = canvas.add_subplot(len(figure.panels), 1, i)
+        axes.set(xlabel="time [s]", ylabel=panel.ylabel)
+        axes.grid(alpha=0.3)
+        if panel.log:
+            axes.set_yscale("log")
+        if panel.level is not None:
+            axes.axhline(panel.level, color="k", linestyle="--", linewidth=1)
+        yield axes, panel
+
+
+def _draw_curve(axes: Any, result: Result, panel: Panel, curve: Curve) -> None:
+    shown = result.time >= panel.after if result.time[-1] > panel.after else slice(None)
+    time, history = result.time[shown], curve.history(result)[shown]
+    if history.ndim == 1:
+        axes.plot(time, history, curve.style, label=curve.label or None)
+        return
+    for k in range(history.shape[1]):
+        name = curve.labels[k] if k < len(curve.labels) else str(k + 1)
+        axes.plot(time, history[:, k], curve.style, label=f"{curve.label} {name}".strip() or None)
+
+
+# ---- several runs
+
+
+def paint_overlay(
+    figure: Figure | Overlay, results: Mapping[str, Result], colours: Mapping[str, str]
+) -> Canvas:
+    """The figure of several runs as matplotlib has it: a colour for each by its label, one legend
+    for all panels.
+    """
+    if isinstance(figure, Overlay):
+        canvas = _new_canvas(figure.title, figure.size)
+        figure.draw(canvas, results, colours)
+        return canvas
+    canvas = _new_canvas(figure.title, (9, 1.6 + 2.4 * len(figure.panels)))
+    for axes, panel in _panels(canvas, figure):
+        for label, result in results.items():
+            for curve in panel.curves:
+                history = _positive(curve.history(result), panel)
+                axes.plot(result.time, history, curve.style, color=colours[label], linewidth=1)
+    lines = canvas.axes[0].get_lines()[:: len(figure.panels[0].curves)]
+    canvas.legend(lines, list(results), loc="outside lower center", ncols=2, fontsize="small")
+    return canvas
+
+
+def _positive(history: np.ndarray[Any, Any], panel: Panel) -> np.ndarray[Any, Any]:
+    """Zeros cannot be drawn on a logarithmic axis."""
+    return np.where(history > 0, history, np.nan) if panel.log else history

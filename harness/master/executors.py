@@ -1,0 +1,204 @@
+"""Two executors of the same schedule: one to read and to debug, one in C. They agree bit for
+bit.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import UsageError
+from harness.master.fmu import Unit
+from harness.master.recorder import Recorder
+from harness.master.transfer import CFunction, Transfer
+from harness.paths import loop_library
+from harness.system.schedule import Action, Verb
+
+
+class Clock(NamedTuple):
+    """Time of macro step k is start + k * step [s]: a product, never a sum."""
+
+    start: float
+    step: float
+
+    def time(self, k: int) -> float:
+        """Communication point of macro step k [s]."""
+        return self.start + k * self.step
+
+
+class Executor(Protocol):
+    """Something that performs macro steps; RunError names the unit that failed."""
+
+    def run(self, first: int, last: int) -> None:
+        """Macro steps first .. last - 1, recording each."""
+
+
+class PythonExecutor:
+    """The loop as it is meant."""
+
+    def __init__(
+        self,
+        plan: Sequence[Action[Unit]],
+        bus: NDArray[np.float64],
+        recorder: Recorder,
+        clock: Clock,
+    ) -> None:
+        self.plan, self.bus, self.recorder, self.clock = plan, bus, recorder, clock
+
+    def run(self, first: int, last: int) -> None:
+        """Macro steps first .. last - 1, recording each; RunError names the unit that failed."""
+        for k in range(first, last):
+            for action in self.plan:
+                if action.due(k):
+                    action.unit.act(action.verb, self.bus, self.clock.time(k), self.clock.step)
+            self.recorder.record(k + 1, self.bus)
+
+
+_KINDS = {
+    (Verb.SET, True): 0,
+    (Verb.SET, False): 1,
+    (Verb.STEP, True): 2,
+    (Verb.GET, True): 3,
+    (Verb.GET, False): 4,
+}
+"""Call.kind in loop.c by verb and whether the values are Real."""
+
+_SET_AFFINE = 5
+"""Call.kind in loop.c for Real inputs that are changed on the way."""
+
+NOT_FINITE = -1
+"""Status of loop.c for an output that is infinite or not a number."""
+
+
+class _Call(ctypes.Structure):
+    """Struct Call of loop.c."""
+
+    _fields_ = [
+        ("kind", ctypes.c_int),
+        ("every", ctypes.c_int),
+        ("phase", ctypes.c_int),
+        ("no_rollback", ctypes.c_int),
+        ("function", ctypes.c_void_p),
+        ("component", ctypes.c_void_p),
+        ("count", ctypes.c_size_t),
+        ("reference", ctypes.c_void_p),
+        ("slot", ctypes.c_void_p),
+        ("value", ctypes.c_void_p),
+        ("factor", ctypes.c_void_p),
+        ("offset", ctypes.c_void_p),
+    ]
+
+
+class _Run(ctypes.Structure):
+    """Struct Run of loop.c."""
+
+    _fields_ = [
+        ("start", ctypes.c_double),
+        ("step", ctypes.c_double),
+        ("bus", ctypes.c_void_p),
+        ("slots", ctypes.c_size_t),
+        ("table", ctypes.c_void_p),
+        ("every", ctypes.c_long),
+    ]
+
+
+class _Stop(ctypes.Structure):
+    """Struct Stop of loop.c."""
+
+    _fields_ = [("done", ctypes.c_long), ("call", ctypes.c_size_t), ("status", ctypes.c_int)]
+
+
+class CExecutor:
+    """The same loop in C, over the function pointers of the libraries that FMPy has loaded."""
+
+    def __init__(
+        self,
+        plan: Sequence[Action[Unit]],
+        bus: NDArray[np.float64],
+        recorder: Recorder,
+        clock: Clock,
+    ) -> None:
+        self.recorder, self.clock = recorder, clock
+        self._execute = _loop()
+        self._origin = list(_origins(plan))
+        self._calls = (_Call * len(self._origin))(
+            *(_call(action, transfer) for action, transfer in self._origin)
+        )
+        table = recorder.table
+        self._keep = (plan, bus, table)
+        self._run = _Run(
+            clock.start, clock.step, bus.ctypes.data, len(bus), table.ctypes.data, recorder.every
+        )
+
+    def run(self, first: int, last: int) -> None:
+        """Macro steps first .. last - 1, recording each; RunError names the unit that failed."""
+        stop = self._execute(self._calls, len(self._calls), ctypes.byref(self._run), first, last)
+        self.recorder.done = stop.done
+        if stop.done < last:
+            action, transfer = self._origin[stop.call]
+            self._fail(action, transfer, stop.status, self.clock.time(stop.done))
+
+    def _fail(
+        self, action: Action[Unit], transfer: Transfer | None, status: int, time: float
+    ) -> None:
+        if status == NOT_FINITE and transfer is not None:
+            action.unit.judge_outputs(transfer, time)
+        action.unit.judge(action.verb, status, time)
+
+
+def _origins(plan: Sequence[Action[Unit]]) -> Iterator[tuple[Action[Unit], Transfer | None]]:
+    """One entry per FMI call: an action is one step, or one transfer per type of variable."""
+    for action in plan:
+        if action.verb is Verb.STEP:
+            yield action, None
+        for transfer in action.unit.transfers[action.verb]:
+            yield action, transfer
+
+
+def _call(action: Action[Unit], transfer: Transfer | None) -> _Call:
+    unit, period = action.unit, (action.every, action.phase, action.unit.no_rollback)
+    if transfer is None:
+        return _Call(_KINDS[Verb.STEP, True], *period, _address(unit.do_step), unit.handle)
+    return _Call(
+        _KINDS[action.verb, transfer.real] if transfer.plain else _SET_AFFINE,
+        *period,
+        _address(transfer.function),
+        unit.handle,
+        len(transfer.names),
+        ctypes.addressof(transfer.references),
+        transfer.slots.ctypes.data,
+        ctypes.addressof(transfer.values),
+        transfer.factors.ctypes.data,
+        transfer.offsets.ctypes.data,
+    )
+
+
+def _address(function: CFunction) -> int | None:
+    return ctypes.cast(function, ctypes.c_void_p).value
+
+
+def _loop() -> CFunction:
+    path = loop_library()
+    if path is None:
+        raise UsageError(
+            "the C executor has not been built: build the project, or choose --executor python"
+        )
+    execute = ctypes.CDLL(str(path)).execute
+    execute.restype = _Stop
+    execute.argtypes = [
+        ctypes.c_void_p,
+        ctypes.c_size_t,
+        ctypes.c_void_p,
+        ctypes.c_long,
+        ctypes.c_long,
+    ]
+    return execute
+
+
+Factory = Callable[[Sequence[Action[Unit]], NDArray[np.float64], Recorder, Clock], Executor]
+
+EXECUTORS: dict[str, Factory] = {"c": CExecutor, "python": PythonExecutor}

@@ -1,0 +1,268 @@
+"""A system brought to life: load, initialise, step, roll back, and hand out what was recorded."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import InterruptionError, RunError, UsageError
+from harness.master.executors import EXECUTORS, Clock
+from harness.master.fmu import Unit
+from harness.master.progress import progress_bar
+from harness.master.recorder import Recorder
+from harness.results.result import Result
+from harness.system.graph import Graph, Slot, build_graph, constants
+from harness.system.model import System
+from harness.system.schedule import macro_steps, schedule
+from harness.temporary import PrivateFolder
+
+MAX_ROUNDS = 200
+"""Rounds of initial propagation; a loop of two units and gain 1/2 has settled to the last bit after
+half of them.
+"""
+
+CHUNK_SECONDS = 0.1
+"""Wall-clock time between two looks at the keyboard and two updates of the progress bar."""
+
+
+_log = logging.getLogger("harness")
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """State of the whole system after `step` macro steps: the bus and one FMU state per unit."""
+
+    step: int
+    bus: NDArray[np.float64]
+    states: tuple[Any, ...]
+
+
+class Simulation:
+    """All units of a system, their bus and what is recorded of it; a context manager.
+
+    with Simulation(system) as simulation:
+        simulation.advance()
+        result = simulation.result()
+    """
+
+    def __init__(self, system: System, *, executor: str = "c", every: int = 1) -> None:
+        """Check the system; nothing is loaded before `with`. Raises StructureError, FmuError or
+        UsageError.
+        """
+        if executor not in EXECUTORS:
+            raise UsageError(f"there is no executor {executor}, only {' and '.join(EXECUTORS)}")
+        self.system = system
+        self.graph: Graph = build_graph(system)
+        self.steps = macro_steps(system.experiment, [c.every for c in system.components])
+        self.clock = Clock(system.experiment.start, system.experiment.step or 0.0)
+        self.bus: NDArray[np.float64] = np.zeros(len(self.graph.slots))
+        self.settled: NDArray[np.intp] = np.zeros(len(self.graph.slots), dtype=np.intp)
+        self.recorder = Recorder(self.steps, len(self.graph.slots), every)
+        self.units: list[Unit] = []
+        self._executor_name = executor
+        self._initialised = False
+
+    # ---- life
+
+    def __enter__(self) -> Self:
+        """Load and instantiate all FMUs; FmuError or ArchiveError if one cannot be."""
+        self._folder = PrivateFolder()
+        try:
+            for node in self.graph.nodes:
+                self.units.append(Unit(node, self._folder.path))
+            plan = schedule(self.system.experiment.algorithm, self.units)
+            self._executor = EXECUTORS[self._executor_name](
+                plan, self.bus, self.recorder, self.clock
+            )
+        except BaseException:
+            self.close()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Terminate and free all FMUs and remove what was unpacked."""
+        while self.units:
+            self.units.pop().close()
+        self._folder.close()
+
+    # ---- initialization
+
+    def initialize(self) -> None:
+        """Set parameters, propagate initial values until nothing changes, record the row at the
+        start time.
+
+        Raises RunError: a refused parameter, a failing FMU, or an output that is not finite.
+        """
+        start, stop = self.clock.start, self.clock.time(self.steps)
+        for unit in self.units:
+            unit.set_start_values(start)
+            unit.enter_initialization(start, stop)
+        self._settle(start)
+        for unit in self.units:
+            unit.exit_initialization(start)
+        for unit in self.units:
+            unit.propagate_outputs(self.bus, start)
+            unit.check_outputs(start)
+        self._initialised = True
+        self.recorder.record(0, self.bus)
+
+    def _settle(self, start: float) -> None:
+        """Rounds of GET and SET until nothing changes; a chain of n units needs n + 1.
+
+        Where flight software reads back its own command there is a loop. If it does not settle, its
+        last values are taken. `settled` keeps for every slot the round in which it changed last.
+        """
+        for count in range(1, MAX_ROUNDS + 1):
+            changed = self._round(start)
+            self.settled[changed] = count
+            if not changed.any():
+                return
+        names = [slot.name for slot, moves in zip(self.graph.slots, changed, strict=True) if moves]
+        shown = ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+        _log.warning(
+            "%s: initial values do not settle (an algebraic loop): %s", self.system.name, shown
+        )
+
+    def _round(self, start: float) -> NDArray[np.bool_]:
+        """One round of initial propagation; returns which slots it has changed (NaN counts as a
+        value).
+        """
+        before = self.bus.copy()
+        for unit in self.units:
+            unit.propagate_outputs(self.bus, start)
+        for unit in self.units:
+            unit.propagate_inputs(self.bus, start)
+        return np.asarray(self.bus.view(np.uint64) != before.view(np.uint64))
+
+    # ---- running
+
+    @property
+    def step(self) -> int:
+        """Macro steps completed."""
+        return self.recorder.done
+
+    @property
+    def time(self) -> float:
+        """Present time [s]."""
+        return self.clock.time(self.step)
+
+    def advance(self, to: int | None = None, progress: Callable[[int], None] | None = None) -> None:
+        """Perform macro steps until `to` are complete (default: all), initialising first if that
+        was not done.
+
+        progress: called now and then with the number of complete steps. Raises RunError
+        (InterruptionError on Ctrl-C) whose `partial` holds everything recorded.
+        """
+        try:
+            if not self.units:
+                raise UsageError("a Simulation can advance inside its `with` block only")
+            if not self._initialised:
+                self.initialize()
+            self._advance(self.steps if to is None else min(to, self.steps), progress)
+        except KeyboardInterrupt:
+            raise self._partial(InterruptionError(self.system.name, self.time)) from None
+        except RunError as error:
+            raise self._partial(error) from error.__cause__
+
+    def _advance(self, to: int, progress: Callable[[int], None] | None) -> None:
+        chunk = 1
+        while self.step < to:
+            began = perf_counter()
+            self._executor.run(self.step, min(self.step + chunk, to))
+            if progress is not None:
+                progress(self.step)
+            chunk = 2 * chunk if perf_counter() - began < CHUNK_SECONDS / 2 else chunk
+
+    def _partial(self, error: RunError) -> RunError:
+        if self._initialised:
+            error.partial = self.result(str(error))
+        return error
+
+    # ---- rollback
+
+    def save(self) -> Snapshot:
+        """State of the whole system; RunError if an FMU cannot save its own. Release it with
+        free().
+        """
+        states = tuple(unit.save(self.time) for unit in self.units)
+        return Snapshot(self.step, self.bus.copy(), states)
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Return to a saved state; later rows are recorded anew."""
+        for unit, state in zip(self.units, snapshot.states, strict=True):
+            unit.restore(state, self.time)
+        self.bus[:] = snapshot.bus
+        self.recorder.done = snapshot.step
+
+    def free(self, snapshot: Snapshot) -> None:
+        """Release the FMU states of a snapshot."""
+        for unit, state in zip(self.units, snapshot.states, strict=True):
+            unit.free(state)
+
+    # ---- outcome
+
+    def result(self, message: str = "") -> Result:
+        """Everything recorded so far (complete or not), with the reason if the run has failed.
+
+        The table is not copied: stepping on after restore() overwrites its later rows.
+        """
+        names, units, descriptions = _columns(self.graph.slots)
+        time = np.asarray(
+            self.clock.start + self.recorder.macro_steps * self.clock.step, dtype=np.float64
+        )
+        complete = self.step == self.steps
+        rows = self.recorder.rows
+        return Result(
+            self.system.name,
+            time,
+            names,
+            units,
+            rows,
+            descriptions,
+            complete,
+            message,
+            self._parameters(),
+        )
+
+    def _parameters(self) -> Result:
+        """All parameters as a table of one row."""
+        slots, values = (
+            zip(*constants(self.graph), strict=True) if any(constants(self.graph)) else ((), ())
+        )
+        names, units, descriptions = _columns(slots)
+        return Result(
+            self.system.name,
+            np.array([self.clock.start]),
+            names,
+            units,
+            np.array([values]),
+            descriptions,
+        )
+
+
+def _columns(slots: Sequence[Slot]) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+    """Names, units and descriptions."""
+    return (
+        tuple(s.name for s in slots),
+        tuple(s.unit for s in slots),
+        tuple(s.description for s in slots),
+    )
+
+
+def simulate(
+    system: System, *, executor: str = "c", every: int = 1, progress: bool = False
+) -> Result:
+    """Run a system as it is; executor, every, progress: as for run()."""
+    with Simulation(system, executor=executor, every=every) as simulation:
+        with progress_bar(system.name, simulation.steps, progress) as show:
+            simulation.advance(progress=show)
+        return simulation.result()

@@ -1,0 +1,284 @@
+"""Results files: .csv (flat columns), .nc (netCDF4: vectors, units, long names) and .mat (one
+struct per component).
+
+.nc and .mat keep the parameters of the run too: as variables without time, and in the struct
+`parameters`.
+
+A run that ended early leaves a file all the same: .nc and .mat say `complete = 0`, a .csv ends with
+a line `# incomplete: reason`.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import ResultsError, UsageError
+from harness.results.result import Result
+from harness.system.values import expand
+
+INCOMPLETE = "# incomplete: "
+AXES = {3: "axis"}
+"""Name of the second dimension of a vector by its length; other lengths n are called axis_n."""
+
+
+class ResultFile:
+    """A results file that was found writable before the run. It appears whole or not at all."""
+
+    def __init__(self, path: Path) -> None:
+        """UsageError for an unknown ending, ResultsError if the file cannot be written there."""
+        if path.suffix not in WRITERS:
+            raise UsageError(
+                f"{path}: results are written as {', '.join(WRITERS)}, not as '{path.suffix or path.name}'"
+            )
+        self.path = path
+        self._special = path.exists() and not path.is_file()
+        if path.is_dir():
+            raise ResultsError(f"{path}: cannot be written, it is a folder")
+        if path.exists() and not os.access(path, os.W_OK):
+            raise ResultsError(f"{path}: cannot be written (no permission)")
+        if not self._special:
+            self._try()
+
+    def _try(self) -> None:
+        """Look whether the file can be written, without leaving anything behind."""
+        folder = next(folder for folder in self.path.absolute().parents if folder.exists())
+        if not folder.is_dir():
+            raise ResultsError(f"{self.path}: cannot be written ({folder} is not a folder)")
+        if not os.access(folder, os.W_OK):
+            raise ResultsError(f"{self.path}: cannot be written (no permission for {folder})")
+        if folder == self.path.absolute().parent:
+            self._beside().unlink()
+
+    def _beside(self) -> Path:
+        """A new empty file in the same folder, which is made if it is missing."""
+        path = self.path.with_name(f".{self.path.stem}-{os.getpid()}{self.path.suffix}")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.open("w").close()
+        except OSError as error:
+            raise ResultsError(f"{self.path}: cannot be written ({error.strerror})") from error
+        return path
+
+    def write(self, result: Result) -> None:
+        """Write the result; ResultsError if that fails, an earlier file of that name is then left
+        as it was.
+        """
+        target = self.path if self._special else self._beside()
+        try:
+            WRITERS[self.path.suffix](result, target)
+            if target != self.path:
+                target.replace(self.path)
+        except Exception as error:  # OSError, or what the libraries behind xarray and scipy raise
+            reason = getattr(error, "strerror", None) or " ".join(str(error).split())
+            raise ResultsError(f"{self.path}: cannot be written ({reason})") from error
+        finally:
+            if target != self.path:
+                target.unlink(missing_ok=True)
+
+
+def read(path: Path) -> Result:
+    """Read a .csv or .nc written by the harness; ResultsError if it cannot be read.
+
+    A .csv knows neither units nor the name of the system, which is then the stem of the file.
+    """
+    if path.suffix not in READERS:
+        raise UsageError(f"{path}: only {' and '.join(READERS)} can be read back")
+    try:
+        return READERS[path.suffix](path)
+    except Exception as error:  # OSError, or what the libraries behind xarray and numpy raise
+        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
+        raise ResultsError(f"{path}: cannot be read ({reason})") from error
+
+
+# ---- .csv
+
+
+def _write_csv(result: Result, path: Path) -> None:
+    with path.open("w", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerow(("time", *result.columns))
+        table = np.column_stack((result.time, result.values))
+        for row in table:  # repr is the shortest text that reads back as the same number
+            file.write(",".join(map(repr, row.tolist())) + "\n")
+        if not result.complete:
+            file.write(f"{INCOMPLETE}{result.message}\n")
+
+
+def _read_csv(path: Path) -> Result:
+    with path.open(newline="") as file:
+        names = next(csv.reader(file), [])
+        if not names or names[0] != "time":
+            raise ValueError("it does not begin with a column named time")
+        table = np.loadtxt(file, delimiter=",", ndmin=2)
+        reason = _last_line(file).partition(INCOMPLETE)
+    if table.shape[1] != len(names):
+        raise ValueError(f"{len(names)} names for {table.shape[1]} columns")
+    units = ("",) * (len(names) - 1)
+    return Result(
+        path.stem,
+        table[:, 0],
+        tuple(names[1:]),
+        units,
+        table[:, 1:],
+        (),
+        not reason[1],
+        reason[2].strip(),
+    )
+
+
+def _last_line(file: TextIO) -> str:
+    file.seek(0, os.SEEK_END)
+    file.seek(max(0, file.tell() - 10_000))
+    lines = file.read().splitlines()
+    return lines[-1] if lines else ""
+
+
+# ---- .nc
+
+
+def _write_nc(result: Result, path: Path) -> None:
+    import xarray
+
+    histories = {
+        name: (("time", *axes), data, about) for name, axes, data, about in _variables(result)
+    }
+    fixed = {
+        name: (axes, data[0], about) for name, axes, data, about in _variables(result.parameters)
+    }
+    variables = fixed | histories
+    attributes = {
+        "system": result.system,
+        "complete": int(result.complete),
+        "message": result.message,
+    }
+    time = ("time", result.time, {"units": "s", "long_name": "time"})
+    data = xarray.Dataset(variables, coords={"time": time}, attrs=attributes)
+    data.to_netcdf(
+        path, engine="netcdf4", encoding={name: {"_FillValue": None} for name in data.variables}
+    )
+
+
+def _variables(
+    result: Result | None,
+) -> Iterator[tuple[str, tuple[str, ...], NDArray[np.float64], dict[str, str]]]:
+    """Vectors with an axis, matrices with row and column, the rest as they are: name, axes, (rows,
+    ...), attributes.
+    """
+    if result is None:
+        return
+    whole = {column for columns in result.vectors.values() for column in columns.flat}
+    single = [name for i, name in enumerate(result.columns) if i not in whole]
+    for name in (*result.vectors, *single):
+        values = result[name]
+        attributes = {"units": result.unit(name), "long_name": result.description(name)}
+        yield name, _dimensions(values.shape[1:]), values, attributes
+
+
+def _dimensions(shape: tuple[int, ...]) -> tuple[str, ...]:
+    if len(shape) == 1:
+        return (AXES.get(shape[0], f"axis_{shape[0]}"),)
+    return tuple(f"{name}_{n}" for name, n in zip(("row", "column", "layer"), shape, strict=False))
+
+
+def _read_nc(path: Path) -> Result:
+    import xarray
+
+    with xarray.open_dataset(path, engine="netcdf4", decode_cf=False) as data:
+        variables = {str(name): variable for name, variable in data.data_vars.items()}
+        time = data["time"].to_numpy()
+        about = data.attrs
+        system = about.get("system", path.stem)
+        histories = {
+            name: (v.to_numpy(), v.attrs) for name, v in variables.items() if "time" in v.dims
+        }
+        fixed = {
+            name: (v.to_numpy()[None], v.attrs)
+            for name, v in variables.items()
+            if "time" not in v.dims
+        }
+    parameters = _table(system, time[:1], fixed) if fixed else None
+    complete, message = bool(about.get("complete", 1)), about.get("message", "")
+    return replace(
+        _table(system, time, histories), complete=complete, message=message, parameters=parameters
+    )
+
+
+def _table(
+    system: str,
+    time: NDArray[np.float64],
+    variables: Mapping[str, tuple[NDArray[np.float64], Mapping[str, str]]],
+) -> Result:
+    """Variables with their attributes as flat columns."""
+    columns, blocks, units, descriptions = [], [np.empty((len(time), 0))], [], []
+    for name, (values, about) in variables.items():
+        names = _element_names(name, values.shape[1:])
+        columns += names
+        blocks.append(values.reshape(len(values), -1))
+        units += [about.get("units", "")] * len(names)
+        descriptions += [about.get("long_name", "")] * len(names)
+    return Result(
+        system, time, tuple(columns), tuple(units), np.hstack(blocks), tuple(descriptions)
+    )
+
+
+def _element_names(name: str, shape: tuple[int, ...]) -> list[str]:
+    return list(expand(name, np.empty(shape).tolist())) if shape else [name]
+
+
+# ---- .mat
+
+
+def _write_mat(result: Result, path: Path) -> None:
+    import scipy.io
+
+    content: dict[str, Any] = {
+        "time": result.time,
+        "system": result.system,
+        "complete": float(result.complete),
+    }
+    units: dict[str, Any] = {}
+    fixed: dict[str, Any] = {}
+    for name, _, values, attributes in _variables(result):
+        component, variable = _place(content, name)
+        content[component][variable] = values
+        units.setdefault(component, {})[variable] = attributes["units"]
+    for name, _, values, _ in _variables(result.parameters):
+        component, variable = _place(fixed, name)
+        fixed[component][variable] = values[0]
+    scipy.io.savemat(
+        path,
+        content | {"units": units, "parameters": fixed},
+        long_field_names=True,
+        oned_as="column",
+    )
+
+
+def _place(content: dict[str, Any], name: str) -> tuple[str, str]:
+    """Struct of the component and field of the variable, in names that MATLAB accepts."""
+    component, _, variable = name.partition(".")
+    component = _legal(component, ("time", "system", "complete", "units", "parameters"))
+    return component, _legal(variable, content.setdefault(component, {}))
+
+
+def _legal(name: str, taken: Collection[str]) -> str:
+    """A name that MATLAB accepts (letters, digits, underscores, a letter first, at most 63) and
+    that is not taken.
+    """
+    legal = re.sub(r"\W", "_", name, flags=re.ASCII)[:60]
+    if not legal[:1].isalpha():
+        legal = f"x_{legal}"[:60]
+    while legal in taken:
+        legal += "_"
+    return legal
+
+
+WRITERS = {".csv": _write_csv, ".nc": _write_nc, ".mat": _write_mat}
+READERS = {".csv": _read_csv, ".nc": _read_nc}

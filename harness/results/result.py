@@ -1,0 +1,104 @@
+"""The outcome of a run: a table with names and units, vectors by name, and the files it is kept
+in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.spelling import did_you_mean
+from harness.system.values import base, index
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a run has left behind.
+
+    time: (rows,) [s]; columns: `component.variable[i]`; units, descriptions: per column ("" if
+    unknown); values: (rows, columns); complete: False if the run ended early, then `message` says
+    why; parameters: all parameters of all components as they were flown, a table of one row (None
+    if unknown: a .csv does not keep them).
+    """
+
+    system: str
+    time: NDArray[np.float64]
+    columns: tuple[str, ...]
+    units: tuple[str, ...]
+    values: NDArray[np.float64]
+    descriptions: tuple[str, ...] = ()
+    complete: bool = True
+    message: str = ""
+    parameters: Result | None = None
+
+    def parameter(self, name: str) -> NDArray[np.float64]:
+        """Value of a parameter: (), (n,) for a vector, (m, n) for a matrix; KeyError with close
+        matches.
+        """
+        if self.parameters is None:
+            raise KeyError(f"{name}: the result does not hold the parameters of the run")
+        return np.asarray(self.parameters[name][0])
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        """History of a variable: (rows,) for a scalar or an element, (rows, n) for a vector, (rows,
+        m, n) for a matrix.
+
+        Raises KeyError with close matches.
+        """
+        if name in self._column:
+            return self.values[:, self._column[name]]
+        if name not in self.vectors:
+            raise KeyError(f"{name}{did_you_mean(name, [*self.vectors, *self.columns])}")
+        columns = self.vectors[name]
+        flat = columns.reshape(-1)
+        consecutive = bool((np.diff(flat) == 1).all())  # then no copy is made
+        values = self.values[:, flat[0] : flat[-1] + 1] if consecutive else self.values[:, flat]
+        return values.reshape(len(self.time), *columns.shape)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._column or name in self.vectors
+
+    def unit(self, name: str) -> str:
+        """Unit of a scalar, element, vector or matrix; "" if unknown."""
+        return self.units[self._first(name)]
+
+    def description(self, name: str) -> str:
+        """Meaning of a variable; "" if unknown."""
+        return self.descriptions[self._first(name)] if self.descriptions else ""
+
+    def _first(self, name: str) -> int:
+        return self._column[name] if name in self._column else int(self.vectors[name].flat[0])
+
+    @cached_property
+    def _column(self) -> Mapping[str, int]:
+        return {name: i for i, name in enumerate(self.columns)}
+
+    @cached_property
+    def vectors(self) -> Mapping[str, NDArray[np.intp]]:
+        """Columns of every variable by its name without indices, in an array of the variable's own
+        shape.
+        """
+        groups: dict[str, dict[tuple[int, ...], int]] = {}
+        for i, name in enumerate(self.columns):
+            groups.setdefault(base(name), {})[index(name)] = i
+        return {
+            name: array for name, group in groups.items() if (array := _array(group)) is not None
+        }
+
+
+def _array(group: Mapping[tuple[int, ...], int]) -> NDArray[np.intp] | None:
+    """Columns in the shape of their indices; None if elements are missing, then only single
+    elements have names.
+    """
+    dimensions = {len(i) for i in group}
+    if len(dimensions) != 1:
+        return None
+    shape = tuple(max(column) for column in zip(*group, strict=True))
+    array = np.full(shape, -1, dtype=np.intp)
+    for i, column in group.items():
+        array[tuple(k - 1 for k in i)] = column
+    return None if (array < 0).any() else array

@@ -1,0 +1,270 @@
+"""From ssp/*.toml to .ssp: components wired by name, parameters in one table per component,
+everything checked.
+
+    python -m harness.ssp.build SYSTEM.toml --fmus FOLDER -o SYSTEM.ssp
+
+All problems are reported at once: unknown names, inputs without a driver or with several, unequal
+units, ill-shaped values.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from harness.errors import HarnessError, StructureError, UsageError
+from harness.spelling import did_you_mean
+from harness.ssp.writer import write_ssp
+from harness.system import graph
+from harness.system.interface import Interface
+from harness.system.model import Alternative, Component, Experiment, ParameterSet, Port, System
+from harness.system.schedule import macro_steps
+from harness.system.swap import exchange
+from harness.system.tables import Assignments, read_toml
+from harness.system.wiring import Wiring, split, wire
+
+KEYS = {
+    "": (
+        "name",
+        "description",
+        "experiment",
+        "components",
+        "schedule",
+        "connections",
+        "open",
+        "parameters",
+        "sets",
+        "alternatives",
+    ),
+    "experiment": ("start", "stop", "step", "algorithm"),
+    "schedule": ("every", "latency"),
+    "set": ("description", "experiment"),
+    "set experiment": ("stop", "step"),
+}
+"""Keys that the tables of a system may have."""
+
+
+def compose(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> System:
+    """The system that a TOML describes; fmus: paths by name. Raises FmuError or StructureError with
+    all problems.
+    """
+    if found := _ill_formed(source, fmus):
+        raise StructureError(found)
+    return _Composer(source, fmus).system()
+
+
+def _ill_formed(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> list[str]:
+    """Problems that make it pointless to look further."""
+    found = [
+        f"there is no [{key}] table or value"
+        for key in ("name", "experiment", "components")
+        if not source.get(key)
+    ]
+    found += _unknown_keys("", source, KEYS[""])
+    for name, fmu in source.get("components", {}).items():
+        if not (name.isidentifier() and name.isascii()):
+            found.append(f"{name}: the name of a component must be a C identifier")
+        if fmu not in fmus:
+            found.append(f"{name}: there is no FMU {fmu}{did_you_mean(fmu, fmus)}")
+    return found
+
+
+def _unknown_keys(place: str, table: Mapping[str, Any], known: Sequence[str]) -> list[str]:
+    where = f"[{place}]: " if place else ""
+    return [
+        f"{where}unknown key {key}{did_you_mean(key, known)}" for key in table if key not in known
+    ]
+
+
+class _Composer:
+    """One pass over the tables of a system that collects problems instead of stopping at the
+    first.
+    """
+
+    def __init__(self, source: Mapping[str, Any], fmus: Mapping[str, Path]) -> None:
+        self.source = source
+        self.fmus = fmus
+        self.problems: list[str] = []
+        self.bare = tuple(
+            self._component(name, fmus[fmu]) for name, fmu in source["components"].items()
+        )
+        self.interfaces: Mapping[str, Interface] = graph.read_interfaces(
+            System(source["name"], self.bare, (), Experiment())
+        )
+
+    def system(self) -> System:
+        left_open = self._open()
+        wiring = self._wiring(left_open)
+        defaults = self._assignments(self.source.get("parameters", {}))
+        components = tuple(
+            replace(c, parameters=defaults.over(c.name, left_open.parameters[c.name]))
+            for c in self.bare
+        )
+        system = System(
+            name=self.source["name"],
+            description=self.source.get("description", ""),
+            components=components,
+            connections=tuple(wiring.connections),
+            experiment=self._experiment(),
+            sets=tuple(
+                self._set(name, table, components)
+                for name, table in self.source.get("sets", {}).items()
+            ),
+            strict=True,
+        )
+        self._finish(system, wiring)
+        return replace(system, alternatives=tuple(self._alternatives(system)))
+
+    def _finish(self, system: System, wiring: Wiring) -> None:
+        """Raise everything that was found; open inputs that the wiring has already spoken of are
+        not repeated.
+        """
+        further = graph.problems(replace(system, strict=not wiring.problems), self.interfaces)
+        unequal = graph.unequal_units(system, self.interfaces)
+        if found := [*wiring.problems, *self.problems, *further, *unequal]:
+            raise StructureError(found)
+        macro_steps(system.experiment, [c.every for c in system.components])
+
+    def _component(self, name: str, fmu: Path) -> Component:
+        timing = self.source.get("schedule", {}).get(name, {})
+        self.problems += _unknown_keys(f"schedule.{name}", timing, KEYS["schedule"])
+        every, latency = (
+            self._number(f"schedule.{name}", timing, key) for key in ("every", "latency")
+        )
+        return Component(
+            name, fmu, every=round(1 if every is None else every), latency=round(latency or 0)
+        )
+
+    def _experiment(self) -> Experiment:
+        table = self.source["experiment"]
+        self.problems += _unknown_keys("experiment", table, KEYS["experiment"])
+        self.problems += _unknown_keys(
+            "schedule", self.source.get("schedule", {}), list(self.interfaces)
+        )
+        start, stop, step = (
+            self._number("experiment", table, key) for key in ("start", "stop", "step")
+        )
+        return Experiment(start or 0.0, stop, step, str(table.get("algorithm", "gauss-seidel")))
+
+    def _number(self, place: str, table: Mapping[str, Any], key: str) -> float | None:
+        value = table.get(key)
+        if value is None or (isinstance(value, int | float) and not isinstance(value, bool)):
+            return None if value is None else float(value)
+        self.problems.append(f"[{place}] {key}: {value!r} is not a number")
+        return None
+
+    def _open(self) -> Assignments:
+        """Values of the inputs that nobody drives."""
+        values = Assignments(self.interfaces)
+        for name, value in self.source.get("open", {}).items():
+            try:
+                component, variable = split(name, self.interfaces)
+            except ValueError as error:
+                self.problems.append(f"[open] {error}")
+                continue
+            values.set(component, variable, value, known=self.interfaces[component].named("input"))
+        self.problems += [f"[open] {problem}" for problem in values.problems]
+        return values
+
+    def _wiring(self, left_open: Assignments) -> Wiring:
+        ports = [
+            Port(component, name)
+            for component, values in left_open.parameters.items()
+            for name in values
+        ]
+        return wire(self.interfaces, list(self.source.get("connections", {}).items()), ports)
+
+    def _assignments(self, tables: Mapping[str, Any], place: str = "parameters") -> Assignments:
+        values = Assignments(self.interfaces)
+        values.tables(tables)
+        self.problems += [f"[{place}] {problem}" for problem in values.problems]
+        return values
+
+    def _set(
+        self, name: str, table: Mapping[str, Any], components: Sequence[Component]
+    ) -> ParameterSet:
+        """A named set: the default parameters with the tables of the set put over them."""
+        values = {key: value for key, value in table.items() if key not in KEYS["set"]}
+        overrides = self._assignments(values, f"sets.{name}")
+        experiment = table.get("experiment", {})
+        self.problems += _unknown_keys(
+            f"sets.{name}.experiment", experiment, KEYS["set experiment"]
+        )
+        stop, step = (
+            self._number(f"sets.{name}.experiment", experiment, key) for key in ("stop", "step")
+        )
+        parameters = {
+            c.name: given for c in components if (given := overrides.over(c.name, c.parameters))
+        }
+        return ParameterSet(name, table.get("description", ""), parameters, stop, step)
+
+    def _alternatives(self, system: System) -> Iterator[Alternative]:
+        """Parameters for other FMUs, each tried in its place; StructureError with what does not
+        fit.
+        """
+        problems = []
+        for fmu, table in self.source.get("alternatives", {}).items():
+            try:
+                yield alternative(system, fmu, table, self.fmus)
+            except (StructureError, UsageError) as error:
+                problems += [f"[alternatives.{fmu}] {line}" for line in str(error).splitlines()]
+        if problems:
+            raise StructureError(problems)
+
+
+def alternative(
+    system: System, fmu: str, table: Mapping[str, Any], fmus: Mapping[str, Path]
+) -> Alternative:
+    """Parameters for another FMU in the place of the component that the table `replaces`, tried
+    there.
+    """
+    if fmu not in fmus:
+        raise StructureError([f"there is no such FMU{did_you_mean(fmu, fmus)}"])
+    if not (place := table.get("replaces")):
+        raise StructureError(["replaces: it does not say which component"])
+    changed = exchange(replace(system, alternatives=(Alternative(place, fmu),)), place, fmus[fmu])
+    values = Assignments(graph.read_interfaces(changed))
+    values.tables({key: value for key, value in table.items() if key != "replaces"})
+    if values.problems:
+        raise StructureError(values.problems)
+    found = Alternative(
+        place, fmu, {name: given for name, given in values.parameters.items() if given}
+    )
+    graph.build_graph(exchange(replace(system, alternatives=(found,)), place, fmus[fmu]))
+    return found
+
+
+def build(source: Path, fmus: Path, output: Path) -> None:
+    """Write the .ssp of a TOML with the FMUs of a folder. Raises HarnessError."""
+    known = {path.stem: path for path in sorted(fmus.glob("*.fmu"))}
+    try:
+        write_ssp(compose(read_toml(source), known), output)
+    except StructureError as error:
+        raise StructureError(
+            f"{source.name}: {problem.removeprefix(f'{source}: ')}" for problem in error.problems
+        ) from error
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command line of the build; exit status 0/1/2."""
+    parser = argparse.ArgumentParser(
+        prog="python -m harness.ssp.build", description="Build an .ssp from a TOML system."
+    )
+    parser.add_argument("toml", type=Path, help="description of the system")
+    parser.add_argument("--fmus", type=Path, required=True, help="folder with the FMUs")
+    parser.add_argument("-o", "--output", type=Path, required=True, help="the .ssp to write")
+    options = parser.parse_args(arguments)
+    try:
+        build(options.toml, options.fmus, options.output)
+    except HarnessError as error:
+        print(error, file=sys.stderr)
+        return error.exit_status
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

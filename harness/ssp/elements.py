@@ -1,0 +1,225 @@
+"""Reading of ssd:System and ssd:Component elements, with everything bound to them, into a tree of
+plain data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+from harness.archive import read_entry
+from harness.errors import ArchiveError, StructureError
+from harness.spelling import did_you_mean
+from harness.ssp import xml
+from harness.ssp.parameters import Units, hop_of, mapped, mapping, parameter_set, prefixed, units_of
+from harness.ssp.tree import INWARD, Connector, Edge, Element, Group, Leaf, Place, Point
+from harness.system.model import Parameter
+from harness.system.units import Hop
+
+SSV_TYPE = "application/x-ssp-parameter-set"
+SSM_TYPE = "application/x-ssp-parameter-mapping"
+
+
+class Elements:
+    """One pass over the elements of a file that collects problems instead of stopping at the first.
+
+    own: whether the file is ours; then a parameter that its component does not have is an error.
+    """
+
+    def __init__(self, folder: Path, root: xml.Element, own: bool) -> None:
+        self.folder = folder
+        self.units: Units = units_of(root, "ssd:Units")
+        self.own = own
+        self.problems: list[str] = []
+
+    # ---- elements
+
+    def group(self, element: xml.Element, place: Place = ()) -> Group:
+        """A system with all that is in it."""
+        children = self._children(element, place)
+        connectors = self._connectors(element, place)
+        group = Group(place, connectors, self._bindings(element, _label(place)), children)
+        return replace(group, edges=tuple(self._edges(element, group)))
+
+    def _children(self, element: xml.Element, place: Place) -> dict[str, Element]:
+        children: dict[str, Element] = {}
+        for child in element.iterfind("ssd:Elements/*", xml.NS):
+            name, kind = child.get("name"), child.tag.rpartition("}")[2]
+            here = (*place, name)
+            if name in children:
+                self.problems.append(f"{_label(here)}: there are two elements of this name")
+            elif kind == "SignalDictionaryReference":
+                self.problems.append(f"{_label(here)}: signal dictionaries are not supported")
+                children[name] = Leaf(here)
+            else:
+                children[name] = (
+                    self.group(child, here) if kind == "System" else self._leaf(child, here)
+                )
+        return children
+
+    def _leaf(self, element: xml.Element, place: Place) -> Leaf:
+        label = _label(place)
+        if element.get("type", xml.FMU_TYPE) != xml.FMU_TYPE:
+            self.problems.append(f"{label}: only FMUs can be run, not {element.get('type')}")
+        if element.get("implementation") == "ModelExchange":
+            self.problems.append(f"{label}: model exchange is not supported, only co-simulation")
+        fmu = self.file(element.get("source"), label)
+        hint = element.find("ssd:Annotations/ssc:Annotation/osp:StepSizeHint", xml.NS)
+        bindings = self._bindings(element, label, fmu)
+        return Leaf(
+            place,
+            self._connectors(element, place),
+            bindings,
+            fmu,
+            xml.number(hint, "value", self.problems),
+        )
+
+    def _connectors(self, element: xml.Element, place: Place) -> dict[str, Connector]:
+        connectors = {}
+        for e in element.iterfind("ssd:Connectors/ssd:Connector", xml.NS):
+            unit = e.find("ssc:Real", xml.NS)
+            unit = None if unit is None else unit.get("unit")
+            if unit is not None and unit not in self.units:
+                self.problems.append(
+                    f"{Point(place, e.get('name'))}: the file does not define its unit {unit}"
+                )
+            connectors[e.get("name")] = Connector(e.get("kind"), self.units.get(unit))
+        return connectors
+
+    # ---- connections
+
+    def _edges(self, element: xml.Element, group: Group) -> Iterator[Edge]:
+        for e in element.iterfind("ssd:Connections/ssd:Connection", xml.NS):
+            ends = [self._end(e, side, group) for side in ("start", "end")]
+            if None in ends:
+                continue
+            (start, start_gives), (end, end_gives) = ends  # type: ignore[misc]
+            if start_gives is None:
+                start_gives = end_gives is None or not end_gives
+            if end_gives is None:
+                end_gives = not start_gives
+            if start_gives == end_gives:
+                both = "give" if start_gives else "take"
+                self.problems.append(
+                    f"{start} to {end}: is a connection between two that {both} a value"
+                )
+            elif start_gives:
+                yield Edge(start, end, self._hop(e, end, group))
+            else:
+                yield Edge(end, start, self._hop(e, start, group))
+
+    def _end(
+        self, element: xml.Element, side: str, group: Group
+    ) -> tuple[Point, bool | None] | None:
+        """A connector and whether it gives a value to the connection (None: not said); None if it
+        is not there.
+        """
+        name, connector = element.get(f"{side}Element"), element.get(f"{side}Connector")
+        if name is not None and name not in group.children:
+            close = did_you_mean(name, group.children)
+            self.problems.append(
+                f"{_label((*group.place, name))}.{connector}: there is no component '{name}'{close}"
+            )
+            return None
+        owner = group if name is None else group.children[name]
+        point = Point(owner.place, connector)
+        known = owner.connectors.get(connector)
+        if known is None and isinstance(owner, Group):
+            close = did_you_mean(connector, owner.connectors)
+            self.problems.append(f"{point}: the system has no such connector{close}")
+            return None
+        if known is None or known.kind == "inout":
+            return point, None
+        return point, (known.kind in INWARD) == (owner is group)
+
+    def _hop(self, element: xml.Element, target: Point, group: Group) -> Hop:
+        for kind in ("a Boolean", "an Integer", "an Enumeration"):
+            if element.find(f"ssc:{kind.split()[1]}MappingTransformation", xml.NS) is not None:
+                self.problems.append(
+                    f"{target}: {kind}MappingTransformation of a signal is not supported"
+                )
+        owner = group if target.place == group.place else group.children[target.place[-1]]
+        unit = owner.connectors[target.connector].unit if isinstance(owner, Group) else None
+        try:
+            return hop_of(element, unit)
+        except ValueError as error:
+            self.problems.append(f"{target}: {error}")
+            return Hop()
+
+    # ---- parameters
+
+    def _bindings(
+        self, element: xml.Element, label: str, fmu: Path | None = None
+    ) -> dict[str, Parameter]:
+        """All parameter sets bound to an element, later ones winning."""
+        parameters: dict[str, Parameter] = {}
+        for binding in element.iterfind("ssd:ParameterBindings/ssd:ParameterBinding", xml.NS):
+            try:
+                parameters |= self._bound(binding, label, fmu)
+            except StructureError as error:
+                self.problems += [f"{label}: {problem}" for problem in error.problems]
+        return {
+            name: replace(parameter, optional=not self.own)
+            for name, parameter in parameters.items()
+        }
+
+    def _bound(self, binding: xml.Element, label: str, fmu: Path | None) -> Mapping[str, Parameter]:
+        root = self._part(binding, "ssd:ParameterValues/*", (SSV_TYPE, xml.SSV_SCHEMA), label, fmu)
+        parameters = dict(prefixed(parameter_set(root, self.units), binding.get("prefix", "")))
+        found = binding.find("ssd:ParameterMapping", xml.NS)
+        if found is None:
+            return parameters
+        return mapped(
+            parameters, mapping(self._part(found, "*", (SSM_TYPE, xml.SSM_SCHEMA), label, fmu))
+        )
+
+    def _part(
+        self, element: xml.Element, inline: str, kind: tuple[str, str], label: str, fmu: Path | None
+    ) -> xml.Element:
+        """Root of a parameter set or mapping: inside the element, a file of the archive, or a file
+        inside the FMU.
+        """
+        mime, schema = kind
+        if element.get("type", mime) != mime:
+            raise StructureError([f"{element.get('type')} cannot be read, only {mime}"])
+        source = element.get("source")
+        if source is None:
+            if (found := element.find(inline, xml.NS)) is None:
+                raise StructureError(
+                    [f"a {element.tag.rpartition('}')[2]} is empty and names no file"]
+                )
+            return xml.embedded(found, schema)
+        if element.get("sourceBase") == "component":
+            return self._inside(fmu, source, schema)
+        path = self.file(source, label)
+        if not path.is_file():
+            raise StructureError([])
+        return xml.parse(path, schema)
+
+    def _inside(self, fmu: Path | None, source: str, schema: str) -> xml.Element:
+        if fmu is None:
+            raise StructureError([f"{source}: a system has no FMU that could hold this file"])
+        try:
+            data = read_entry(fmu, unquote(source))
+        except ArchiveError as error:
+            raise StructureError([f"{fmu.name}: {source} cannot be read ({error})"]) from error
+        return xml.parse(data, schema, name=source)
+
+    def file(self, source: str | None, label: str) -> Path:
+        """A file inside the archive; a problem is noted if it is not there."""
+        name = source or ""
+        if urlsplit(name).scheme:
+            self.problems.append(f"{label}: {name} is not read, only files in the archive are")
+            return self.folder
+        path = (self.folder / unquote(name)).resolve()
+        if not path.is_relative_to(self.folder.resolve()) or not path.is_file():
+            self.problems.append(
+                f"{label}: {name or 'a file without a name'} is not in the archive"
+            )
+        return path
+
+
+def _label(place: Place) -> str:
+    return f"component {'.'.join(place)}" if place else "system"

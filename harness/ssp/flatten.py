@@ -1,0 +1,198 @@
+"""Nested systems made flat: components with names of their own, signals followed through the
+connectors of systems.
+
+A signal may pass several systems on its way from an output to an input; every connection on the way
+is a hop. A parameter bound to a system goes down by its dotted name, or through the connector of
+that name.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+
+from harness.ssp.tree import INWARD, Connector, Edge, Element, Group, Leaf, Place, Point
+from harness.system.model import Connection, Parameter, Port
+from harness.system.units import PLAIN, Hop, Unit
+
+_log = logging.getLogger("harness")
+
+
+class Flat:
+    """A tree of systems as components and connections; problems: what cannot be flattened, one line
+    each.
+    """
+
+    def __init__(self, top: Group) -> None:
+        self.problems: list[str] = []
+        self.leaves = {leaf.place: leaf for leaf in _leaves(top)}
+        self.names = _names(list(self.leaves))
+        self._edges = list(_edges(top))
+        self._connectors = {
+            Point(e.place, n): c for e in _elements(top) for n, c in e.connectors.items()
+        }
+        self.parameters: dict[Place, dict[str, Parameter]] = {place: {} for place in self.leaves}
+        self.connections = tuple(self._connections())
+        self._bind(top)
+        self._report_names()
+
+    # ---- signals
+
+    def _connections(self) -> Iterator[Connection]:
+        for edge in self._edges:
+            if edge.target.place in self.leaves:
+                for source, hops in self._ways(edge, ()):
+                    yield Connection(
+                        self._port(source),
+                        self._port(edge.target),
+                        () if hops == (PLAIN,) else hops,
+                    )
+
+    def _ways(self, edge: Edge, seen: tuple[Point, ...]) -> Iterator[tuple[Point, tuple[Hop, ...]]]:
+        """Outputs that reach the end of a connection, and all hops up to there; none behind an open
+        connector.
+        """
+        source = edge.source
+        if source in seen:
+            self.problems.append(
+                f"{source}: the connectors of systems drive each other in a circle"
+            )
+        elif source.place in self.leaves:
+            if self._kind(source) == "calculatedParameter":
+                self.problems.append(f"{source}: connections between parameters are not supported")
+            yield source, (edge.hop,)
+        else:
+            for before in (e for e in self._edges if e.target == source):
+                for origin, hops in self._ways(before, (*seen, source)):
+                    yield origin, (*hops, edge.hop)
+
+    def _kind(self, point: Point) -> str:
+        return self._connectors[point].kind if point in self._connectors else ""
+
+    def _port(self, point: Point) -> Port:
+        return Port(self.names[point.place], point.connector)
+
+    def declared(self) -> dict[Port, Unit]:
+        """Units that the file claims for variables of components."""
+        connectors = ((p, c) for p, c in self._connectors.items() if p.place in self.leaves)
+        return {
+            self._port(point): connector.unit
+            for point, connector in connectors
+            if connector.unit is not None
+        }
+
+    # ---- parameters
+
+    def _bind(self, element: Element) -> None:
+        """Parameters of an element over those of the elements in it: the outer binding wins."""
+        if isinstance(element, Group):
+            for child in element.children.values():
+                self._bind(child)
+        for name, parameter in element.parameters.items():
+            self._assign(element, name, parameter)
+
+    def _assign(self, element: Element, name: str, parameter: Parameter) -> None:
+        if isinstance(element, Leaf):
+            self.parameters[element.place][name] = parameter
+        elif name in element.connectors:
+            self._enter(Point(element.place, name), element.connectors[name], parameter)
+        elif isinstance(element, Group) and (child := _owner(element, name)):
+            self._assign(element.children[child], name[len(child) + 1 :], parameter)
+        else:
+            _log.warning("%s: no element or connector of the system has this name, ignored", name)
+
+    def _enter(self, point: Point, connector: Connector, parameter: Parameter) -> None:
+        """A parameter for a connector of a system, in its unit, goes to all that it drives."""
+        if connector.kind not in INWARD:
+            self.problems.append(f"{point}: start values of outputs of a system are not supported")
+            return
+        if parameter.unit is None and connector.unit is not None:
+            parameter = replace(parameter, unit=connector.unit.name, meaning=connector.unit)
+        elif connector.unit is not None:
+            *earlier, last = parameter.hops or (PLAIN,)
+            parameter = replace(parameter, hops=(*earlier, last._replace(unit=connector.unit)))
+        reached = list(self._ends(point, (), ()))
+        for end, hops in reached:
+            self.parameters[end.place][end.connector] = _sent(parameter, hops)
+        if not reached:
+            _log.warning("%s: the connector is not connected, its value is ignored", point)
+
+    def _ends(
+        self, point: Point, hops: tuple[Hop, ...], seen: tuple[Point, ...]
+    ) -> Iterator[tuple[Point, tuple[Hop, ...]]]:
+        """Variables of components behind a connector of a system, and the hops to them."""
+        for edge in (e for e in self._edges if e.source == point and e.target not in seen):
+            if edge.target.place in self.leaves:
+                yield edge.target, (*hops, edge.hop)
+            else:
+                yield from self._ends(edge.target, (*hops, edge.hop), (*seen, point))
+
+    # ---- names
+
+    def _report_names(self) -> None:
+        changed = [
+            f"{'.'.join(place)} as {name}" for place, name in self.names.items() if place != (name,)
+        ]
+        if changed:
+            _log.warning("components with other names than in the file: %s", ", ".join(changed))
+
+
+def _sent(parameter: Parameter, hops: tuple[Hop, ...]) -> Parameter:
+    """A parameter at the end of some hops; those that do nothing are left out."""
+    if hops == (PLAIN,) and not parameter.hops:
+        return parameter
+    return replace(parameter, hops=(*parameter.hops, *hops))
+
+
+def _owner(group: Group, name: str) -> str | None:
+    """The element that a dotted name begins with; of several the longest."""
+    return max(
+        (child for child in group.children if name.startswith(f"{child}.")), key=len, default=None
+    )
+
+
+def _elements(element: Element) -> Iterator[Element]:
+    """An element and all in it, from the outside in."""
+    yield element
+    if isinstance(element, Group):
+        for child in element.children.values():
+            yield from _elements(child)
+
+
+def _leaves(top: Group) -> Iterator[Leaf]:
+    return (element for element in _elements(top) if isinstance(element, Leaf))
+
+
+def _edges(top: Group) -> Iterator[Edge]:
+    for element in _elements(top):
+        if isinstance(element, Group):
+            yield from element.edges
+
+
+def _names(places: list[Place]) -> dict[Place, str]:
+    """A C identifier for every component: its own name, or all names on the way to it joined;
+    unique.
+    """
+    names: dict[Place, str] = {
+        place: place[0] for place in places if len(place) == 1 and _is_identifier(place[0])
+    }
+    for place in places:
+        if place not in names:
+            wish = _identifier("_".join(place))
+            taken, n, name = set(names.values()), 1, wish
+            while name in taken:
+                n += 1
+                name = f"{wish}_{n}"
+            names[place] = name
+    return {place: names[place] for place in places}
+
+
+def _is_identifier(name: str) -> bool:
+    return name.isidentifier() and name.isascii()
+
+
+def _identifier(name: str) -> str:
+    text = re.sub(r"\W+", "_", name, flags=re.ASCII)
+    return f"_{text}" if text[:1].isdigit() or not text else text

@@ -1,0 +1,36 @@
+"""Systems by name or path: those of the project, and any .ssp."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from harness import paths
+from harness.errors import UsageError
+from harness.spelling import did_you_mean
+from harness.ssp import reader
+from harness.system.model import System
+
+
+@contextmanager
+def load(system: str | Path | System) -> Iterator[System]:
+    """The system of that name or path; its FMUs are unpacked until the end of the `with` block.
+
+    A System is handed through. Raises UsageError, ArchiveError or StructureError.
+    """
+    if isinstance(system, System):
+        yield system
+        return
+    with reader.opened(find_system(system)) as found:
+        yield found
+
+
+def find_system(name: str | Path) -> Path:
+    """Path of an .ssp by name or path; UsageError with close matches if there is none."""
+    known = paths.systems()
+    if str(name) in known:
+        return known[str(name)]
+    if Path(name).is_file():
+        return Path(name)
+    raise UsageError(f"{name}: there is no such system{did_you_mean(str(name), known)}")

@@ -1,0 +1,192 @@
+"""Parameter sets (.ssv) and parameter mappings (.ssm) of SSP: names, values, units, and what a
+mapping does to them.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+from harness.errors import StructureError
+from harness.ssp import xml
+from harness.system.interface import BASE_UNITS
+from harness.system.model import Parameter
+from harness.system.units import Affine, Hop, Unit
+from harness.system.values import Scalar
+
+_log = logging.getLogger("harness")
+
+Units = Mapping[str, Unit]
+
+
+class Entry(NamedTuple):
+    """Parameter `source` of a set goes to `target`, changed by a hop or, where it is no number, by
+    a table.
+    """
+
+    source: str
+    target: str
+    hop: Hop
+    table: Mapping[str, str] | None
+
+
+def read_ssv(path: Path) -> dict[str, Parameter]:
+    """Parameters of an .ssv file by name; StructureError if it is not one or holds NaN."""
+    return parameter_set(xml.parse(path, xml.SSV_SCHEMA))
+
+
+def parameter_set(root: xml.Element, further: Units | None = None) -> dict[str, Parameter]:
+    """Parameters of an ssv:ParameterSet element by name; further: units known beside its own.
+
+    Raises StructureError if a value is NaN or binary.
+    """
+    units = {**(further or {}), **units_of(root, "ssv:Units")}
+    parameters, problems = {}, []
+    for element in root.iterfind("ssv:Parameters/ssv:Parameter", xml.NS):
+        name, value = element.get("name"), element[0]
+        unit = value.get("unit")
+        try:
+            parameters[name] = Parameter(_scalar(value), unit, units.get(unit))
+        except ValueError as error:
+            problems.append(f"parameter {name}: {error}")
+    if problems:
+        raise StructureError(problems)
+    return parameters
+
+
+def units_of(root: xml.Element, table: str) -> dict[str, Unit]:
+    """Units that a file defines, by name."""
+    return {
+        e.get("name"): Unit(e.get("name"), _base(e[0]))
+        for e in root.iterfind(f"{table}/ssc:Unit", xml.NS)
+    }
+
+
+def _base(element: xml.Element) -> dict[str, float]:
+    return {name: float(element.get(name, "1" if name == "factor" else "0")) for name in BASE_UNITS}
+
+
+def _scalar(element: xml.Element) -> Scalar:
+    """Value of ssv:Real, ssv:Integer, ... as Python has it."""
+    text: str = element.get("value", "")
+    match element.tag.rpartition("}")[2]:
+        case "Real":
+            number = float(text)
+            if math.isnan(number):
+                raise ValueError("must not be NaN")
+            return number
+        case "Integer":
+            return int(text)
+        case "Boolean":
+            return text.strip() in ("true", "1")
+        case "Binary":
+            raise ValueError("binary values are not supported")
+    return text
+
+
+# ---- mappings
+
+
+def mapping(root: xml.Element) -> list[Entry]:
+    """Entries of an ssm:ParameterMapping element; StructureError with every transformation that
+    makes no sense.
+    """
+    entries, problems = [], []
+    for element in root.iterfind("ssm:MappingEntry", xml.NS):
+        try:
+            table, hop = _table(element), hop_of(element)
+            entries.append(Entry(element.get("source"), element.get("target"), hop, table))
+        except ValueError as error:
+            problems.append(f"mapping of {element.get('source')}: {error}")
+    if problems:
+        raise StructureError(problems)
+    return entries
+
+
+def hop_of(element: xml.Element, unit: Unit | None = None) -> Hop:
+    """What a connection or mapping entry does to a number that ends in `unit`; ValueError if it is
+    not finite.
+    """
+    linear = element.find("ssc:LinearTransformation", xml.NS)
+    change = Affine()
+    if linear is not None:
+        change = Affine(float(linear.get("factor", "1")), float(linear.get("offset", "0")))
+    if not all(map(math.isfinite, change)):
+        raise ValueError("factor and offset of its transformation must be finite")
+    convert = element.get("suppressUnitConversion", "false").strip() not in ("true", "1")
+    return Hop(change, convert, unit)
+
+
+def _table(element: xml.Element) -> dict[str, str] | None:
+    """Table of a Boolean-, Integer- or EnumerationMappingTransformation as texts, None without
+    one.
+    """
+    for kind in ("Boolean", "Integer", "Enumeration"):
+        found = element.find(f"ssc:{kind}MappingTransformation", xml.NS)
+        if found is not None:
+            return {
+                _key(kind, e.get("source")): _key(kind, e.get("target"))
+                for e in found.iterfind("*")
+            }
+    return None
+
+
+def _key(kind: str, text: str) -> str:
+    """One spelling for one value: true for 1, 7 for +7."""
+    if kind == "Boolean":
+        return "true" if text.strip() in ("true", "1") else "false"
+    return str(int(text)) if kind == "Integer" else text
+
+
+def mapped(parameters: Mapping[str, Parameter], entries: list[Entry]) -> dict[str, Parameter]:
+    """Parameters under the names of their targets; StructureError if one is not there or not in its
+    table.
+
+    What a mapping does not mention is not set; the log says so.
+    """
+    problems, result = [], {}
+    for entry in entries:
+        try:
+            result[entry.target] = _transformed(parameters, entry)
+        except ValueError as error:
+            problems.append(f"mapping of {entry.source} to {entry.target}: {error}")
+    if problems:
+        raise StructureError(problems)
+    if unused := [name for name in parameters if name not in {e.source for e in entries}]:
+        _log.warning(
+            "parameters that their mapping does not mention are not set: %s", ", ".join(unused)
+        )
+    return result
+
+
+def _transformed(parameters: Mapping[str, Parameter], entry: Entry) -> Parameter:
+    if entry.source not in parameters:
+        raise ValueError("the parameter set has no such parameter")
+    parameter = parameters[entry.source]
+    if entry.table is None:
+        return (
+            parameter
+            if entry.hop == Hop()
+            else replace(parameter, hops=(*parameter.hops, entry.hop))
+        )
+    value = parameter.value
+    key = str(value).lower() if isinstance(value, bool) else str(value)
+    if key not in entry.table:
+        raise ValueError(f"its table has no entry for {key}")
+    return replace(parameter, value=_like(value, entry.table[key]))
+
+
+def _like(value: Scalar, text: str) -> Scalar:
+    """A text of a table as the type of the value that it replaces."""
+    if isinstance(value, bool):
+        return text == "true"
+    return text if isinstance(value, str) else int(text)
+
+
+def prefixed(parameters: Mapping[str, Parameter], prefix: str) -> Iterator[tuple[str, Parameter]]:
+    """Parameters with the prefix of their binding, which comes before any mapping."""
+    return ((prefix + name, parameter) for name, parameter in parameters.items())

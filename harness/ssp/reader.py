@@ -1,0 +1,171 @@
+"""From an .ssp file to a System: safe unpacking, schema validation, and no FMI call.
+
+Names are read by namespace, whatever the prefixes. Nested systems are flattened. What cannot be run
+is refused, not ignored: model exchange, signal dictionaries, connections between parameters, tables
+that transform signals.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from harness.archive import unpack
+from harness.errors import StructureError
+from harness.ssp import xml
+from harness.ssp.elements import Elements
+from harness.ssp.flatten import Flat
+from harness.ssp.parameters import read_ssv
+from harness.ssp.tree import Leaf
+from harness.system.model import (
+    Alternative,
+    Component,
+    Experiment,
+    Parameters,
+    ParameterSet,
+    System,
+)
+from harness.temporary import PrivateFolder
+
+_log = logging.getLogger("harness")
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[System]:
+    """The system in an .ssp, unpacked to a private temporary folder that is removed at the end of
+    the `with` block.
+
+    Raises ArchiveError (damaged or unsafe archive) or StructureError (all problems of the
+    description).
+    """
+    with PrivateFolder() as folder:
+        unpack(path, folder)
+        try:
+            system = read(folder)
+        except StructureError as error:
+            raise StructureError(f"{path.name}: {problem}" for problem in error.problems) from error
+        yield system
+
+
+def read(folder: Path) -> System:
+    """The system in an unpacked .ssp; StructureError with all problems."""
+    if not (folder / xml.SSD_FILE).is_file():
+        raise StructureError([f"it holds no {xml.SSD_FILE}"])
+    reader = _Reader(folder, xml.parse(folder / xml.SSD_FILE, xml.SSD_SCHEMA))
+    system = reader.system()
+    if reader.problems:
+        raise StructureError(reader.problems)
+    return system
+
+
+class _Reader:
+    """What the root of SystemStructure.ssd says: time, order, parameter sets; the elements are read
+    elsewhere.
+    """
+
+    def __init__(self, folder: Path, root: xml.Element) -> None:
+        self.folder = folder
+        self.root = root
+        self.run = root.find(
+            f"ssd:Annotations/ssc:Annotation[@type='{xml.RUN_ANNOTATION}']/run:Run", xml.NS
+        )
+        self.schedule = {e.get("name"): e for e in self._own("run:Component")}
+        self.elements = Elements(folder, root, own=self.run is not None)
+        self.problems = self.elements.problems
+
+    def system(self) -> System:
+        flat = Flat(self.elements.group(self.root.find("ssd:System", xml.NS)))
+        self.problems += flat.problems
+        experiment = self._experiment()
+        components = tuple(self._component(leaf, flat, experiment) for leaf in flat.leaves.values())
+        return System(
+            name=self.root.get("name"),
+            description=self.root.get("description", ""),
+            components=components,
+            connections=flat.connections,
+            experiment=experiment,
+            sets=tuple(self._set(e, components) for e in self._own("run:ParameterSet")),
+            alternatives=tuple(
+                self._alternative(e, components) for e in self._own("run:Alternative")
+            ),
+            strict=self.run is not None and self.run.get("strict") == "true",
+            declared=flat.declared(),
+        )
+
+    def _own(self, path: str) -> list[xml.Element]:
+        """Elements of our own annotation, none in a file of another tool."""
+        return [] if self.run is None else list(self.run.iterfind(path, xml.NS))
+
+    def _experiment(self) -> Experiment:
+        """Time span of the file; the step is OSP's, the algorithm ours, without ours Jacobi, which
+        needs no order.
+        """
+        default = self.root.find("ssd:DefaultExperiment", xml.NS)
+        step = self.root.find("ssd:DefaultExperiment//osp:FixedStepAlgorithm", xml.NS)
+        return Experiment(
+            start=self._number(default, "startTime") or 0.0,
+            stop=self._number(default, "stopTime"),
+            step=self._number(step, "baseStepSize"),
+            algorithm="jacobi" if self.run is None else self.run.get("algorithm"),
+        )
+
+    def _component(self, leaf: Leaf, flat: Flat, experiment: Experiment) -> Component:
+        name = flat.names[leaf.place]
+        return Component(
+            name,
+            leaf.fmu,
+            flat.parameters[leaf.place],
+            *self._schedule(name, leaf.hint, experiment),
+        )
+
+    def _schedule(self, name: str, hint: float | None, experiment: Experiment) -> tuple[int, int]:
+        """Period and latency from our annotation, else every from OSP's hint of a longer step."""
+        own = self.schedule.get(name)
+        if own is not None:
+            return round(self._number(own, "every") or 1), round(self._number(own, "latency") or 0)
+        if hint and not experiment.step:
+            _log.warning(
+                "%s: its step of %g s is not used, the file does not say the macro step", name, hint
+            )
+        return max(1, round(hint / experiment.step)) if hint and experiment.step else 1, 0
+
+    def _set(self, element: xml.Element, components: tuple[Component, ...]) -> ParameterSet:
+        """A set that our annotation lists but nothing binds: one .ssv per component that has
+        parameters.
+        """
+        name = element.get("name", "")
+        parameters = self._files(f"resources/sets/{name}", components)
+        if not parameters:
+            self.problems.append(
+                f"parameter set {name}: is listed, but none of its files is in the archive"
+            )
+        stop, step = self._number(element, "stop"), self._number(element, "step")
+        return ParameterSet(name, element.get("description", ""), parameters, stop, step)
+
+    def _alternative(self, element: xml.Element, components: tuple[Component, ...]) -> Alternative:
+        fmu = element.get("fmu", "")
+        return Alternative(
+            element.get("component", ""),
+            fmu,
+            self._files(f"resources/alternatives/{fmu}", components),
+        )
+
+    def _files(self, place: str, components: tuple[Component, ...]) -> dict[str, Parameters]:
+        """Parameters by component from the .ssv files of a folder of the archive."""
+        files = {c.name: self.folder / place / f"{c.name}.ssv" for c in components}
+        return {c: self._values(path) for c, path in files.items() if self._inside(path)}
+
+    def _values(self, path: Path) -> Parameters:
+        try:
+            return read_ssv(path)
+        except StructureError as error:
+            self.problems += error.problems
+            return {}
+
+    def _inside(self, path: Path) -> bool:
+        return path.is_file() and path.resolve().is_relative_to(self.folder.resolve())
+
+    def _number(self, element: xml.Element, attribute: str) -> float | None:
+        return xml.number(element, attribute, self.problems)

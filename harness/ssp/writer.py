@@ -1,0 +1,297 @@
+"""From a System to an .ssp file, in the dialect that FMPy, libcosim, ecos and OMSimulator all
+accept.
+
+Literal prefixes, OSP's namespace on the root, every connector with its type, one .ssv per component
+with the same name of the set everywhere, nothing nested. The same system always gives the same
+bytes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from urllib.parse import quote
+
+from lxml import etree
+
+from harness.archive import pack
+from harness.errors import StructureError
+from harness.ssp.ssv import Units, bare_ssv, ssv, unit_table
+from harness.ssp.xml import (
+    FMU_TYPE,
+    NS,
+    OSP_ANNOTATION,
+    RUN_ANNOTATION,
+    SSD_FILE,
+    TOOL,
+    Element,
+    attributes,
+    child,
+    tag,
+    text,
+)
+from harness.system.conversion import way
+from harness.system.graph import read_interfaces
+from harness.system.interface import Interface, Variable
+from harness.system.model import DEFAULT_SET, Component, System
+from harness.system.units import IDENTITY, Affine
+
+WIDTH, GAP, PITCH = 80, 60, 5
+"""Block diagram: width of a component, distance between components, distance between connectors."""
+
+
+def write_ssp(system: System, path: Path) -> None:
+    """Write a system with its FMUs. Raises FmuError, StructureError, or ResultsError if the file
+    cannot be written.
+    """
+    pack(path, ssp_content(system))
+
+
+def ssp_content(system: System) -> dict[str, bytes]:
+    """Files of the archive by name."""
+    interfaces = read_interfaces(system)
+    units = _units(interfaces)
+    sources = _sources(system.components)
+    content = {sources[c.name]: c.fmu.read_bytes() for c in system.components}
+    content[SSD_FILE] = _Description(system, interfaces, sources, units).text()
+    for component in system.components:
+        if component.parameters:
+            content[_ssv_name(component)] = ssv(
+                DEFAULT_SET, component.parameters, interfaces[component.name], units
+            )
+    for each in system.sets:
+        told = {
+            c.name for c in system.components if c.parameters or each.parameters.get(c.name)
+        } or each.parameters
+        for name, parameters in each.parameters.items():
+            if name in told:
+                content[f"resources/sets/{each.name}/{name}.ssv"] = ssv(
+                    each.name, parameters, interfaces[name], units
+                )
+    for alternative in system.alternatives:
+        for name, parameters in alternative.parameters.items():
+            content[f"resources/alternatives/{alternative.fmu}/{name}.ssv"] = bare_ssv(
+                alternative.fmu, parameters
+            )
+    return content
+
+
+def _units(interfaces: Mapping[str, Interface]) -> Units:
+    """All units of all FMUs; StructureError if two FMUs mean different things by one name."""
+    units: dict[str, Mapping[str, float]] = {}
+    for component, interface in interfaces.items():
+        for name, base in interface.units.items():
+            if units.setdefault(name, base) != base:
+                raise StructureError(
+                    [f"{component}: its unit {name} is not the {name} of the components before it"]
+                )
+    return units
+
+
+def _sources(components: Sequence[Component]) -> dict[str, str]:
+    """Place of every FMU in the archive; different FMUs with one file name are told apart by the
+    component.
+    """
+    owner: dict[str, Path] = {}
+    sources = {}
+    for component in components:
+        name = f"resources/{component.fmu.name}"
+        if owner.setdefault(name, component.fmu) != component.fmu:
+            name = f"resources/{component.name}-{component.fmu.name}"
+        sources[component.name] = name
+    return sources
+
+
+def _ssv_name(component: Component) -> str:
+    return f"resources/{component.name}.ssv"
+
+
+class _Description:
+    """SystemStructure.ssd, element by element in the order of the schema."""
+
+    def __init__(
+        self,
+        system: System,
+        interfaces: Mapping[str, Interface],
+        sources: Mapping[str, str],
+        units: Units,
+    ) -> None:
+        self.system, self.interfaces, self.sources, self.units = system, interfaces, sources, units
+        self.connected = {c.name: self._connected(c.name) for c in system.components}
+
+    def _connected(self, component: str) -> list[Variable]:
+        """Variables of a component at either end of a connection, in the order of its model
+        description.
+        """
+        names = {
+            port.variable
+            for c in self.system.connections
+            for port in c[:2]
+            if port.component == component
+        }
+        return [v for name, v in self.interfaces[component].variables.items() if name in names]
+
+    def text(self) -> bytes:
+        namespaces = {prefix: NS[prefix] for prefix in ("ssd", "ssc", "ssv", "osp")}
+        root = etree.Element(tag("ssd:SystemStructureDescription"), nsmap=namespaces)
+        attributes(
+            root,
+            version="1.0",
+            name=self.system.name,
+            description=self.system.description,
+            generationTool=TOOL,
+        )
+        top = child(root, "ssd:System", name=self.system.name)
+        elements = child(top, "ssd:Elements")
+        for column, component in enumerate(self.system.components):
+            self._component(elements, component, column)
+        self._connections(top)
+        self._canvas(top)
+        self._enumerations(root)
+        unit_table(
+            root,
+            "ssd:Units",
+            self.units,
+            (v.unit for each in self.connected.values() for v in each),
+        )
+        self._experiment(root)
+        self._run(child(root, "ssd:Annotations"))
+        return text(root)
+
+    def _component(self, elements: Element, component: Component, column: int) -> None:
+        element = child(
+            elements,
+            "ssd:Component",
+            name=component.name,
+            type=FMU_TYPE,
+            source=quote(self.sources[component.name]),
+        )
+        attributes(
+            element,
+            implementation="CoSimulation",
+            description=self.interfaces[component.name].model.description,
+        )
+        self._connectors(element, component)
+        child(element, "ssd:ElementGeometry", **self._block(component, column))
+        if component.parameters:
+            bindings = child(element, "ssd:ParameterBindings")
+            child(bindings, "ssd:ParameterBinding", source=_ssv_name(component))
+        if component.every > 1 and self.system.experiment.step:
+            hint = child(child(element, "ssd:Annotations"), "ssc:Annotation", type=OSP_ANNOTATION)
+            child(hint, "osp:StepSizeHint", value=component.every * self.system.experiment.step)
+
+    def _connectors(self, element: Element, component: Component) -> None:
+        """Inputs down the left edge, outputs down the right one; (0, 0) is the lower left
+        corner.
+        """
+        connected = self.connected[component.name]
+        connectors = child(element, "ssd:Connectors") if connected else None
+        for x, kind in ((0, "input"), (1, "output")):
+            side = [v for v in connected if v.causality == kind]
+            for i, variable in enumerate(side):
+                connector = child(
+                    connectors,
+                    "ssd:Connector",
+                    name=variable.name,
+                    kind=kind,
+                    description=variable.description,
+                )
+                unit = variable.unit if variable.unit in self.units else None
+                type_ = child(connector, f"ssc:{variable.type}")
+                attributes(type_, unit=unit if variable.type == "Real" else None)
+                attributes(
+                    type_, name=variable.type_name if variable.type == "Enumeration" else None
+                )
+                child(
+                    connector, "ssd:ConnectorGeometry", x=x, y=round(1 - (i + 0.5) / len(side), 6)
+                )
+
+    def _enumerations(self, root: Element) -> None:
+        """Types of the connected enumerations; the first component that has a type of that name
+        defines it.
+        """
+        types = {
+            v.type_name: v.items
+            for each in self.connected.values()
+            for v in each
+            if v.type == "Enumeration"
+        }
+        table = child(root, "ssd:Enumerations") if types else None
+        for name, items in sorted(types.items()):
+            enumeration = child(table, "ssc:Enumeration", name=name)
+            for item, value in items.items():
+                child(enumeration, "ssc:Item", name=item, value=value)
+
+    def _height(self, component: Component) -> int:
+        sides = [v.causality for v in self.connected[component.name]]
+        return PITCH * max(sides.count("input"), sides.count("output"), 4)
+
+    def _block(self, component: Component, column: int) -> dict[str, float]:
+        """Corners of a component: a row from left to right in execution order, tops aligned at y =
+        0.
+        """
+        left = column * (WIDTH + GAP)
+        return {"x1": left, "y1": -self._height(component), "x2": left + WIDTH, "y2": 0}
+
+    def _canvas(self, top: Element) -> None:
+        right = len(self.system.components) * (WIDTH + GAP)
+        bottom = -max(self._height(c) for c in self.system.components) - GAP
+        child(top, "ssd:SystemGeometry", x1=-GAP, y1=bottom, x2=right, y2=GAP)
+
+    def _connections(self, top: Element) -> None:
+        connections = child(top, "ssd:Connections") if self.system.connections else None
+        for each in self.system.connections:
+            source, target, hops = each
+            connection = child(connections, "ssd:Connection")
+            attributes(connection, startElement=source.component, startConnector=source.variable)
+            attributes(connection, endElement=target.component, endConnector=target.variable)
+            if hops:
+                self._transformation(connection, way(each, self.interfaces))
+
+    def _transformation(self, connection: Element, change: Affine) -> None:
+        """Everything that happens on the way as one step, the conversion of units included."""
+        attributes(connection, suppressUnitConversion=True)
+        if change != IDENTITY:
+            child(
+                connection, "ssc:LinearTransformation", factor=change.factor, offset=change.offset
+            )
+
+    def _experiment(self, root: Element) -> None:
+        experiment = self.system.experiment
+        default = child(
+            root, "ssd:DefaultExperiment", startTime=experiment.start, stopTime=experiment.stop
+        )
+        if experiment.step:
+            annotation = child(
+                child(default, "ssd:Annotations"), "ssc:Annotation", type=OSP_ANNOTATION
+            )
+            algorithm = child(annotation, "osp:Algorithm")
+            child(
+                algorithm,
+                "osp:FixedStepAlgorithm",
+                baseStepSize=experiment.step,
+                numWorkerThreads=0,
+            )
+
+    def _run(self, annotations: Element) -> None:
+        """Our annotation: what a run needs and SSP has no place for."""
+        annotation = child(annotations, "ssc:Annotation", type=RUN_ANNOTATION)
+        run = etree.SubElement(annotation, tag("run:Run"), nsmap={"run": NS["run"]})
+        attributes(
+            run,
+            algorithm=self.system.experiment.algorithm,
+            strict="true" if self.system.strict else "false",
+        )
+        for c in self.system.components:
+            child(run, "run:Component", name=c.name, every=c.every, latency=c.latency)
+        for s in self.system.sets:
+            child(
+                run,
+                "run:ParameterSet",
+                name=s.name,
+                description=s.description,
+                stop=s.stop,
+                step=s.step,
+            )
+        for a in self.system.alternatives:
+            child(run, "run:Alternative", component=a.component, fmu=a.fmu)

@@ -1,0 +1,174 @@
+"""Names and schemas of SSP 1.0, shared by the reader and the writer of .ssp files."""
+
+from __future__ import annotations
+
+import math
+from copy import deepcopy
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import fmpy
+from lxml import etree
+
+from harness.archive import has_doctype
+from harness.errors import StructureError
+from harness.system.values import Scalar
+
+Element = Any
+Schema = Any
+"""lxml has no types."""
+
+NS = {
+    "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
+    "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
+    "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
+    "ssm": "http://ssp-standard.org/SSP1/SystemStructureParameterMapping",
+    "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
+    "run": "urn:io.github.servicing-fmus:run:1",
+}
+"""Namespaces by the prefixes that libcosim and ecos expect literally; `run` is our own
+annotation.
+"""
+
+SSD_FILE = "SystemStructure.ssd"
+OSP_ANNOTATION = "com.opensimulationplatform"
+RUN_ANNOTATION = "io.github.servicing-fmus"
+TOOL = "servicing-fmus"
+FMU_TYPE = "application/x-fmu-sharedlibrary"
+
+SSD_SCHEMA = "SystemStructureDescription.xsd"
+SSV_SCHEMA = "SystemStructureParameterValues.xsd"
+SSM_SCHEMA = "SystemStructureParameterMapping.xsd"
+
+_NUMBERS = {
+    "Real": ("Float64", "Float32"),
+    "Integer": tuple(f"{u}Int{n}" for u in ("", "U") for n in (8, 16, 32, 64)),
+}
+_OLD_NAMES = {
+    f"{{{NS[p]}}}{new}": f"{{{NS[p]}}}{old}"
+    for p in ("ssc", "ssv")
+    for old in _NUMBERS
+    for new in _NUMBERS[old]
+}
+"""Types that SSP 2.0 has added for FMI 3.0, and what they are for an FMU of FMI 2.0."""
+
+
+def tag(name: str) -> str:
+    """Name that lxml gives to an element written with a prefix: `ssd:System` gives
+    `{http://...}System`.
+    """
+    prefix, local = name.split(":")
+    return f"{{{NS[prefix]}}}{local}"
+
+
+def parse(source: Path | bytes, schema: str, name: str = "") -> Element:
+    """Root element of an XML file, valid against one of the SSP schemas; neither entities nor the
+    network are used.
+
+    A file of SSP 2.0 is read as far as SSP 1.0 knows its elements. Raises StructureError with every
+    violation of the schema.
+    """
+    name = source.name if isinstance(source, Path) else name
+    data = source.read_bytes() if isinstance(source, Path) else source
+    parser = etree.XMLParser(
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        remove_comments=True,
+        remove_pis=True,
+    )
+    try:
+        tree = None if has_doctype(data) else etree.ElementTree(etree.fromstring(data, parser))
+    except etree.XMLSyntaxError as error:
+        raise StructureError([f"{name}: not a readable XML file ({error})"]) from error
+    if tree is None or tree.docinfo.doctype:
+        raise StructureError([f"{name}: a document type declaration is not allowed"])
+    return valid(tree.getroot(), schema, name)
+
+
+def embedded(element: Element, schema: str) -> Element:
+    """An element inside another file as the root of its own, valid against one of the SSP
+    schemas.
+    """
+    root = deepcopy(element)
+    return valid(root, schema, etree.QName(root).localname)
+
+
+def valid(root: Element, schema: str, name: str) -> Element:
+    """The root element itself; StructureError with every violation of the schema, by the name of
+    the file.
+    """
+    _as_version_1(root)
+    validator = _schema(schema)
+    if not validator.validate(root):
+        raise StructureError(
+            f"{name}, line {e.line}: {' '.join(e.message.split())}" for e in validator.error_log
+        )
+    return root
+
+
+def _as_version_1(root: Element) -> None:
+    """Rewrite what SSP 2.0 says otherwise without meaning more for FMI 2.0, and drop the metadata
+    it has added.
+    """
+    if not root.get("version", "").startswith("2."):
+        return
+    root.set("version", "1.0")
+    for element in list(root.iter(*_OLD_NAMES)):
+        element.tag = _OLD_NAMES[element.tag]
+    for element in list(root.iter(tag("ssc:MetaData"), tag("ssc:Signature"))):
+        element.getparent().remove(element)
+
+
+@lru_cache
+def _schema(name: str) -> Schema:
+    return etree.XMLSchema(file=str(Path(fmpy.__file__).parent / "ssp" / "schema" / name))
+
+
+def number(element: Element, attribute: str, problems: list[str]) -> float | None:
+    """A finite number in an attribute, None without it; a problem is noted if it is something
+    else.
+    """
+    text = None if element is None else element.get(attribute)
+    try:
+        value = None if text is None else float(text)
+    except ValueError:
+        value = math.nan
+    if value is None or math.isfinite(value):
+        return value
+    problems.append(
+        f"{etree.QName(element).localname}: {attribute}='{text}' is not a finite number"
+    )
+    return None
+
+
+# ---- writing
+
+
+def child(parent: Element, kind: str, /, **values: Scalar | None) -> Element:
+    """A new element at the end of its parent."""
+    element = etree.SubElement(parent, tag(kind))
+    attributes(element, **values)
+    return element
+
+
+def attributes(element: Element, /, **values: Scalar | None) -> None:
+    """Set attributes in the given order; None and "" are left out."""
+    for name, value in values.items():
+        if value is not None and value != "":
+            element.set(name, literal(value))
+
+
+def literal(value: Scalar) -> str:
+    """A value as XML schema writes it."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float) and not math.isfinite(value):
+        return "NaN" if math.isnan(value) else "INF" if value > 0 else "-INF"
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def text(root: Element) -> bytes:
+    """The file that an element is the root of."""
+    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))

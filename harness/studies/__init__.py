@@ -1,0 +1,1 @@
+"""Several runs of one system, or several looks at one FMU: comparisons, linear models, checks."""

@@ -1,0 +1,118 @@
+"""What a comparison flies: every combination of the options that were given several values."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from harness.changes import Changes, pairs
+from harness.errors import UsageError
+
+NAMED = ("swap", "latency", "set")
+"""Options whose values stand after `component=` or `component.parameter=`."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One flight: a label that tells it from the others, and what is changed in the system."""
+
+    label: str
+    changes: Changes
+
+    @property
+    def file(self) -> str:
+        """The label as the stem of a file name."""
+        return re.sub(r"[^\w.-]+", "_", self.label)
+
+
+class _Choice(NamedTuple):
+    """One value of one option: its label and the change it stands for."""
+
+    label: str
+    option: str
+    value: str | tuple[str, str]
+
+
+def cases(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Case]:
+    """All combinations, the last option changing fastest.
+
+    fixed: changes common to all; varied: option (params, algorithm, swap, latency, set) and its
+    values separated by commas, for the last three after `component=` or `component.parameter=`; a
+    parameter may also be given as a range first:last:step. Only options with several values appear
+    in the labels. Raises UsageError if there is nothing to compare.
+    """
+    choices = [list(_choices(option, text)) for option, text in varied]
+    several = [len(each) > 1 for each in choices]
+    if not any(several):
+        raise UsageError(
+            "there is nothing to compare: give several values, e.g. --swap controller=A,B or --params A,B"
+        )
+    return [_case(fixed, combination, several) for combination in itertools.product(*choices)]
+
+
+def _choices(option: str, text: str) -> Iterator[_Choice]:
+    name, given = next(pairs(f"--{option}", [text])) if option in NAMED else ("", text)
+    values = [value for piece in _split(given) for value in _range(piece.strip(), option)]
+    stems = [Path(value).stem for value in values]
+    for value, stem in zip(values, stems, strict=True):
+        if not value:
+            raise UsageError(f"--{option} {text}: a value is missing")
+        if values.count(value) > 1:
+            raise UsageError(f"--{option} {text}: {value} stands there twice")
+        labels = {
+            "swap": value if Counter(stems)[stem] > 1 else stem,
+            "latency": _delay(name, value),
+            "set": f"{name.partition('.')[2]}={value}",
+        }
+        yield _Choice(labels.get(option, value), option, (name, value) if name else value)
+
+
+def _split(text: str) -> Iterator[str]:
+    """The pieces between commas that stand outside all brackets."""
+    piece, depth = "", 0
+    for character in text:
+        depth += (character == "[") - (character == "]")
+        if character == "," and depth == 0:
+            yield piece
+            piece = ""
+        else:
+            piece += character
+    yield piece
+
+
+def _range(text: str, option: str) -> Sequence[str]:
+    """The numbers of `first:last:step`, both ends included; anything else is itself."""
+    parts = text.split(":")
+    if option != "set" or len(parts) != 3:
+        return [text]
+    try:
+        first, last, step = map(float, parts)
+        count = round((last - first) / step)
+    except (ValueError, ZeroDivisionError, OverflowError) as error:
+        raise UsageError(f"{text}: a range of values is first:last:step, three numbers") from error
+    if count < 0 or abs(first + count * step - last) > 1e-9 * abs(step):
+        raise UsageError(f"{text}: the range does not end at {parts[1]} after whole steps")
+    return [f"{first + k * step:.12g}" for k in range(count + 1)]
+
+
+def _delay(component: str, steps: str) -> str:
+    return f"{component} {'on time' if steps == '0' else f'{steps} late'}"
+
+
+def _case(fixed: Changes, combination: Sequence[_Choice], several: Sequence[bool]) -> Case:
+    changes = fixed.copy()
+    for choice in combination:
+        if isinstance(choice.value, str):
+            changes[choice.option] = choice.value  # type: ignore[literal-required]
+        else:
+            earlier = dict(pairs(f"--{choice.option}", changes.get(choice.option, ())))  # type: ignore[arg-type]
+            changes[choice.option] = earlier | dict([choice.value])  # type: ignore[literal-required]
+    return Case(
+        ", ".join(c.label for c, varies in zip(combination, several, strict=True) if varies),
+        changes,
+    )

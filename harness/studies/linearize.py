@@ -1,0 +1,287 @@
+"""Linear model of one FMU about an operating point, by central differences over one step of the FMU
+itself.
+
+    x(t+h) = A x(t) + B u(t),   y(t+h) = C x(t+h) + D u(t)       deviations from the operating
+    point, u held
+
+The states of an FMU are those of its outputs whose start value is a parameter: `wheel_speed` starts
+at `wheel_speed_0`, `r_SN_N` at `r_0_N`. The FMU is restarted at the operating point with them
+moved, so nothing but FMI is needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from fmpy.fmi2 import FMU2Slave
+from numpy.typing import NDArray
+
+from harness.archive import unpack
+from harness.errors import FmuError, RunError, UsageError
+from harness.master import messages
+from harness.system.interface import Interface, read_interface
+from harness.system.values import assign, base, index
+from harness.temporary import PrivateFolder
+
+Array = NDArray[np.float64]
+RELATIVE_STATE, RELATIVE_INPUT = 1e-4, 1e-2
+"""Distances of the differences, relative to the size of the vector that is moved, at least of 1."""
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """A (n, n), B (n, m), C (p, n), D (p, m) at time t [s] for the step h [s], with names, units,
+    operating point.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    t: float
+    h: float
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: Mapping[str, str]
+    point: Mapping[str, float]
+
+    def save(self, path: Path) -> None:
+        """Write an .npz: matrices, t, h, and for x, u, y the arrays NAME_names, NAME_units,
+        NAME_0.
+        """
+        groups = {"x": self.states, "u": self.inputs, "y": self.outputs}
+        texts = {f"{key}_names": np.array(names, dtype=str) for key, names in groups.items()}
+        units = {
+            f"{key}_units": np.array([self.units[n] for n in names], dtype=str)
+            for key, names in groups.items()
+        }
+        points = {
+            f"{key}_0": np.array([self.point[n] for n in names]) for key, names in groups.items()
+        }
+        matrices = {
+            "A": self.A,
+            "B": self.B,
+            "C": self.C,
+            "D": self.D,
+            "t": np.array(self.t),
+            "h": np.array(self.h),
+        }
+        everything: dict[str, Any] = {**matrices, **texts, **units, **points}
+        np.savez(path, **everything)
+
+
+def linearize(
+    fmu: Path, at: float = 0.0, step: float = 0.1, values: Mapping[str, Any] | None = None
+) -> LinearModel:
+    """Linear model of an FMU after running alone for `at` seconds.
+
+    at: operating point [s], a multiple of step; step: h [s]; values: parameters and held inputs by
+    name, vectors as lists. Raises UsageError for unknown names or a time that is no multiple of the
+    step, FmuError, RunError.
+    """
+    if step <= 0 or at < 0 or abs(at / step - round(at / step)) > 1e-9 * max(1.0, at / step):
+        raise UsageError(
+            f"the operating point {at:g} s must be a multiple of the step {step:g} s, which must be positive"
+        )
+    interface = read_interface(fmu)
+    with _Bench(interface, _settings(interface, values or {})) as bench:
+        return _Differences(bench, at, step).model()
+
+
+def _settings(interface: Interface, values: Mapping[str, Any]) -> dict[str, float]:
+    settings: dict[str, float] = {}
+    for name, value in values.items():
+        try:
+            settings |= {k: float(v) for k, v in assign(name, value, interface.settable()).items()}
+        except ValueError as error:
+            raise UsageError(f"{name}: {error}") from error
+    return settings
+
+
+def start_parameters(interface: Interface) -> dict[str, str]:
+    """Elements of outputs that are states, and the parameters that hold their start values."""
+    found = {}
+    for name in interface.outputs():
+        vector = base(name)
+        suffix = name[len(vector) :]
+        kind, _, rest = vector.partition("_")
+        position = kind in ("r", "v") and rest.endswith("N_N")
+        start = (f"{kind}_0_N" if position else f"{vector}_0") + suffix
+        if start in interface.settable():
+            found[name] = start
+    return found
+
+
+class _Bench:
+    """The FMU on the bench: restarted as often as needed with other values."""
+
+    def __init__(self, interface: Interface, settings: Mapping[str, float]) -> None:
+        self.interface = interface
+        self.settings = dict(settings)
+        self.states = start_parameters(interface)
+        self.inputs = list(interface.named("input"))
+        self.outputs = list(interface.outputs())
+
+    def __enter__(self) -> Self:
+        self._folder = PrivateFolder()
+        try:
+            unpack(self.interface.path, self._folder.path)
+            self._slave = self._load()
+        except BaseException:
+            self._folder.close()
+            raise
+        return self
+
+    def _load(self) -> Any:
+        model = self.interface.model
+        try:
+            slave = FMU2Slave(
+                guid=model.guid,
+                modelIdentifier=model.coSimulation.modelIdentifier,
+                unzipDirectory=str(self._folder.path),
+                instanceName=model.modelName,
+            )
+            slave.instantiate(callbacks=messages.callbacks(), loggingOn=False)
+        except Exception as error:
+            raise FmuError(
+                f"{self.interface.path.name} cannot be loaded: {' '.join(str(error).split())}"
+            ) from error
+        return slave
+
+    def __exit__(self, *_: object) -> None:
+        self._slave.freeInstance()
+        self._folder.close()
+
+    def run(self, values: Mapping[str, float], start: float, steps: int, h: float) -> Array:
+        """Outputs after `steps` steps of h from `start` with these values beside the settings."""
+        everything = {**self.settings, **values}
+        try:
+            self._slave.reset()
+            self._slave.setReal([self._reference(n) for n in everything], list(everything.values()))
+            self._slave.setupExperiment(startTime=start)
+            self._slave.enterInitializationMode()
+            self._slave.exitInitializationMode()
+            for k in range(steps):
+                self._slave.doStep(currentCommunicationPoint=start + k * h, communicationStepSize=h)
+            return np.array(self._slave.getReal([self._reference(n) for n in self.outputs]))
+        except Exception as error:
+            name = self.interface.model.modelName
+            raise RunError(
+                name, start, messages.take_error(name) or " ".join(str(error).split())
+            ) from error
+
+    def _reference(self, name: str) -> int:
+        return self.interface.variables[name].reference
+
+    def start_value(self, name: str) -> float:
+        """Value of a parameter or input as set, else its start value."""
+        declared = next(v.start for v in self.interface.model.modelVariables if v.name == name)
+        return self.settings.get(name, float(declared))
+
+    def lowest(self, name: str) -> float:
+        """Declared lower bound of a variable."""
+        declared = next(v.min for v in self.interface.model.modelVariables if v.name == name)
+        return -np.inf if declared is None else float(declared)
+
+
+class _Differences:
+    """Columns of the matrices about one operating point."""
+
+    def __init__(self, bench: _Bench, at: float, h: float) -> None:
+        self.bench, self.at, self.h = bench, at, h
+        outputs = dict(zip(bench.outputs, bench.run({}, 0.0, round(at / h), h), strict=True))
+        self.state = {name: outputs[name] for name in bench.states}
+        self.inputs = {name: bench.start_value(name) for name in bench.inputs}
+        self.outputs = outputs
+        self._check_restart()
+
+    def _restart(self, state: Mapping[str, float]) -> dict[str, float]:
+        values = {self.bench.states[name]: value for name, value in state.items()}
+        # plants with a Cartesian start use it when the semi-major axis is zero
+        return values | ({"a": 0.0} if "r_0_N[1]" in values else {})
+
+    def _check_restart(self) -> None:
+        again = self.bench.run(self._restart(self.state), self.at, 0, self.h)
+        for name, value in zip(self.bench.outputs, again, strict=True):
+            if name in self.state and abs(value - self.state[name]) > 1e-9 * max(1.0, abs(value)):
+                raise RunError(
+                    self.bench.interface.model.modelName,
+                    self.at,
+                    "it cannot be restarted here",
+                    name,
+                )
+
+    def _after(self, state: Mapping[str, float], inputs: Mapping[str, float]) -> Array:
+        return self.bench.run({**self._restart(state), **inputs}, self.at, 1, self.h)
+
+    def columns(
+        self, values: Mapping[str, float], relative: float, moves_state: bool
+    ) -> Iterator[Array]:
+        """Derivatives of the outputs after one step by each value: differences at d and d/2,
+        extrapolated.
+        """
+        for name, value in values.items():
+            distance = relative * max(1.0, _size(name, values))
+            coarse, fine = (
+                self._slope(name, value, d, moves_state) for d in (distance, distance / 2)
+            )
+            yield (4 * fine - coarse) / 3
+
+    def _slope(self, name: str, value: float, distance: float, moves_state: bool) -> Array:
+        """Central difference; at a lower bound of the variable the one-sided one, also of second
+        order.
+        """
+
+        def after(moved: float) -> Array:
+            state = {**self.state, name: moved} if moves_state else self.state
+            return self._after(state, self.inputs if moves_state else {**self.inputs, name: moved})
+
+        if value - distance >= self.bench.lowest(name):
+            return np.asarray((after(value + distance) - after(value - distance)) / (2 * distance))
+        near, far = after(value + distance), after(value + 2 * distance)
+        return np.asarray((4 * near - far - 3 * after(value)) / (2 * distance))
+
+    def model(self) -> LinearModel:
+        """All matrices; y(t+h) is split into C x(t+h) + D u."""
+        bench = self.bench
+        by_state = _matrix(
+            self.columns(self.state, RELATIVE_STATE, True), len(bench.outputs), len(self.state)
+        )
+        by_input = _matrix(
+            self.columns(self.inputs, RELATIVE_INPUT, False), len(bench.outputs), len(self.inputs)
+        )
+        rows = [bench.outputs.index(name) for name in self.state]
+        a, b = by_state[rows], by_input[rows]
+        c: Array = np.asarray(np.linalg.solve(a.T, by_state.T).T) if rows else by_state
+        units = {v.name: v.unit or "" for v in bench.interface.variables.values()}
+        names = tuple(self.state), tuple(self.inputs), tuple(bench.outputs)
+        return LinearModel(
+            a,
+            b,
+            c,
+            by_input - c @ b,
+            self.at,
+            self.h,
+            *names,
+            units,
+            {**self.inputs, **self.outputs},
+        )
+
+
+def _size(name: str, values: Mapping[str, float]) -> float:
+    """Length of the vector that a scalar belongs to."""
+    return float(
+        np.linalg.norm(
+            [v for n, v in values.items() if base(n) == base(name) and index(n)] or [values[name]]
+        )
+    )
+
+
+def _matrix(columns: Iterator[Array], height: int, width: int) -> Array:
+    found: Sequence[Array] = list(columns)
+    return np.column_stack(found) if found else np.zeros((height, width))

@@ -1,0 +1,53 @@
+"""What a signal or parameter is worth where it arrives: after units, transformations and names of
+enumeration items.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from harness.spelling import did_you_mean
+from harness.system.interface import Interface, Variable
+from harness.system.model import Connection, Parameter
+from harness.system.units import IDENTITY, Affine, Unit, compose
+from harness.system.values import Scalar, coerce
+
+
+def way(connection: Connection, interfaces: Mapping[str, Interface]) -> Affine:
+    """What happens to a signal between its output and its input; ValueError if the units do not
+    fit.
+    """
+    source, target = (interfaces[port.component] for port in (connection.source, connection.target))
+    start = source.unit(source.variables[connection.source.variable])
+    return compose(
+        start, connection.hops, target.unit(target.variables[connection.target.variable])
+    )
+
+
+def final(parameter: Parameter, variable: Variable, interface: Interface) -> Scalar:
+    """Value of a parameter in type and unit of its variable; ValueError if it has none."""
+    value = parameter.value
+    if variable.type == "Enumeration" and isinstance(value, str):
+        return _item(variable, value)
+    if parameter.unit is None and not parameter.hops:
+        return coerce(value, variable.type)
+    start = None if parameter.unit is None else parameter.meaning or Unit(parameter.unit)
+    change = compose(start, parameter.hops, interface.unit(variable))
+    return (
+        coerce(value, variable.type)
+        if change == IDENTITY
+        else coerce(change(_number(value)), variable.type)
+    )
+
+
+def _item(variable: Variable, name: str) -> int:
+    if name not in variable.items:
+        close = did_you_mean(name, variable.items)
+        raise ValueError(f"there is no item '{name}'{close}, only {', '.join(variable.items)}")
+    return variable.items[name]
+
+
+def _number(value: Scalar) -> float:
+    if isinstance(value, str):
+        raise ValueError(f"'{value}' is not a number, it cannot be transformed")
+    return float(value)

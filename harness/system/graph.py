@@ -1,0 +1,296 @@
+"""From a System and the descriptions of its FMUs to the bus: one slot per output scalar, and who
+reads which slot.
+
+The bus carries numbers (Real, Integer, Boolean, Enumeration); String outputs have no slot. All
+problems are reported at once.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from harness.errors import FmuError, StructureError
+from harness.spelling import did_you_mean
+from harness.system.conversion import final, way
+from harness.system.interface import Interface, Variable, read_interface, units_agree
+from harness.system.model import Component, Connection, Parameter, Port, System
+from harness.system.schedule import problems as schedule_problems
+from harness.system.units import IDENTITY, Affine, Unit, compose
+from harness.system.values import Scalar
+
+_log = logging.getLogger("harness")
+
+
+class Slot(NamedTuple):
+    """One place of the bus: the output it holds (`component.variable[i]`), its unit ("" if
+    undeclared) and meaning.
+    """
+
+    name: str
+    unit: str
+    description: str
+
+
+class Wire(NamedTuple):
+    """A variable of a unit and the slot it is written to (outputs) or read from (inputs), changed
+    on the way.
+    """
+
+    variable: Variable
+    slot: int
+    change: Affine = IDENTITY
+
+
+class Setting(NamedTuple):
+    """A variable of a unit and the value it gets before initialization."""
+
+    variable: Variable
+    value: Scalar
+
+
+@dataclass(frozen=True)
+class Node:
+    """One component with its FMU: what it reads from the bus, what it writes to it, what is set
+    before.
+    """
+
+    component: Component
+    interface: Interface
+    inputs: tuple[Wire, ...]
+    outputs: tuple[Wire, ...]
+    settings: tuple[Setting, ...]
+
+
+@dataclass(frozen=True)
+class Graph:
+    """The system ready to be loaded: nodes in execution order, slots of the bus (contiguous per
+    node).
+    """
+
+    nodes: tuple[Node, ...]
+    slots: tuple[Slot, ...]
+
+
+def build_graph(system: System) -> Graph:
+    """Check a system against its FMUs and lay out the bus.
+
+    Raises FmuError if an FMU cannot be read, else StructureError with every problem: components or
+    variables that do not exist (with close matches), wrong causality, unequal units or types,
+    doubly driven or open inputs, unknown or ill-typed parameters, schedule.
+    """
+    interfaces = read_interfaces(system)
+    if found := list(problems(system, interfaces)):
+        raise StructureError(found)
+    ports = [Port(name, v) for name, interface in interfaces.items() for v in interface.outputs()]
+    slot_of = {port: slot for slot, port in enumerate(ports)}
+    slots = tuple(
+        _slot(port, interfaces[port.component].variables[port.variable]) for port in ports
+    )
+    driven = {c.target: (slot_of[c.source], way(c, interfaces)) for c in system.connections}
+    return Graph(
+        tuple(_node(c, interfaces[c.name], slot_of, driven) for c in system.components), slots
+    )
+
+
+def read_interfaces(system: System) -> dict[str, Interface]:
+    """Interface of every component by name; FmuError with one line per FMU that cannot be read."""
+    interfaces, unreadable = {}, []
+    for component in system.components:
+        try:
+            interfaces[component.name] = read_interface(component.fmu)
+        except FmuError as error:
+            unreadable += [f"{component.name}: {line}" for line in str(error).splitlines()]
+    if unreadable:
+        raise FmuError("\n".join(unreadable))
+    return interfaces
+
+
+def _slot(port: Port, variable: Variable) -> Slot:
+    return Slot(str(port), variable.unit or "", variable.description)
+
+
+def _node(
+    component: Component,
+    interface: Interface,
+    slot_of: dict[Port, int],
+    driven: dict[Port, tuple[int, Affine]],
+) -> Node:
+    name = component.name
+    inputs = interface.named("input").values()
+    return Node(
+        component,
+        interface,
+        inputs=tuple(
+            Wire(v, *driven[Port(name, v.name)]) for v in inputs if Port(name, v.name) in driven
+        ),
+        outputs=tuple(Wire(v, slot_of[Port(name, v.name)]) for v in interface.outputs().values()),
+        settings=tuple(_settings(component, interface)),
+    )
+
+
+def _settings(component: Component, interface: Interface) -> Iterator[Setting]:
+    for name, parameter in component.parameters.items():
+        if name in interface.variables:
+            yield Setting(
+                interface.variables[name], final(parameter, interface.variables[name], interface)
+            )
+
+
+def constants(graph: Graph) -> Iterator[tuple[Slot, float]]:
+    """Every parameter of every component with the value it is flown with; strings are left out."""
+    for node in graph.nodes:
+        given = {setting.variable.name: setting.value for setting in node.settings}
+        for variable in node.interface.named("parameter").values():
+            value = given.get(variable.name, variable.start)
+            if variable.type != "String" and value is not None:
+                yield _slot(Port(node.component.name, variable.name), variable), float(value)
+
+
+def problems(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
+    """Everything that is wrong with a system, one line each."""
+    yield from _component_problems(system.components)
+    yield from schedule_problems(system.experiment.algorithm, system.components)
+    for connection in system.connections:
+        yield from _connection_problems(connection, interfaces)
+    yield from _double_drive(system.connections)
+    yield from _declared_problems(system, interfaces)
+    if system.strict:
+        yield from _open_inputs(system, interfaces)
+    for component in system.components:
+        yield from _parameter_problems(component, interfaces[component.name])
+
+
+def _component_problems(components: Sequence[Component]) -> Iterator[str]:
+    names = [c.name for c in components]
+    if not names:
+        yield "the system has no components"
+    yield from (
+        f"{name}: there are two components of this name" for name in names if names.count(name) > 1
+    )
+
+
+def _connection_problems(
+    connection: Connection, interfaces: Mapping[str, Interface]
+) -> Iterator[str]:
+    source, source_problem = _end(connection.source, "output", interfaces)
+    target, target_problem = _end(connection.target, "input", interfaces)
+    yield from (problem for problem in (source_problem, target_problem) if problem)
+    if source and target:
+        yield from _mismatch(connection, source, target)
+        yield from _unit_problem(connection, interfaces)
+
+
+def _end(
+    port: Port, causality: str, interfaces: Mapping[str, Interface]
+) -> tuple[Variable | None, str | None]:
+    """The variable at one end of a connection, or what is wrong with it."""
+    if port.component not in interfaces:
+        return (
+            None,
+            f"{port}: there is no component '{port.component}'{did_you_mean(port.component, interfaces)}",
+        )
+    interface = interfaces[port.component]
+    variable = interface.variables.get(port.variable)
+    if variable is None:
+        return (
+            None,
+            f"{port}: there is no such {causality}{did_you_mean(port.variable, interface.named(causality))}",
+        )
+    if variable.causality != causality:
+        return (
+            None,
+            f"{port}: is connected as {causality}, but its causality is {variable.causality}",
+        )
+    return variable, None
+
+
+def _mismatch(connection: Connection, source: Variable, target: Variable) -> Iterator[str]:
+    if source.type != target.type or source.type == "String":
+        yield f"{connection.target}: is {target.type}, cannot be driven by {connection.source}, a {source.type}"
+
+
+def _unit_problem(connection: Connection, interfaces: Mapping[str, Interface]) -> Iterator[str]:
+    try:
+        change = way(connection, interfaces)
+    except ValueError as error:
+        ends = [interfaces[port.component].variables[port.variable] for port in connection[:2]]
+        yield f"{connection.target}: wants unit {ends[1].unit}, {connection.source} has {ends[0].unit} ({error})"
+        return
+    kind = interfaces[connection.target.component].variables[connection.target.variable].type
+    if change != IDENTITY and kind != "Real":
+        yield f"{connection.target}: is {kind}, only a Real signal can be transformed"
+
+
+def unequal_units(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
+    """Connections that need a conversion, which no other tool would do."""
+    for connection in system.connections:
+        ends = [interfaces[port.component].variables.get(port.variable) for port in connection[:2]]
+        if ends[0] and ends[1] and not units_agree(ends[0].unit, ends[1].unit):
+            yield f"{connection.target}: wants unit {ends[1].unit}, {connection.source} has {ends[0].unit}"
+
+
+def _declared_problems(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
+    """Connectors that claim another unit than the FMU has."""
+    for port, claimed in system.declared.items():
+        interface = interfaces.get(port.component)
+        variable = None if interface is None else interface.variables.get(port.variable)
+        if interface and variable and not _same(claimed, interface.unit(variable)):
+            yield f"{port}: its connector says {claimed.name}, but the unit of the FMU is {variable.unit}"
+
+
+def _same(a: Unit, b: Unit | None) -> bool:
+    """Whether two units mean the same, under whatever names."""
+    try:
+        return compose(a, (), b) == IDENTITY
+    except ValueError:
+        return False
+
+
+def _double_drive(connections: Sequence[Connection]) -> Iterator[str]:
+    sources: dict[Port, list[str]] = {}
+    for source, target, _ in connections:
+        sources.setdefault(target, []).append(str(source))
+    for target, drivers in sources.items():
+        if len(drivers) > 1:
+            yield f"{target}: is driven {len(drivers)} times, by {' and '.join(drivers)}"
+
+
+def _open_inputs(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
+    driven = {connection.target for connection in system.connections}
+    for component in system.components:
+        for name in interfaces[component.name].named("input"):
+            if Port(component.name, name) not in driven and name not in component.parameters:
+                yield f"{component.name}.{name}: is an open input, nothing drives it and it has no value"
+
+
+def _parameter_problems(component: Component, interface: Interface) -> Iterator[str]:
+    for name, parameter in component.parameters.items():
+        if name not in interface.variables and parameter.optional:
+            _log.warning(
+                "%s.%s: %s does not have it, ignored", component.name, name, interface.path.name
+            )
+        elif problem := _parameter_problem(name, parameter, interface):
+            yield f"{component.name}.{name}: {problem}"
+
+
+def _parameter_problem(name: str, parameter: Parameter, interface: Interface) -> str | None:
+    variable = interface.variables.get(name)
+    if variable is None:
+        return f"there is no such parameter{did_you_mean(name, interface.settable())}"
+    if not variable.settable:
+        return f"its causality is {variable.causality}, it cannot be set"
+    if parameter.value != parameter.value:
+        return "must not be NaN"
+    try:
+        final(parameter, variable, interface)
+    except ValueError as error:
+        other = parameter.unit is not None and not units_agree(parameter.unit, variable.unit)
+        return (
+            f"is given in {parameter.unit}, but its unit is {variable.unit} ({error})"
+            if other
+            else str(error)
+        )
+    return None

@@ -1,0 +1,172 @@
+"""What an FMU says about itself: variables and units, read from modelDescription.xml by FMPy
+without any FMI call.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from fmpy import platform, platform_tuple, read_model_description, sharedLibraryExtension
+from fmpy.model_description import ValidationError
+
+from harness.archive import has_doctype, read_entry
+from harness.errors import ArchiveError, FmuError
+from harness.system.units import Unit
+
+FmpyObject = Any
+"""Something of FMPy's model description, which is not typed."""
+
+BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad", "factor", "offset")
+"""Attributes of an FMI (and SSP) base unit: exponents of the SI units, then factor and offset."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One scalar variable; unit: None if undeclared; settable: may be given a value before
+    initialization.
+
+    items: values by name of an enumeration; type_name: name of its type; start: None if it has none
+    or is a String.
+    """
+
+    name: str
+    reference: int
+    type: str
+    causality: str
+    unit: str | None
+    description: str
+    settable: bool
+    items: Mapping[str, int] = field(default_factory=dict)
+    type_name: str = ""
+    start: float | None = None
+
+
+@dataclass(frozen=True)
+class Interface:
+    """Variables by name in the order of the file; units: base units by name; model: FMPy's
+    description.
+    """
+
+    path: Path
+    variables: Mapping[str, Variable]
+    units: Mapping[str, Mapping[str, float]]
+    model: FmpyObject
+
+    def named(self, causality: str) -> dict[str, Variable]:
+        """Variables of one causality (input, output, parameter, ...)."""
+        return {name: v for name, v in self.variables.items() if v.causality == causality}
+
+    def unit(self, variable: Variable) -> Unit | None:
+        """Unit of a variable with its meaning, if declared; None if there is no unit."""
+        return None if variable.unit is None else Unit(variable.unit, self.units.get(variable.unit))
+
+    def outputs(self) -> dict[str, Variable]:
+        """Outputs that a connection can carry: all but strings."""
+        return {name: v for name, v in self.named("output").items() if v.type != "String"}
+
+    def settable(self) -> dict[str, Variable]:
+        """Variables that may be given a value before initialization: parameters, inputs, start
+        values of states.
+        """
+        return {name: v for name, v in self.variables.items() if v.settable}
+
+
+def read_interface(path: Path) -> Interface:
+    """Interface of a .fmu; FmuError if it is missing, damaged, invalid, or not FMI 2.0
+    co-simulation.
+    """
+    if not path.is_file():
+        raise FmuError(f"{path.name}: no such FMU")
+    stamp = path.stat()
+    return _read(path.resolve(), stamp.st_mtime_ns, stamp.st_size)
+
+
+@lru_cache(maxsize=64)
+def _read(path: Path, _modified: int, _size: int) -> Interface:
+    model = _description(path)
+    if model.fmiVersion != "2.0" or model.coSimulation is None:
+        raise FmuError(
+            f"{path.name}: only FMI 2.0 co-simulation FMUs can be run, this one is FMI {model.fmiVersion}"
+        )
+    variables = {v.name: _variable(v) for v in model.modelVariables}
+    units = {
+        u.name: _base_unit(u.baseUnit) for u in model.unitDefinitions if u.baseUnit is not None
+    }
+    return Interface(path, variables, units, model)
+
+
+def _description(path: Path) -> FmpyObject:
+    """FMPy's reading of modelDescription.xml, every failure as an FmuError; entities are refused
+    before it reads.
+    """
+    try:
+        if has_doctype(read_entry(path, "modelDescription.xml")):
+            raise FmuError(
+                f"{path.name}: modelDescription.xml has a document type declaration, which is not allowed"
+            )
+        return read_model_description(str(path), validate=True)
+    except ValidationError as error:
+        raise FmuError(
+            "\n".join(f"{path.name}: {problem}" for problem in error.problems)
+        ) from error
+    except ArchiveError as error:
+        cause = error.__cause__
+        reason = (
+            f"damaged or not a zip archive ({cause})"
+            if cause
+            else str(error).removeprefix(f"{path}: ")
+        )
+        raise FmuError(f"{path.name}: {reason}") from error
+    except FmuError:
+        raise
+    except Exception as error:  # FMPy raises bare Exceptions, lxml and zlib their own
+        raise FmuError(f"{path.name}: cannot be read ({' '.join(str(error).split())})") from error
+
+
+def _variable(v: FmpyObject) -> Variable:
+    unit = v.unit if v.unit is not None or v.declaredType is None else v.declaredType.unit
+    settable = v.start is not None and v.variability != "constant"
+    items = v.declaredType.items if v.type == "Enumeration" and v.declaredType is not None else ()
+    values = {item.name: int(item.value) for item in items}
+    name = "" if v.declaredType is None else v.declaredType.name
+    text = v.description or ""
+    return Variable(
+        v.name, v.valueReference, v.type, v.causality, unit, text, settable, values, name, _start(v)
+    )
+
+
+def _start(v: FmpyObject) -> float | None:
+    """Start value as the bus would carry it."""
+    if v.start is None or v.type == "String":
+        return None
+    return {"true": 1.0, "false": 0.0}[v.start] if v.start in ("true", "false") else float(v.start)
+
+
+def _base_unit(base: FmpyObject) -> dict[str, float]:
+    return {name: getattr(base, name) for name in BASE_UNITS}
+
+
+def binaries(interface: Interface) -> tuple[str, ...]:
+    """Places inside the archive where FMI 2.0 looks for the binary of this platform (the second
+    since FMI 2.0.5).
+    """
+    file = interface.model.coSimulation.modelIdentifier + sharedLibraryExtension
+    return f"binaries/{platform}/{file}", f"binaries/{platform_tuple}/{file}"
+
+
+def has_binary(interface: Interface) -> bool:
+    """Whether the archive holds a binary for this platform."""
+    with zipfile.ZipFile(interface.path) as archive:
+        return not set(binaries(interface)).isdisjoint(archive.namelist())
+
+
+def units_agree(a: str | None, b: str | None) -> bool:
+    """Units are equal, or one end declares none; systems of the project want that, files of other
+    tools need not.
+    """
+    return a is None or b is None or a == b

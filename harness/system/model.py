@@ -1,0 +1,133 @@
+"""A co-simulated system as plain data: what an .ssp says, and nothing else.
+
+All classes are frozen; a variant of a system is made with dataclasses.replace().
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+from harness.system.units import Hop, Unit
+from harness.system.values import Scalar
+
+DEFAULT_SET = "default"
+"""Name of the parameter set that a system has without a choice."""
+
+
+class Port(NamedTuple):
+    """One scalar variable of one component."""
+
+    component: str
+    variable: str
+
+    def __str__(self) -> str:
+        return f"{self.component}.{self.variable}"
+
+
+class Connection(NamedTuple):
+    """The output `source` drives the input `target`; hops: what happens on the way (none: units are
+    converted).
+    """
+
+    source: Port
+    target: Port
+    hops: tuple[Hop, ...] = ()
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """Value of a parameter, or start value of an input that nobody drives; `unit` as written in the
+    file.
+
+    meaning: what that unit is, if the file defines it; hops: what happens to the value before it is
+    set; optional: of a file of another tool, where SSP wants it ignored if its component has no
+    such variable.
+    """
+
+    value: Scalar
+    unit: str | None = None
+    meaning: Unit | None = field(default=None, compare=False)
+    hops: tuple[Hop, ...] = ()
+    optional: bool = False
+
+
+Parameters = Mapping[str, Parameter]
+"""Parameters of one component by the name of the scalar variable."""
+
+
+@dataclass(frozen=True)
+class Component:
+    """One FMU in its place.
+
+    every: macro steps per step of this component; latency: macro steps by which its outputs are
+    published later.
+    """
+
+    name: str
+    fmu: Path
+    parameters: Parameters = field(default_factory=dict)
+    every: int = 1
+    latency: int = 0
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Time span and macro step [s] of a run (None: the file does not say) and the order of
+    execution.
+    """
+
+    start: float = 0.0
+    stop: float | None = None
+    step: float | None = None
+    algorithm: str = "gauss-seidel"
+
+
+@dataclass(frozen=True)
+class ParameterSet:
+    """A named alternative to the parameters of all components; stop and step [s] override the
+    experiment if given.
+    """
+
+    name: str
+    description: str = ""
+    parameters: Mapping[str, Parameters] = field(default_factory=dict)
+    stop: float | None = None
+    step: float | None = None
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """Parameters, by component, that come into force when the FMU named `fmu` takes the place of a
+    component.
+    """
+
+    component: str
+    fmu: str
+    parameters: Mapping[str, Parameters] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class System:
+    """Components in execution order, who drives whom, and how to run it.
+
+    strict: an input that is neither driven nor given a value is an error (systems of other tools
+    rely on start values); declared: units that the file claims for variables of components, to be
+    compared with what the FMUs say.
+    """
+
+    name: str
+    components: tuple[Component, ...]
+    connections: tuple[Connection, ...]
+    experiment: Experiment
+    description: str = ""
+    sets: tuple[ParameterSet, ...] = ()
+    alternatives: tuple[Alternative, ...] = ()
+    strict: bool = False
+    declared: Mapping[Port, Unit] = field(default_factory=dict, compare=False)
+
+    def component(self, name: str) -> Component:
+        """The component of that name; KeyError if there is none."""
+        return {c.name: c for c in self.components}[name]

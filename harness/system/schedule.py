@@ -1,0 +1,163 @@
+"""The master algorithm as data: what to do with whom in which order at every macro step.
+
+A unit with `every = N` is stepped by N macro steps at once, at macro steps k with k % N == 0.
+`latency = L` publishes its outputs L macro steps later than its algorithm would (a computer that
+needs its time).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from enum import Enum
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+
+from harness.errors import StructureError
+from harness.system.model import Experiment
+
+
+class Verb(Enum):
+    """SET: bus to inputs; STEP: advance; GET: outputs to bus."""
+
+    SET = "set"
+    STEP = "step"
+    GET = "get"
+
+
+class Periodic(Protocol):
+    """What a schedule needs to know of a unit: its name, period and latency in macro steps."""
+
+    @property
+    def name(self) -> str:
+        """Name of the component."""
+
+    @property
+    def every(self) -> int:
+        """Macro steps per step of the unit."""
+
+    @property
+    def latency(self) -> int:
+        """Macro steps by which it publishes later."""
+
+
+Unit = TypeVar("Unit", bound=Periodic)
+
+
+class Action(NamedTuple, Generic[Unit]):
+    """Do `verb` on `unit` at every macro step k with k % every == phase."""
+
+    verb: Verb
+    unit: Unit
+    every: int = 1
+    phase: int = 0
+
+    def due(self, k: int) -> bool:
+        """Whether the action is due in macro step k."""
+        return k % self.every == self.phase
+
+
+def gauss_seidel(units: Sequence[Unit]) -> list[Action[Unit]]:
+    """One after the other: each reads what the units before it have just published, steps and
+    publishes at once.
+
+    A unit with latency L (at most its period) publishes at the beginning of the macro step L after
+    it was sampled.
+    """
+    late = [Action(Verb.GET, u, u.every, u.latency % u.every) for u in units if u.latency]
+    return late + [
+        Action(verb, u, u.every)
+        for u in units
+        for verb in Verb
+        if not (verb is Verb.GET and u.latency)
+    ]
+
+
+def jacobi(units: Sequence[Unit]) -> list[Action[Unit]]:
+    """Everybody reads, everybody steps, everybody publishes when its step is over.
+
+    A unit with latency 1 publishes one macro step later, after the others have read and before its
+    own next step.
+    """
+    read = [Action(Verb.SET, u, u.every) for u in units]
+    late = [Action(Verb.GET, u, u.every) for u in units if u.latency]
+    step = [Action(Verb.STEP, u, u.every) for u in units]
+    publish = [Action(Verb.GET, u, u.every, u.every - 1) for u in units if not u.latency]
+    return read + late + step + publish
+
+
+class _Algorithm(NamedTuple):
+    plan: Callable[[Sequence[Any]], list[Any]]
+    largest_latency: Callable[[Periodic], int]
+
+
+ALGORITHMS = {
+    "gauss-seidel": _Algorithm(gauss_seidel, lambda unit: unit.every),
+    "jacobi": _Algorithm(jacobi, lambda unit: 1),
+}
+
+
+def problems(algorithm: str, units: Sequence[Periodic]) -> list[str]:
+    """What is wrong with the periods and latencies of the units under an algorithm, one line
+    each.
+    """
+    if algorithm not in ALGORITHMS:
+        return [f"algorithm: there is no {algorithm}, only {' and '.join(ALGORITHMS)}"]
+    largest = ALGORITHMS[algorithm].largest_latency
+    found = [f"{u.name}: every must be at least 1, not {u.every}" for u in units if u.every < 1]
+    for u in units:
+        if u.every >= 1 and not 0 <= u.latency <= largest(u):
+            found.append(
+                f"{u.name}: latency must lie in 0..{largest(u)} macro steps under {algorithm}, not {u.latency}"
+            )
+    return found
+
+
+def schedule(algorithm: str, units: Sequence[Unit]) -> list[Action[Unit]]:
+    """The list of actions of one macro step; StructureError if a period or latency cannot be
+    expressed.
+    """
+    if found := problems(algorithm, units):
+        raise StructureError(found)
+    return ALGORITHMS[algorithm].plan(units)
+
+
+def macro_steps(experiment: Experiment, periods: Sequence[int] = (1,)) -> int:
+    """Number of macro steps of an experiment in which every component takes whole steps of its own.
+
+    periods: `every` of the components. Raises StructureError: no step or stop time, or a stop time
+    that is not a multiple.
+    """
+    start, stop, step = experiment.start, experiment.stop, experiment.step
+    if step is None and stop is None:
+        raise StructureError(
+            ["the system says neither macro step nor stop time: give them with --step and --stop"]
+        )
+    if step is None or not (step > 0 and math.isfinite(step)):
+        raise StructureError(
+            [
+                f"the macro step must be a positive number of seconds, not {step}: give one with --step"
+            ]
+        )
+    if stop is None or not (stop > start and math.isfinite(stop)):
+        raise StructureError(
+            [
+                f"the stop time must lie after the start time {start:g} s, not at {stop}: give one with --stop"
+            ]
+        )
+    cycle = math.lcm(*periods)
+    cycles = round((stop - start) / (cycle * step))
+    if cycles < 1 or abs(start + cycles * cycle * step - stop) > 1e-9 * max(abs(stop), step):
+        raise StructureError([_not_a_multiple(experiment, cycle)])
+    return cycles * cycle
+
+
+def _not_a_multiple(experiment: Experiment, cycle: int) -> str:
+    start, stop, step = experiment.start, experiment.stop or 0.0, experiment.step or 0.0
+    below = math.floor((stop - start) / (cycle * step))
+    near = " and ".join(f"{start + n * cycle * step:.12g} s" for n in (below, below + 1) if n > 0)
+    whole = (
+        f"the macro step {step:.12g} s"
+        if cycle == 1
+        else f"{cycle} macro steps of {step:.12g} s (the slowest components)"
+    )
+    return f"the stop time {stop:.12g} s is not a multiple of {whole}; nearest: {near}"

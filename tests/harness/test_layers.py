@@ -1,0 +1,116 @@
+"""The rooms of the harness: what may know of what. Imports run downward only, and each kind of
+knowledge (XML, FMI, drawing, the command line) has one place.
+"""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import harness
+
+PACKAGE = Path(harness.__file__).parent
+
+LAYERS = (
+    ("__init__", "__main__"),
+    ("cli",),
+    ("api",),
+    ("studies", "exports", "bench", "figures", "claims"),
+    ("changes",),
+    ("master",),
+    ("ssp",),
+    ("results",),
+    ("system",),
+    ("archive", "paths", "temporary", "spelling"),
+    ("errors",),
+)
+"""From the top down; rooms of one layer do not know each other."""
+
+FLOOR = {room: len(LAYERS) - i for i, layer in enumerate(LAYERS) for room in layer}
+ACQUAINTED = {("studies", "figures"), ("api", "__init__"), ("cli", "__init__")}
+
+ONLY = {
+    "lxml": {"ssp", "exports"},
+    "ctypes": {"master", "bench"},
+    "fmpy": {"master", "ssp", "system", "studies", "bench"},
+    "matplotlib": {"figures"},
+    "typer": {"cli"},
+    "rich": {"cli", "master"},
+    "xarray": {"results"},
+}
+"""Libraries, and the only rooms that may import them."""
+
+
+def room_of(file):
+    return file.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def imports_of(file):
+    """Modules that a file imports, wherever in it, those for type checking only included."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+
+
+FILES = sorted(PACKAGE.rglob("*.py"))
+
+
+def ident(file):
+    return file.relative_to(PACKAGE).as_posix()
+
+
+@pytest.mark.parametrize("file", FILES, ids=ident)
+def test_imports_run_downward(file):
+    room = room_of(file)
+    assert room in FLOOR, f"{room} has no place in LAYERS"
+    for module in imports_of(file):
+        if module.startswith("harness.") and room != "__init__":
+            other = module.split(".")[1]
+            if other in FLOOR and other != room:
+                assert FLOOR[other] < FLOOR[room], f"{ident(file)} imports {module}"
+
+
+@pytest.mark.parametrize("file", FILES, ids=ident)
+def test_libraries_stay_in_their_rooms(file):
+    for module in imports_of(file):
+        library = module.partition(".")[0]
+        if library in ONLY:
+            assert room_of(file) in ONLY[library], f"{ident(file)} imports {module}"
+
+
+def test_the_plain_data_of_a_system_know_fmpy_only_as_the_reader_of_a_description():
+    readers = {
+        ident(f)
+        for f in FILES
+        if room_of(f) == "system" and any(m.startswith("fmpy") for m in imports_of(f))
+    }
+    assert readers == {"system/interface.py"}
+
+
+def test_no_circle_inside_a_room():
+    """Modules of one room import each other in one direction."""
+    edges = {
+        ident(f): {m for m in imports_of(f) if m.startswith(f"harness.{room_of(f)}.")}
+        for f in FILES
+    }
+    modules = {f"harness.{name.removesuffix('.py').replace('/', '.')}": name for name in edges}
+    graph = {
+        name: {modules[m] for m in found if m in modules and modules[m] != name}
+        for name, found in edges.items()
+    }
+    finished: set[str] = set()
+
+    def visit(name, above):
+        assert name not in above, " imports ".join((*above, name))
+        if name not in finished:
+            for other in graph[name]:
+                visit(other, (*above, name))
+            finished.add(name)
+
+    for name in graph:
+        visit(name, ())
