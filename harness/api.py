@@ -12,9 +12,9 @@ from harness.master.simulation import Simulation, simulate
 from harness.results.files import read
 from harness.results.result import Result
 from harness.ssp.library import load
-from harness.studies import cases
 from harness.studies import compare as comparison
 from harness.studies import linearize as linear
+from harness.studies import variants
 from harness.system.model import System
 from harness.system.swap import find_fmu
 from harness.system.values import parse
@@ -89,7 +89,7 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     ]
     for option, given in (("swap", swap), ("latency", latency), ("set", vary)):
         varied += [(option, text) for text in _texts(given)]
-    chosen = cases.cases({"set": set, "step": step, "stop": stop}, varied)
+    chosen = variants.combinations({"set": set, "step": step, "stop": stop}, varied)
     return comparison.compare(system, chosen, Path(folder), every=every, progress=progress)
 
 

@@ -13,7 +13,8 @@ import zlib
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 
-from harness.errors import ArchiveError, ResultsError
+from harness.errors import ArchiveError
+from harness.output import written
 
 MAX_UNPACKED = 2 * 1024**3
 """Largest sum of unpacked sizes of one archive [bytes]."""
@@ -87,10 +88,8 @@ def pack(path: Path, content: Mapping[str, bytes], compression: int = zipfile.ZI
     with zipfile.ZipFile(data, "w", compression) as archive:
         for name, file in sorted(content.items()):
             archive.writestr(_entry(name), file, compression)
-    try:
-        path.write_bytes(data.getvalue())
-    except OSError as error:
-        raise ResultsError(f"{path}: cannot be written ({error.strerror})") from error
+    with written(path) as target:
+        target.write_bytes(data.getvalue())
 
 
 def _entry(name: str) -> zipfile.ZipInfo:

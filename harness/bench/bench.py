@@ -19,7 +19,7 @@ from typing import Self
 
 from harness.bench.monolith import Monolith, SlaveLoop
 from harness.errors import HarnessError
-from harness.master.fmu import Unit
+from harness.master.fmu import Instance
 from harness.master.simulation import Simulation
 from harness.paths import systems
 from harness.ssp.library import load
@@ -98,7 +98,7 @@ class BareLoop(Contender):
         self.loop.run(self.steps)
 
 
-class CExecutor(Contender):
+class RecordingC(Contender):
     """Our C executor, recording every macro step."""
 
     executor = "c"
@@ -111,7 +111,7 @@ class CExecutor(Contender):
         self.ready.advance()
 
 
-class PythonExecutor(CExecutor):
+class RecordingPython(RecordingC):
     """Our Python executor, recording every macro step."""
 
     executor = "python"
@@ -127,7 +127,7 @@ class FMPyLoop(Contender):
         simulation = self.simulation()
         self.bus = list(simulation.bus)
         self.plan = [
-            (u.slave, *_lists(u, Verb.SET), *_lists(u, Verb.GET)) for u in simulation.units
+            (u.slave, *_lists(u, Verb.SET), *_lists(u, Verb.GET)) for u in simulation.instances
         ]
         return self
 
@@ -142,7 +142,7 @@ class FMPyLoop(Contender):
                     self.bus[slot] = value
 
 
-def _lists(unit: Unit, verb: Verb) -> tuple[list[int], list[int]]:
+def _lists(unit: Instance, verb: Verb) -> tuple[list[int], list[int]]:
     """Value references and slots of a unit as lists."""
     transfers = unit.transfers[verb]
     return [r for t in transfers for r in t.references], [
@@ -204,8 +204,8 @@ def _ssp_file(system: System) -> Path:
 CONTENDERS: tuple[tuple[str, type[Contender]], ...] = (
     ("monolithic C program", MonolithicProgram),
     ("bare C loop over the FMUs", BareLoop),
-    ("C executor, recording", CExecutor),
-    ("Python executor, recording", PythonExecutor),
+    ("C executor, recording", RecordingC),
+    ("Python executor, recording", RecordingPython),
     ("FMPy FMU2Slave methods", FMPyLoop),
     ("libcosim, 0 worker threads", LibcosimMaster),
     ("libcosim with an observer", ObservedLibcosim),

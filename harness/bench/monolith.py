@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import StructureError, UsageError
-from harness.master.fmu import Unit
+from harness.master.fmu import Instance
 from harness.master.simulation import Simulation
 from harness.master.transfer import Transfer
 from harness.paths import monolith_library
@@ -175,21 +175,21 @@ class SlaveLoop:
         self.simulation = simulation
         self._lib = library()
         self._places: dict[int, int] = {}
-        for unit in simulation.units:
-            transfer = _only(unit, Verb.GET)
+        for instance in simulation.instances:
+            transfer = _only(instance, Verb.GET)
             transfer.view[:] = simulation.bus[transfer.slots]
             base = ctypes.addressof(transfer.values)
             self._places |= {int(slot): base + 8 * i for i, slot in enumerate(transfer.slots)}
-        self._sources = [self._sources_of(unit) for unit in simulation.units]
-        self._slaves = (_Slave * len(simulation.units))(
+        self._sources = [self._sources_of(instance) for instance in simulation.instances]
+        self._slaves = (_Slave * len(simulation.instances))(
             *(
-                _slave(unit, sources)
-                for unit, sources in zip(simulation.units, self._sources, strict=True)
+                _slave(instance, sources)
+                for instance, sources in zip(simulation.instances, self._sources, strict=True)
             )
         )
 
-    def _sources_of(self, unit: Unit) -> ctypes.Array[ctypes.c_void_p]:
-        slots = _only(unit, Verb.SET).slots
+    def _sources_of(self, instance: Instance) -> ctypes.Array[ctypes.c_void_p]:
+        slots = _only(instance, Verb.SET).slots
         return (ctypes.c_void_p * len(slots))(*(self._places[int(slot)] for slot in slots))
 
     def run(self, steps: int) -> None:
@@ -202,20 +202,20 @@ class SlaveLoop:
             raise StructureError(["an FMU failed under the bare loop"])
 
 
-def _only(unit: Unit, verb: Verb) -> Transfer:
-    """The Real transfer of a unit, empty if it has none."""
+def _only(instance: Instance, verb: Verb) -> Transfer:
+    """The Real transfer of an instance, empty if it has none."""
     return next(
-        (t for t in unit.transfers[verb] if t.real),
-        Transfer(None, unit.handle, (), ctypes.c_double),
+        (t for t in instance.transfers[verb] if t.real),
+        Transfer(None, instance.handle, (), ctypes.c_double),
     )
 
 
-def _slave(unit: Unit, sources: ctypes.Array[ctypes.c_void_p]) -> _Slave:
-    read, write = _only(unit, Verb.SET), _only(unit, Verb.GET)
-    library = unit.do_step, unit.library.fmi2SetReal, unit.library.fmi2GetReal
+def _slave(instance: Instance, sources: ctypes.Array[ctypes.c_void_p]) -> _Slave:
+    read, write = _only(instance, Verb.SET), _only(instance, Verb.GET)
+    library = instance.do_step, instance.library.fmi2SetReal, instance.library.fmi2GetReal
     step, setter, getter = (ctypes.cast(f, ctypes.c_void_p).value for f in library)
     return _Slave(
-        unit.handle,
+        instance.handle,
         setter,
         step,
         getter,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from harness.results.result import Result
 
 Array = NDArray[np.float64]
-Measure = Callable[[Result], tuple[float, ...]]
+Evaluation = Callable[[Result], tuple[float, ...]]
 """Numbers taken from a result: the first is judged, the others are shown with it. May raise
 CannotJudgeError.
 """
@@ -84,7 +84,7 @@ class Claim:
     text: str
     where: str
     needs: tuple[str, ...]
-    measure: Measure
+    measure: Evaluation
     figure: str
     unit: str
     reproduced: Band
@@ -171,11 +171,7 @@ class Paper:
 
     def belongs_to(self, result: Result) -> bool:
         """Whether these claims are about a result like this."""
-        known = () if result.parameters is None else result.parameters
-        held = all(name in result for name in self.needs) and all(
-            name in known for name in self.parameters
-        )
-        return held and self.meant(result)
+        return result.holds(*self.needs, parameters=self.parameters) and self.meant(result)
 
 
 # ---- parameters and parts of a history
@@ -192,7 +188,7 @@ def parameter(result: Result, name: str) -> Array:
     """Value of a parameter of the run; CannotJudgeError if the result does not hold it, as one from
     a .csv.
     """
-    if result.parameters is None or name not in result.parameters:
+    if not result.holds(parameters=(name,)):
         raise CannotJudgeError(f"the result does not hold the parameter {name}")
     return result.parameter(name)
 

@@ -21,7 +21,7 @@ from lxml import etree
 from harness.archive import pack
 from harness.errors import ResultsError, StructureError, UsageError
 from harness.master.simulation import Simulation
-from harness.ssp.xml import Element, literal
+from harness.ssp.xml import XmlElement, literal
 from harness.system.conversion import final, way
 from harness.system.graph import read_interfaces
 from harness.system.interface import Interface
@@ -217,7 +217,7 @@ def _description(content: dict[str, bytes], system: System) -> bytes:
     return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
 
 
-def _units(root: Element, variables: Element, interfaces: dict[str, Interface]) -> None:
+def _units(root: XmlElement, variables: XmlElement, interfaces: dict[str, Interface]) -> None:
     """Units of the outputs, with their definitions before the log categories."""
     used: dict[str, Any] = {}
     for variable in variables.iterfind("ScalarVariable[@causality='output']"):
@@ -238,7 +238,7 @@ def _units(root: Element, variables: Element, interfaces: dict[str, Interface]) 
         root.find("LogCategories").addprevious(table)
 
 
-def _structure(root: Element, variables: Element) -> None:
+def _structure(root: XmlElement, variables: XmlElement) -> None:
     """Outputs by their places in the list of variables; they depend on nothing, the container has
     no inputs.
     """

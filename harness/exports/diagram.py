@@ -58,7 +58,7 @@ class Text(NamedTuple):
 
 
 @dataclass
-class Drawing:
+class Diagram:
     """What there is to draw: blocks (left, top, width, height), lines with or without an arrow
     head, texts.
     """
@@ -92,9 +92,9 @@ def nets(system: System) -> list[Net]:
     return [Net(source, targets, tuple(names)) for (source, targets), names in bundles.items()]
 
 
-def lay_out(system: System) -> Drawing:
+def lay_out(system: System) -> Diagram:
     """Places of everything in the picture."""
-    return _Layout(system).drawing
+    return _Layout(system).diagram
 
 
 class _Layout:
@@ -102,7 +102,7 @@ class _Layout:
         self.titles = [(c.name, c.fmu.stem) for c in system.components]
         self.nets = nets(system)
         self.lanes = {kind: self._lanes(kind) for kind in ("forward", "back")}
-        self.drawing = Drawing(titles=self.titles)
+        self.diagram = Diagram(titles=self.titles)
         self._columns()
         self._rows()
         for net in self.nets:
@@ -140,7 +140,7 @@ class _Layout:
                 + 50
                 + self._tracks(self._entering, i + 1)
             )
-        self.drawing.width = x - 50 + MARGIN
+        self.diagram.width = x - 50 + MARGIN
 
     def _tracks(self, nets_of: Callable[[int, str], list[Net]], i: int) -> float:
         return TRACK * (1 + max(len(nets_of(i, "forward")), len(nets_of(i, "back"))))
@@ -164,8 +164,8 @@ class _Layout:
         self.middle = self.top + PORT * (ports["forward"] + 0.5)
         height = PORT * (ports["forward"] + ports["back"] + 1) + max(middle, 3 * LINE)
         self.bottom = self.top + height
-        self.drawing.height = self.bottom + LANE * (len(self.lanes["back"]) + 1) + MARGIN / 2
-        self.drawing.blocks = [
+        self.diagram.height = self.bottom + LANE * (len(self.lanes["back"]) + 1) + MARGIN / 2
+        self.diagram.blocks = [
             (x, self.top, w, height) for x, w in zip(self.left, self.widths, strict=True)
         ]
 
@@ -186,9 +186,9 @@ class _Layout:
         nets_here = self._straight(net.source)
         y = self.middle + sum(self._stack(other) for other in nets_here[: nets_here.index(net) + 1])
         start, end = self.left[net.source] + self.widths[net.source], self.left[net.source + 1]
-        self.drawing.arrows.append(((start, y), (end, y)))
+        self.diagram.arrows.append(((start, y), (end, y)))
         at = start + self._tracks(self._leaving, net.source) + 10
-        self.drawing.labels.append(
+        self.diagram.labels.append(
             Text(at, y - 6 - LINE * (len(net.signals) - 1), net.signals, "start")
         )
 
@@ -211,17 +211,17 @@ class _Layout:
         right = self.left[net.source] + self.widths[net.source]
         entries = list(self._entries(net))
         far = (max if net.kind == "forward" else min)(x for x, _, _ in entries)
-        self.drawing.lines.append(
+        self.diagram.lines.append(
             ((right, port), (right + track, port), (right + track, y), (far, y))
         )
         for x, height, edge in entries:
-            self.drawing.arrows.append(((x, y), (x, height), (edge, height)))
+            self.diagram.arrows.append(((x, y), (x, height), (edge, height)))
             if x != far:
-                self.drawing.dots.append((x, y))
+                self.diagram.dots.append((x, y))
         at, anchor = (
             (right + track + 6, "start") if net.kind == "forward" else (right + track - 6, "end")
         )
-        self.drawing.labels.append(Text(at, y - 5, (", ".join(net.signals),), anchor))
+        self.diagram.labels.append(Text(at, y - 5, (", ".join(net.signals),), anchor))
 
     def _entries(self, net: Net) -> Iterator[tuple[float, float, float]]:
         """Track, port and left edge of every block that a net enters."""

@@ -12,9 +12,8 @@ from harness.errors import ResultsError
 from harness.exports.container import write_container
 from harness.ssp.library import load
 from harness.ssp.writer import write_ssp
-from harness.system.graph import build_graph
+from harness.system.graph import checked
 from harness.system.model import System
-from harness.system.schedule import macro_steps
 
 
 def export(system: str | Path | System, target: Path, **changes: Unpack[Changes]) -> Path:
@@ -27,8 +26,7 @@ def export(system: str | Path | System, target: Path, **changes: Unpack[Changes]
     """
     with load(system) as found:
         changed = apply(found, **changes)
-        build_graph(changed)
-        macro_steps(changed.experiment, [c.every for c in changed.components])
+        checked(changed)
         file = _file(target, changed.name)
         (write_container if file.suffix == ".fmu" else write_ssp)(changed, file)
     return file

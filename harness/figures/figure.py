@@ -69,7 +69,7 @@ class Figure:
     def fits(self, result: Result) -> bool:
         """Whether the result holds everything that is drawn."""
         drawn = (v for panel in self.panels for curve in panel.curves for v in curve.variables())
-        return all(v in result for v in (*self.when, *drawn))
+        return result.holds(*self.when, *drawn)
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Drawing:
 
     def fits(self, result: Result) -> bool:
         """Whether the result holds everything that is drawn."""
-        return _holds(result, self.needs, self.parameters)
+        return result.holds(*self.needs, parameters=self.parameters)
 
 
 @dataclass(frozen=True)
@@ -105,12 +105,7 @@ class Overlay:
 
     def fits(self, result: Result) -> bool:
         """Whether the result holds everything that is drawn."""
-        return _holds(result, self.needs, self.parameters)
-
-
-def _holds(result: Result, variables: tuple[str, ...], parameters: tuple[str, ...]) -> bool:
-    known = () if result.parameters is None else result.parameters
-    return all(name in result for name in variables) and all(name in known for name in parameters)
+        return result.holds(*self.needs, parameters=self.parameters)
 
 
 def degrees(x: Array) -> Array:

@@ -13,6 +13,7 @@ import numpy as np
 
 from harness.errors import ResultsError
 from harness.figures import FIGURES, OVERLAYS, Curve, Drawing, Figure, Overlay, Panel
+from harness.output import written
 from harness.results.result import Result
 
 Canvas = Any
@@ -49,15 +50,12 @@ def overlay(results: Mapping[str, Result], directory: Path, ending: str = "png")
 
 
 def _write(directory: Path, ending: str, figures: Mapping[str, Callable[[], Canvas]]) -> list[Path]:
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        return [_save(draw(), directory / f"{name}.{ending}") for name, draw in figures.items()]
-    except OSError as error:
-        raise ResultsError(f"{directory}: cannot be written: {error.strerror}") from error
+    return [_save(draw(), directory / f"{name}.{ending}") for name, draw in figures.items()]
 
 
 def _save(canvas: Canvas, path: Path) -> Path:
-    canvas.savefig(path, dpi=110, metadata={"Date": None} if path.suffix == ".svg" else None)
+    with written(path) as target:
+        canvas.savefig(target, dpi=110, metadata={"Date": None} if path.suffix == ".svg" else None)
     return path
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import UsageError
-from harness.master.fmu import Unit
+from harness.master.fmu import Instance
 from harness.master.recorder import Recorder
 from harness.master.transfer import CFunction, Transfer
 from harness.paths import loop_library
@@ -31,7 +31,7 @@ class Clock(NamedTuple):
 
 
 class Executor(Protocol):
-    """Something that performs macro steps; RunError names the unit that failed."""
+    """Something that performs macro steps; RunError names the instance that failed."""
 
     def run(self, first: int, last: int) -> None:
         """Macro steps first .. last - 1, recording each."""
@@ -42,7 +42,7 @@ class PythonExecutor:
 
     def __init__(
         self,
-        plan: Sequence[Action[Unit]],
+        plan: Sequence[Action[Instance]],
         bus: NDArray[np.float64],
         recorder: Recorder,
         clock: Clock,
@@ -50,11 +50,11 @@ class PythonExecutor:
         self.plan, self.bus, self.recorder, self.clock = plan, bus, recorder, clock
 
     def run(self, first: int, last: int) -> None:
-        """Macro steps first .. last - 1, recording each; RunError names the unit that failed."""
+        """Macro steps first .. last - 1, recording each; RunError names the instance that failed."""
         for k in range(first, last):
             for action in self.plan:
                 if action.due(k):
-                    action.unit.act(action.verb, self.bus, self.clock.time(k), self.clock.step)
+                    action.instance.act(action.verb, self.bus, self.clock.time(k), self.clock.step)
             self.recorder.record(k + 1, self.bus)
 
 
@@ -117,7 +117,7 @@ class CExecutor:
 
     def __init__(
         self,
-        plan: Sequence[Action[Unit]],
+        plan: Sequence[Action[Instance]],
         bus: NDArray[np.float64],
         recorder: Recorder,
         clock: Clock,
@@ -135,7 +135,7 @@ class CExecutor:
         )
 
     def run(self, first: int, last: int) -> None:
-        """Macro steps first .. last - 1, recording each; RunError names the unit that failed."""
+        """Macro steps first .. last - 1, recording each; RunError names the instance that failed."""
         stop = self._execute(self._calls, len(self._calls), ctypes.byref(self._run), first, last)
         self.recorder.done = stop.done
         if stop.done < last:
@@ -143,31 +143,33 @@ class CExecutor:
             self._fail(action, transfer, stop.status, self.clock.time(stop.done))
 
     def _fail(
-        self, action: Action[Unit], transfer: Transfer | None, status: int, time: float
+        self, action: Action[Instance], transfer: Transfer | None, status: int, time: float
     ) -> None:
         if status == NOT_FINITE and transfer is not None:
-            action.unit.judge_outputs(transfer, time)
-        action.unit.judge(action.verb, status, time)
+            action.instance.raise_if_not_finite(transfer, time)
+        action.instance.raise_if_failed(action.verb, status, time)
 
 
-def _origins(plan: Sequence[Action[Unit]]) -> Iterator[tuple[Action[Unit], Transfer | None]]:
+def _origins(
+    plan: Sequence[Action[Instance]],
+) -> Iterator[tuple[Action[Instance], Transfer | None]]:
     """One entry per FMI call: an action is one step, or one transfer per type of variable."""
     for action in plan:
         if action.verb is Verb.STEP:
             yield action, None
-        for transfer in action.unit.transfers[action.verb]:
+        for transfer in action.instance.transfers[action.verb]:
             yield action, transfer
 
 
-def _call(action: Action[Unit], transfer: Transfer | None) -> _Call:
-    unit, period = action.unit, (action.every, action.phase, action.unit.no_rollback)
+def _call(action: Action[Instance], transfer: Transfer | None) -> _Call:
+    instance, period = action.instance, (action.every, action.phase, action.instance.no_rollback)
     if transfer is None:
-        return _Call(_KINDS[Verb.STEP, True], *period, _address(unit.do_step), unit.handle)
+        return _Call(_KINDS[Verb.STEP, True], *period, _address(instance.do_step), instance.handle)
     return _Call(
         _KINDS[action.verb, transfer.real] if transfer.plain else _SET_AFFINE,
         *period,
         _address(transfer.function),
-        unit.handle,
+        instance.handle,
         len(transfer.names),
         ctypes.addressof(transfer.references),
         transfer.slots.ctypes.data,
@@ -199,6 +201,6 @@ def _loop() -> CFunction:
     return execute
 
 
-Factory = Callable[[Sequence[Action[Unit]], NDArray[np.float64], Recorder, Clock], Executor]
+Factory = Callable[[Sequence[Action[Instance]], NDArray[np.float64], Recorder, Clock], Executor]
 
 EXECUTORS: dict[str, Factory] = {"c": CExecutor, "python": PythonExecutor}

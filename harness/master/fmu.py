@@ -34,7 +34,7 @@ ERROR_CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "l
 """Log categories of FMI 2.0 that are listened to; everything else stays off."""
 
 
-class Unit:
+class Instance:
     """An instance of an FMU in its place in the system."""
 
     def __init__(self, node: Node, folder: Path) -> None:
@@ -151,13 +151,15 @@ class Unit:
         fails.
         """
         if verb is Verb.STEP:
-            self.judge(
+            self.raise_if_failed(
                 verb, self.do_step(self.handle, time, self.every * step, self.no_rollback), time
             )
         for transfer in self.transfers[verb]:
-            self.judge(verb, transfer.write(bus) if verb is Verb.SET else transfer.read(bus), time)
+            self.raise_if_failed(
+                verb, transfer.write(bus) if verb is Verb.SET else transfer.read(bus), time
+            )
             if verb is Verb.GET:
-                self.judge_outputs(transfer, time)
+                self.raise_if_not_finite(transfer, time)
 
     def propagate_inputs(self, bus: NDArray[np.float64], time: float) -> None:
         """Set the inputs in initialization mode, as far as what drives them has been computed
@@ -165,14 +167,14 @@ class Unit:
         """
         for transfer in self.transfers[Verb.SET]:
             if np.isfinite(bus[transfer.slots]).all():
-                self.judge(Verb.SET, transfer.write(bus), time)
+                self.raise_if_failed(Verb.SET, transfer.write(bus), time)
 
     def propagate_outputs(self, bus: NDArray[np.float64], time: float) -> None:
         """Read the outputs in initialization mode, where they may not be finite yet."""
         for transfer in self.transfers[Verb.GET]:
-            self.judge(Verb.GET, transfer.read(bus), time)
+            self.raise_if_failed(Verb.GET, transfer.read(bus), time)
 
-    def judge(self, verb: Verb, status: int, time: float) -> None:
+    def raise_if_failed(self, verb: Verb, status: int, time: float) -> None:
         """RunError if an FMI call has failed."""
         if status not in (OK, WARNING):
             doing = {
@@ -185,9 +187,9 @@ class Unit:
     def check_outputs(self, time: float) -> None:
         """RunError if an output that was read last is infinite or not a number."""
         for transfer in self.transfers[Verb.GET]:
-            self.judge_outputs(transfer, time)
+            self.raise_if_not_finite(transfer, time)
 
-    def judge_outputs(self, transfer: Transfer, time: float) -> None:
+    def raise_if_not_finite(self, transfer: Transfer, time: float) -> None:
         """RunError if an output is infinite or not a number."""
         if transfer.real and not np.isfinite(transfer.view).all():
             name = transfer.not_finite()

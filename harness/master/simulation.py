@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from harness.errors import InterruptionError, RunError, UsageError
 from harness.master.executors import EXECUTORS, Clock
-from harness.master.fmu import Unit
+from harness.master.fmu import Instance
 from harness.master.progress import progress_bar
 from harness.master.recorder import Recorder
 from harness.results.result import Result
-from harness.system.graph import Graph, Slot, build_graph, constants
+from harness.system.graph import Slot, checked, constants
 from harness.system.model import System
-from harness.system.schedule import macro_steps, schedule
+from harness.system.schedule import schedule
 from harness.temporary import PrivateFolder
 
 MAX_ROUNDS = 200
@@ -36,7 +36,7 @@ _log = logging.getLogger("harness")
 
 @dataclass(frozen=True)
 class Snapshot:
-    """State of the whole system after `step` macro steps: the bus and one FMU state per unit."""
+    """State of the whole system after `step` macro steps: the bus and one FMU state per instance."""
 
     step: int
     bus: NDArray[np.float64]
@@ -58,13 +58,12 @@ class Simulation:
         if executor not in EXECUTORS:
             raise UsageError(f"there is no executor {executor}, only {' and '.join(EXECUTORS)}")
         self.system = system
-        self.graph: Graph = build_graph(system)
-        self.steps = macro_steps(system.experiment, [c.every for c in system.components])
+        self.graph, self.steps = checked(system)
         self.clock = Clock(system.experiment.start, system.experiment.step or 0.0)
         self.bus: NDArray[np.float64] = np.zeros(len(self.graph.slots))
         self.settled: NDArray[np.intp] = np.zeros(len(self.graph.slots), dtype=np.intp)
         self.recorder = Recorder(self.steps, len(self.graph.slots), every)
-        self.units: list[Unit] = []
+        self.instances: list[Instance] = []
         self._executor_name = executor
         self._initialised = False
 
@@ -75,8 +74,8 @@ class Simulation:
         self._folder = PrivateFolder()
         try:
             for node in self.graph.nodes:
-                self.units.append(Unit(node, self._folder.path))
-            plan = schedule(self.system.experiment.algorithm, self.units)
+                self.instances.append(Instance(node, self._folder.path))
+            plan = schedule(self.system.experiment.algorithm, self.instances)
             self._executor = EXECUTORS[self._executor_name](
                 plan, self.bus, self.recorder, self.clock
             )
@@ -90,8 +89,8 @@ class Simulation:
 
     def close(self) -> None:
         """Terminate and free all FMUs and remove what was unpacked."""
-        while self.units:
-            self.units.pop().close()
+        while self.instances:
+            self.instances.pop().close()
         self._folder.close()
 
     # ---- initialization
@@ -103,15 +102,15 @@ class Simulation:
         Raises RunError: a refused parameter, a failing FMU, or an output that is not finite.
         """
         start, stop = self.clock.start, self.clock.time(self.steps)
-        for unit in self.units:
-            unit.set_start_values(start)
-            unit.enter_initialization(start, stop)
+        for instance in self.instances:
+            instance.set_start_values(start)
+            instance.enter_initialization(start, stop)
         self._settle(start)
-        for unit in self.units:
-            unit.exit_initialization(start)
-        for unit in self.units:
-            unit.propagate_outputs(self.bus, start)
-            unit.check_outputs(start)
+        for instance in self.instances:
+            instance.exit_initialization(start)
+        for instance in self.instances:
+            instance.propagate_outputs(self.bus, start)
+            instance.check_outputs(start)
         self._initialised = True
         self.recorder.record(0, self.bus)
 
@@ -137,10 +136,10 @@ class Simulation:
         value).
         """
         before = self.bus.copy()
-        for unit in self.units:
-            unit.propagate_outputs(self.bus, start)
-        for unit in self.units:
-            unit.propagate_inputs(self.bus, start)
+        for instance in self.instances:
+            instance.propagate_outputs(self.bus, start)
+        for instance in self.instances:
+            instance.propagate_inputs(self.bus, start)
         return np.asarray(self.bus.view(np.uint64) != before.view(np.uint64))
 
     # ---- running
@@ -163,7 +162,7 @@ class Simulation:
         (InterruptionError on Ctrl-C) whose `partial` holds everything recorded.
         """
         try:
-            if not self.units:
+            if not self.instances:
                 raise UsageError("a Simulation can advance inside its `with` block only")
             if not self._initialised:
                 self.initialize()
@@ -193,20 +192,20 @@ class Simulation:
         """State of the whole system; RunError if an FMU cannot save its own. Release it with
         free().
         """
-        states = tuple(unit.save(self.time) for unit in self.units)
+        states = tuple(instance.save(self.time) for instance in self.instances)
         return Snapshot(self.step, self.bus.copy(), states)
 
     def restore(self, snapshot: Snapshot) -> None:
         """Return to a saved state; later rows are recorded anew."""
-        for unit, state in zip(self.units, snapshot.states, strict=True):
-            unit.restore(state, self.time)
+        for instance, state in zip(self.instances, snapshot.states, strict=True):
+            instance.restore(state, self.time)
         self.bus[:] = snapshot.bus
         self.recorder.done = snapshot.step
 
     def free(self, snapshot: Snapshot) -> None:
         """Release the FMU states of a snapshot."""
-        for unit, state in zip(self.units, snapshot.states, strict=True):
-            unit.free(state)
+        for instance, state in zip(self.instances, snapshot.states, strict=True):
+            instance.free(state)
 
     # ---- outcome
 

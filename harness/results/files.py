@@ -14,6 +14,7 @@ import csv
 import os
 import re
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TextIO
@@ -21,7 +22,8 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import ResultsError, UsageError
+from harness.errors import HarnessError, ResultsError, UsageError
+from harness.output import new_beside, written
 from harness.results.result import Result
 from harness.system.values import expand
 
@@ -56,33 +58,23 @@ class ResultFile:
         if not os.access(folder, os.W_OK):
             raise ResultsError(f"{self.path}: cannot be written (no permission for {folder})")
         if folder == self.path.absolute().parent:
-            self._beside().unlink()
-
-    def _beside(self) -> Path:
-        """A new empty file in the same folder, which is made if it is missing."""
-        path = self.path.with_name(f".{self.path.stem}-{os.getpid()}{self.path.suffix}")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.open("w").close()
-        except OSError as error:
-            raise ResultsError(f"{self.path}: cannot be written ({error.strerror})") from error
-        return path
+            try:
+                new_beside(self.path.absolute()).unlink()
+            except OSError as error:
+                raise ResultsError(f"{self.path}: cannot be written ({error.strerror})") from error
 
     def write(self, result: Result) -> None:
         """Write the result; ResultsError if that fails, an earlier file of that name is then left
         as it was.
         """
-        target = self.path if self._special else self._beside()
         try:
-            WRITERS[self.path.suffix](result, target)
-            if target != self.path:
-                target.replace(self.path)
+            with nullcontext(self.path) if self._special else written(self.path) as target:
+                WRITERS[self.path.suffix](result, target)
+        except HarnessError:
+            raise
         except Exception as error:  # OSError, or what the libraries behind xarray and scipy raise
             reason = getattr(error, "strerror", None) or " ".join(str(error).split())
             raise ResultsError(f"{self.path}: cannot be written ({reason})") from error
-        finally:
-            if target != self.path:
-                target.unlink(missing_ok=True)
 
 
 def read(path: Path) -> Result:

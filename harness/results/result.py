@@ -4,7 +4,7 @@ in.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -61,6 +61,11 @@ class Result:
 
     def __contains__(self, name: str) -> bool:
         return name in self._column or name in self.vectors
+
+    def holds(self, *names: str, parameters: Iterable[str] = ()) -> bool:
+        """Whether the result has all these variables, and all these parameters of the run."""
+        known: Result | tuple[()] = () if self.parameters is None else self.parameters
+        return all(name in self for name in names) and all(name in known for name in parameters)
 
     def unit(self, name: str) -> str:
         """Unit of a scalar, element, vector or matrix; "" if unknown."""

@@ -48,13 +48,13 @@ KEYS = {
 """Keys that the tables of a system may have."""
 
 
-def compose(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> System:
+def system_of(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> System:
     """The system that a TOML describes; fmus: paths by name. Raises FmuError or StructureError with
     all problems.
     """
     if found := _ill_formed(source, fmus):
         raise StructureError(found)
-    return _Composer(source, fmus).system()
+    return _Builder(source, fmus).system()
 
 
 def _ill_formed(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> list[str]:
@@ -80,7 +80,7 @@ def _unknown_keys(place: str, table: Mapping[str, Any], known: Sequence[str]) ->
     ]
 
 
-class _Composer:
+class _Builder:
     """One pass over the tables of a system that collects problems instead of stopping at the
     first.
     """
@@ -242,7 +242,7 @@ def build(source: Path, fmus: Path, output: Path) -> None:
     """Write the .ssp of a TOML with the FMUs of a folder. Raises HarnessError."""
     known = {path.stem: path for path in sorted(fmus.glob("*.fmu"))}
     try:
-        write_ssp(compose(read_toml(source), known), output)
+        write_ssp(system_of(read_toml(source), known), output)
     except StructureError as error:
         raise StructureError(
             f"{source.name}: {problem.removeprefix(f'{source}: ')}" for problem in error.problems

@@ -13,7 +13,15 @@ from harness.archive import read_entry
 from harness.errors import ArchiveError, StructureError
 from harness.spelling import did_you_mean
 from harness.ssp import xml
-from harness.ssp.parameters import Units, hop_of, mapped, mapping, parameter_set, prefixed, units_of
+from harness.ssp.parameters import (
+    UnitsByName,
+    hop_of,
+    mapped,
+    mapping,
+    parameter_set,
+    prefixed,
+    units_of,
+)
 from harness.ssp.tree import INWARD, Connector, Edge, Element, Group, Leaf, Place, Point
 from harness.system.model import Parameter
 from harness.system.units import Hop
@@ -22,28 +30,28 @@ SSV_TYPE = "application/x-ssp-parameter-set"
 SSM_TYPE = "application/x-ssp-parameter-mapping"
 
 
-class Elements:
+class ElementReader:
     """One pass over the elements of a file that collects problems instead of stopping at the first.
 
     own: whether the file is ours; then a parameter that its component does not have is an error.
     """
 
-    def __init__(self, folder: Path, root: xml.Element, own: bool) -> None:
+    def __init__(self, folder: Path, root: xml.XmlElement, own: bool) -> None:
         self.folder = folder
-        self.units: Units = units_of(root, "ssd:Units")
+        self.units: UnitsByName = units_of(root, "ssd:Units")
         self.own = own
         self.problems: list[str] = []
 
     # ---- elements
 
-    def group(self, element: xml.Element, place: Place = ()) -> Group:
+    def group(self, element: xml.XmlElement, place: Place = ()) -> Group:
         """A system with all that is in it."""
         children = self._children(element, place)
         connectors = self._connectors(element, place)
         group = Group(place, connectors, self._bindings(element, _label(place)), children)
         return replace(group, edges=tuple(self._edges(element, group)))
 
-    def _children(self, element: xml.Element, place: Place) -> dict[str, Element]:
+    def _children(self, element: xml.XmlElement, place: Place) -> dict[str, Element]:
         children: dict[str, Element] = {}
         for child in element.iterfind("ssd:Elements/*", xml.NS):
             name, kind = child.get("name"), child.tag.rpartition("}")[2]
@@ -59,7 +67,7 @@ class Elements:
                 )
         return children
 
-    def _leaf(self, element: xml.Element, place: Place) -> Leaf:
+    def _leaf(self, element: xml.XmlElement, place: Place) -> Leaf:
         label = _label(place)
         if element.get("type", xml.FMU_TYPE) != xml.FMU_TYPE:
             self.problems.append(f"{label}: only FMUs can be run, not {element.get('type')}")
@@ -76,7 +84,7 @@ class Elements:
             xml.number(hint, "value", self.problems),
         )
 
-    def _connectors(self, element: xml.Element, place: Place) -> dict[str, Connector]:
+    def _connectors(self, element: xml.XmlElement, place: Place) -> dict[str, Connector]:
         connectors = {}
         for e in element.iterfind("ssd:Connectors/ssd:Connector", xml.NS):
             unit = e.find("ssc:Real", xml.NS)
@@ -90,7 +98,7 @@ class Elements:
 
     # ---- connections
 
-    def _edges(self, element: xml.Element, group: Group) -> Iterator[Edge]:
+    def _edges(self, element: xml.XmlElement, group: Group) -> Iterator[Edge]:
         for e in element.iterfind("ssd:Connections/ssd:Connection", xml.NS):
             ends = [self._end(e, side, group) for side in ("start", "end")]
             if None in ends:
@@ -111,7 +119,7 @@ class Elements:
                 yield Edge(end, start, self._hop(e, start, group))
 
     def _end(
-        self, element: xml.Element, side: str, group: Group
+        self, element: xml.XmlElement, side: str, group: Group
     ) -> tuple[Point, bool | None] | None:
         """A connector and whether it gives a value to the connection (None: not said); None if it
         is not there.
@@ -134,7 +142,7 @@ class Elements:
             return point, None
         return point, (known.kind in INWARD) == (owner is group)
 
-    def _hop(self, element: xml.Element, target: Point, group: Group) -> Hop:
+    def _hop(self, element: xml.XmlElement, target: Point, group: Group) -> Hop:
         for kind in ("a Boolean", "an Integer", "an Enumeration"):
             if element.find(f"ssc:{kind.split()[1]}MappingTransformation", xml.NS) is not None:
                 self.problems.append(
@@ -151,7 +159,7 @@ class Elements:
     # ---- parameters
 
     def _bindings(
-        self, element: xml.Element, label: str, fmu: Path | None = None
+        self, element: xml.XmlElement, label: str, fmu: Path | None = None
     ) -> dict[str, Parameter]:
         """All parameter sets bound to an element, later ones winning."""
         parameters: dict[str, Parameter] = {}
@@ -165,7 +173,9 @@ class Elements:
             for name, parameter in parameters.items()
         }
 
-    def _bound(self, binding: xml.Element, label: str, fmu: Path | None) -> Mapping[str, Parameter]:
+    def _bound(
+        self, binding: xml.XmlElement, label: str, fmu: Path | None
+    ) -> Mapping[str, Parameter]:
         root = self._part(binding, "ssd:ParameterValues/*", (SSV_TYPE, xml.SSV_SCHEMA), label, fmu)
         parameters = dict(prefixed(parameter_set(root, self.units), binding.get("prefix", "")))
         found = binding.find("ssd:ParameterMapping", xml.NS)
@@ -176,8 +186,13 @@ class Elements:
         )
 
     def _part(
-        self, element: xml.Element, inline: str, kind: tuple[str, str], label: str, fmu: Path | None
-    ) -> xml.Element:
+        self,
+        element: xml.XmlElement,
+        inline: str,
+        kind: tuple[str, str],
+        label: str,
+        fmu: Path | None,
+    ) -> xml.XmlElement:
         """Root of a parameter set or mapping: inside the element, a file of the archive, or a file
         inside the FMU.
         """
@@ -198,7 +213,7 @@ class Elements:
             raise StructureError([])
         return xml.parse(path, schema)
 
-    def _inside(self, fmu: Path | None, source: str, schema: str) -> xml.Element:
+    def _inside(self, fmu: Path | None, source: str, schema: str) -> xml.XmlElement:
         if fmu is None:
             raise StructureError([f"{source}: a system has no FMU that could hold this file"])
         try:

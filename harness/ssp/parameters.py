@@ -20,7 +20,7 @@ from harness.system.values import Scalar
 
 _log = logging.getLogger("harness")
 
-Units = Mapping[str, Unit]
+UnitsByName = Mapping[str, Unit]
 
 
 class Entry(NamedTuple):
@@ -39,7 +39,7 @@ def read_ssv(path: Path) -> dict[str, Parameter]:
     return parameter_set(xml.parse(path, xml.SSV_SCHEMA))
 
 
-def parameter_set(root: xml.Element, further: Units | None = None) -> dict[str, Parameter]:
+def parameter_set(root: xml.XmlElement, further: UnitsByName | None = None) -> dict[str, Parameter]:
     """Parameters of an ssv:ParameterSet element by name; further: units known beside its own.
 
     Raises StructureError if a value is NaN or binary.
@@ -58,7 +58,7 @@ def parameter_set(root: xml.Element, further: Units | None = None) -> dict[str, 
     return parameters
 
 
-def units_of(root: xml.Element, table: str) -> dict[str, Unit]:
+def units_of(root: xml.XmlElement, table: str) -> dict[str, Unit]:
     """Units that a file defines, by name."""
     return {
         e.get("name"): Unit(e.get("name"), _base(e[0]))
@@ -66,11 +66,11 @@ def units_of(root: xml.Element, table: str) -> dict[str, Unit]:
     }
 
 
-def _base(element: xml.Element) -> dict[str, float]:
+def _base(element: xml.XmlElement) -> dict[str, float]:
     return {name: float(element.get(name, "1" if name == "factor" else "0")) for name in BASE_UNITS}
 
 
-def _scalar(element: xml.Element) -> Scalar:
+def _scalar(element: xml.XmlElement) -> Scalar:
     """Value of ssv:Real, ssv:Integer, ... as Python has it."""
     text: str = element.get("value", "")
     match element.tag.rpartition("}")[2]:
@@ -91,7 +91,7 @@ def _scalar(element: xml.Element) -> Scalar:
 # ---- mappings
 
 
-def mapping(root: xml.Element) -> list[Entry]:
+def mapping(root: xml.XmlElement) -> list[Entry]:
     """Entries of an ssm:ParameterMapping element; StructureError with every transformation that
     makes no sense.
     """
@@ -107,7 +107,7 @@ def mapping(root: xml.Element) -> list[Entry]:
     return entries
 
 
-def hop_of(element: xml.Element, unit: Unit | None = None) -> Hop:
+def hop_of(element: xml.XmlElement, unit: Unit | None = None) -> Hop:
     """What a connection or mapping entry does to a number that ends in `unit`; ValueError if it is
     not finite.
     """
@@ -121,7 +121,7 @@ def hop_of(element: xml.Element, unit: Unit | None = None) -> Hop:
     return Hop(change, convert, unit)
 
 
-def _table(element: xml.Element) -> dict[str, str] | None:
+def _table(element: xml.XmlElement) -> dict[str, str] | None:
     """Table of a Boolean-, Integer- or EnumerationMappingTransformation as texts, None without
     one.
     """

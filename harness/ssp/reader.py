@@ -15,7 +15,7 @@ from pathlib import Path
 from harness.archive import unpack
 from harness.errors import StructureError
 from harness.ssp import xml
-from harness.ssp.elements import Elements
+from harness.ssp.elements import ElementReader
 from harness.ssp.flatten import Flat
 from harness.ssp.parameters import read_ssv
 from harness.ssp.tree import Leaf
@@ -65,14 +65,14 @@ class _Reader:
     elsewhere.
     """
 
-    def __init__(self, folder: Path, root: xml.Element) -> None:
+    def __init__(self, folder: Path, root: xml.XmlElement) -> None:
         self.folder = folder
         self.root = root
         self.run = root.find(
             f"ssd:Annotations/ssc:Annotation[@type='{xml.RUN_ANNOTATION}']/run:Run", xml.NS
         )
         self.schedule = {e.get("name"): e for e in self._own("run:Component")}
-        self.elements = Elements(folder, root, own=self.run is not None)
+        self.elements = ElementReader(folder, root, own=self.run is not None)
         self.problems = self.elements.problems
 
     def system(self) -> System:
@@ -94,7 +94,7 @@ class _Reader:
             declared=flat.declared(),
         )
 
-    def _own(self, path: str) -> list[xml.Element]:
+    def _own(self, path: str) -> list[xml.XmlElement]:
         """Elements of our own annotation, none in a file of another tool."""
         return [] if self.run is None else list(self.run.iterfind(path, xml.NS))
 
@@ -131,7 +131,7 @@ class _Reader:
             )
         return max(1, round(hint / experiment.step)) if hint and experiment.step else 1, 0
 
-    def _set(self, element: xml.Element, components: tuple[Component, ...]) -> ParameterSet:
+    def _set(self, element: xml.XmlElement, components: tuple[Component, ...]) -> ParameterSet:
         """A set that our annotation lists but nothing binds: one .ssv per component that has
         parameters.
         """
@@ -144,7 +144,9 @@ class _Reader:
         stop, step = self._number(element, "stop"), self._number(element, "step")
         return ParameterSet(name, element.get("description", ""), parameters, stop, step)
 
-    def _alternative(self, element: xml.Element, components: tuple[Component, ...]) -> Alternative:
+    def _alternative(
+        self, element: xml.XmlElement, components: tuple[Component, ...]
+    ) -> Alternative:
         fmu = element.get("fmu", "")
         return Alternative(
             element.get("component", ""),
@@ -167,5 +169,5 @@ class _Reader:
     def _inside(self, path: Path) -> bool:
         return path.is_file() and path.resolve().is_relative_to(self.folder.resolve())
 
-    def _number(self, element: xml.Element, attribute: str) -> float | None:
+    def _number(self, element: xml.XmlElement, attribute: str) -> float | None:
         return xml.number(element, attribute, self.problems)

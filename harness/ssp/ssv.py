@@ -8,16 +8,16 @@ from collections.abc import Iterable, Mapping
 
 from lxml import etree
 
-from harness.ssp.xml import NS, TOOL, Element, attributes, child, tag, text
+from harness.ssp.xml import NS, TOOL, XmlElement, attributes, child, serialized, tag
 from harness.system.conversion import final
 from harness.system.interface import Interface, Variable
 from harness.system.model import Parameter, Parameters
 
-Units = Mapping[str, Mapping[str, float]]
+BaseUnits = Mapping[str, Mapping[str, float]]
 """Base units (exponents, factor, offset) by name."""
 
 
-def ssv(set_name: str, parameters: Parameters, interface: Interface, units: Units) -> bytes:
+def ssv(set_name: str, parameters: Parameters, interface: Interface, units: BaseUnits) -> bytes:
     """A parameter set of one component; names are relative to the component."""
     root = etree.Element(tag("ssv:ParameterSet"), nsmap={"ssv": NS["ssv"], "ssc": NS["ssc"]})
     attributes(root, version="1.0", name=set_name, generationTool=TOOL)
@@ -27,7 +27,7 @@ def ssv(set_name: str, parameters: Parameters, interface: Interface, units: Unit
             _parameter(table, interface, interface.variables[name], given)
     variables = (interface.variables[name] for name in parameters if name in interface.variables)
     unit_table(root, "ssv:Units", units, (v.unit for v in variables if v.type == "Real"))
-    return text(root)
+    return serialized(root)
 
 
 def bare_ssv(set_name: str, parameters: Parameters) -> bytes:
@@ -40,10 +40,12 @@ def bare_ssv(set_name: str, parameters: Parameters) -> bytes:
     for name, given in parameters.items():
         kind = "String" if isinstance(given.value, str) else "Real"
         child(child(table, "ssv:Parameter", name=name), f"ssv:{kind}", value=given.value)
-    return text(root)
+    return serialized(root)
 
 
-def _parameter(table: Element, interface: Interface, variable: Variable, given: Parameter) -> None:
+def _parameter(
+    table: XmlElement, interface: Interface, variable: Variable, given: Parameter
+) -> None:
     """One parameter as it reaches the FMU: in its unit, an enumeration by the name of the item."""
     number = final(given, variable, interface)
     written = next((item for item, value in variable.items.items() if value == number), number)
@@ -54,7 +56,7 @@ def _parameter(table: Element, interface: Interface, variable: Variable, given: 
         attributes(value, unit=variable.unit)
 
 
-def unit_table(root: Element, name: str, units: Units, used: Iterable[str | None]) -> None:
+def unit_table(root: XmlElement, name: str, units: BaseUnits, used: Iterable[str | None]) -> None:
     """The definitions of the units that are used, if any, as element ssd:Units or ssv:Units."""
     names = sorted({unit for unit in used if unit in units and unit is not None})
     table = child(root, name) if names else None

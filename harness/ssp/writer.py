@@ -16,7 +16,7 @@ from lxml import etree
 
 from harness.archive import pack
 from harness.errors import StructureError
-from harness.ssp.ssv import Units, bare_ssv, ssv, unit_table
+from harness.ssp.ssv import BaseUnits, bare_ssv, ssv, unit_table
 from harness.ssp.xml import (
     FMU_TYPE,
     NS,
@@ -24,11 +24,11 @@ from harness.ssp.xml import (
     RUN_ANNOTATION,
     SSD_FILE,
     TOOL,
-    Element,
+    XmlElement,
     attributes,
     child,
+    serialized,
     tag,
-    text,
 )
 from harness.system.conversion import way
 from harness.system.graph import read_interfaces
@@ -76,7 +76,7 @@ def ssp_content(system: System) -> dict[str, bytes]:
     return content
 
 
-def _units(interfaces: Mapping[str, Interface]) -> Units:
+def _units(interfaces: Mapping[str, Interface]) -> BaseUnits:
     """All units of all FMUs; StructureError if two FMUs mean different things by one name."""
     units: dict[str, Mapping[str, float]] = {}
     for component, interface in interfaces.items():
@@ -114,7 +114,7 @@ class _Description:
         system: System,
         interfaces: Mapping[str, Interface],
         sources: Mapping[str, str],
-        units: Units,
+        units: BaseUnits,
     ) -> None:
         self.system, self.interfaces, self.sources, self.units = system, interfaces, sources, units
         self.connected = {c.name: self._connected(c.name) for c in system.components}
@@ -156,9 +156,9 @@ class _Description:
         )
         self._experiment(root)
         self._run(child(root, "ssd:Annotations"))
-        return text(root)
+        return serialized(root)
 
-    def _component(self, elements: Element, component: Component, column: int) -> None:
+    def _component(self, elements: XmlElement, component: Component, column: int) -> None:
         element = child(
             elements,
             "ssd:Component",
@@ -180,7 +180,7 @@ class _Description:
             hint = child(child(element, "ssd:Annotations"), "ssc:Annotation", type=OSP_ANNOTATION)
             child(hint, "osp:StepSizeHint", value=component.every * self.system.experiment.step)
 
-    def _connectors(self, element: Element, component: Component) -> None:
+    def _connectors(self, element: XmlElement, component: Component) -> None:
         """Inputs down the left edge, outputs down the right one; (0, 0) is the lower left
         corner.
         """
@@ -206,7 +206,7 @@ class _Description:
                     connector, "ssd:ConnectorGeometry", x=x, y=round(1 - (i + 0.5) / len(side), 6)
                 )
 
-    def _enumerations(self, root: Element) -> None:
+    def _enumerations(self, root: XmlElement) -> None:
         """Types of the connected enumerations; the first component that has a type of that name
         defines it.
         """
@@ -233,12 +233,12 @@ class _Description:
         left = column * (WIDTH + GAP)
         return {"x1": left, "y1": -self._height(component), "x2": left + WIDTH, "y2": 0}
 
-    def _canvas(self, top: Element) -> None:
+    def _canvas(self, top: XmlElement) -> None:
         right = len(self.system.components) * (WIDTH + GAP)
         bottom = -max(self._height(c) for c in self.system.components) - GAP
         child(top, "ssd:SystemGeometry", x1=-GAP, y1=bottom, x2=right, y2=GAP)
 
-    def _connections(self, top: Element) -> None:
+    def _connections(self, top: XmlElement) -> None:
         connections = child(top, "ssd:Connections") if self.system.connections else None
         for each in self.system.connections:
             source, target, hops = each
@@ -248,7 +248,7 @@ class _Description:
             if hops:
                 self._transformation(connection, way(each, self.interfaces))
 
-    def _transformation(self, connection: Element, change: Affine) -> None:
+    def _transformation(self, connection: XmlElement, change: Affine) -> None:
         """Everything that happens on the way as one step, the conversion of units included."""
         attributes(connection, suppressUnitConversion=True)
         if change != IDENTITY:
@@ -256,7 +256,7 @@ class _Description:
                 connection, "ssc:LinearTransformation", factor=change.factor, offset=change.offset
             )
 
-    def _experiment(self, root: Element) -> None:
+    def _experiment(self, root: XmlElement) -> None:
         experiment = self.system.experiment
         default = child(
             root, "ssd:DefaultExperiment", startTime=experiment.start, stopTime=experiment.stop
@@ -273,7 +273,7 @@ class _Description:
                 numWorkerThreads=0,
             )
 
-    def _run(self, annotations: Element) -> None:
+    def _run(self, annotations: XmlElement) -> None:
         """Our annotation: what a run needs and SSP has no place for."""
         annotation = child(annotations, "ssc:Annotation", type=RUN_ANNOTATION)
         run = etree.SubElement(annotation, tag("run:Run"), nsmap={"run": NS["run"]})

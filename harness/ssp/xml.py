@@ -15,7 +15,7 @@ from harness.archive import has_doctype
 from harness.errors import StructureError
 from harness.system.values import Scalar
 
-Element = Any
+XmlElement = Any
 Schema = Any
 """lxml has no types."""
 
@@ -62,7 +62,7 @@ def tag(name: str) -> str:
     return f"{{{NS[prefix]}}}{local}"
 
 
-def parse(source: Path | bytes, schema: str, name: str = "") -> Element:
+def parse(source: Path | bytes, schema: str, name: str = "") -> XmlElement:
     """Root element of an XML file, valid against one of the SSP schemas; neither entities nor the
     network are used.
 
@@ -87,7 +87,7 @@ def parse(source: Path | bytes, schema: str, name: str = "") -> Element:
     return valid(tree.getroot(), schema, name)
 
 
-def embedded(element: Element, schema: str) -> Element:
+def embedded(element: XmlElement, schema: str) -> XmlElement:
     """An element inside another file as the root of its own, valid against one of the SSP
     schemas.
     """
@@ -95,7 +95,7 @@ def embedded(element: Element, schema: str) -> Element:
     return valid(root, schema, etree.QName(root).localname)
 
 
-def valid(root: Element, schema: str, name: str) -> Element:
+def valid(root: XmlElement, schema: str, name: str) -> XmlElement:
     """The root element itself; StructureError with every violation of the schema, by the name of
     the file.
     """
@@ -108,7 +108,7 @@ def valid(root: Element, schema: str, name: str) -> Element:
     return root
 
 
-def _as_version_1(root: Element) -> None:
+def _as_version_1(root: XmlElement) -> None:
     """Rewrite what SSP 2.0 says otherwise without meaning more for FMI 2.0, and drop the metadata
     it has added.
     """
@@ -126,7 +126,7 @@ def _schema(name: str) -> Schema:
     return etree.XMLSchema(file=str(Path(fmpy.__file__).parent / "ssp" / "schema" / name))
 
 
-def number(element: Element, attribute: str, problems: list[str]) -> float | None:
+def number(element: XmlElement, attribute: str, problems: list[str]) -> float | None:
     """A finite number in an attribute, None without it; a problem is noted if it is something
     else.
     """
@@ -146,14 +146,14 @@ def number(element: Element, attribute: str, problems: list[str]) -> float | Non
 # ---- writing
 
 
-def child(parent: Element, kind: str, /, **values: Scalar | None) -> Element:
+def child(parent: XmlElement, kind: str, /, **values: Scalar | None) -> XmlElement:
     """A new element at the end of its parent."""
     element = etree.SubElement(parent, tag(kind))
     attributes(element, **values)
     return element
 
 
-def attributes(element: Element, /, **values: Scalar | None) -> None:
+def attributes(element: XmlElement, /, **values: Scalar | None) -> None:
     """Set attributes in the given order; None and "" are left out."""
     for name, value in values.items():
         if value is not None and value != "":
@@ -169,6 +169,6 @@ def literal(value: Scalar) -> str:
     return repr(value) if isinstance(value, float) else str(value)
 
 
-def text(root: Element) -> bytes:
+def serialized(root: XmlElement) -> bytes:
     """The file that an element is the root of."""
     return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))

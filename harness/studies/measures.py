@@ -1,7 +1,7 @@
-"""Figures by which runs are compared: errors against the reference of the guidance, safety, and
+"""Measures by which runs are compared: errors against the reference of the guidance, safety, and
 what it has cost.
 
-A figure is measured if the result holds what it needs, so systems without a reference simply have
+A measure is taken if the result holds what it needs, so systems without a reference simply have
 fewer of them.
 """
 
@@ -28,7 +28,7 @@ STEADY = 0.2
 
 @dataclass(frozen=True)
 class Measure:
-    """One figure: heading, unit, variables and parameters that it needs, and the function of the
+    """One column: heading, unit, variables and parameters that it needs, and the function of the
     result.
     """
 
@@ -39,15 +39,11 @@ class Measure:
     parameters: tuple[str, ...] = ()
 
     def __call__(self, result: Result) -> float:
-        """The figure; NaN if the result does not hold what it needs, or the figure does not
-        exist.
+        """The value; NaN if the result does not hold what it needs, or there is no such
+        value.
         """
-        known = () if result.parameters is None else result.parameters
-        if any(name not in result for name in self.needs) or any(
-            name not in known for name in self.parameters
-        ):
-            return float("nan")
-        return float(self.value(result))
+        fits = result.holds(*self.needs, parameters=self.parameters)
+        return float(self.value(result)) if fits else float("nan")
 
 
 # ---- errors against the reference

@@ -17,6 +17,7 @@ from harness.spelling import did_you_mean
 from harness.system.conversion import final, way
 from harness.system.interface import Interface, Variable, read_interface, units_agree
 from harness.system.model import Component, Connection, Parameter, Port, System
+from harness.system.schedule import macro_steps
 from harness.system.schedule import problems as schedule_problems
 from harness.system.units import IDENTITY, Affine, Unit, compose
 from harness.system.values import Scalar
@@ -93,6 +94,21 @@ def build_graph(system: System) -> Graph:
     return Graph(
         tuple(_node(c, interfaces[c.name], slot_of, driven) for c in system.components), slots
     )
+
+
+class Checked(NamedTuple):
+    """A system ready to run: its graph, and the number of macro steps."""
+
+    graph: Graph
+    steps: int
+
+
+def checked(system: System) -> Checked:
+    """The graph and the number of macro steps of a system; raises what build_graph() and
+    macro_steps() raise.
+    """
+    graph = build_graph(system)
+    return Checked(graph, macro_steps(system.experiment, [c.every for c in system.components]))
 
 
 def read_interfaces(system: System) -> dict[str, Interface]:

@@ -1,6 +1,6 @@
 """The master algorithm as data: what to do with whom in which order at every macro step.
 
-A unit with `every = N` is stepped by N macro steps at once, at macro steps k with k % N == 0.
+An instance with `every = N` is stepped by N macro steps at once, at macro steps k with k % N == 0.
 `latency = L` publishes its outputs L macro steps later than its algorithm would (a computer that
 needs its time).
 """
@@ -25,7 +25,7 @@ class Verb(Enum):
 
 
 class Periodic(Protocol):
-    """What a schedule needs to know of a unit: its name, period and latency in macro steps."""
+    """What a schedule needs to know of an instance: its name, period and latency in macro steps."""
 
     @property
     def name(self) -> str:
@@ -33,21 +33,21 @@ class Periodic(Protocol):
 
     @property
     def every(self) -> int:
-        """Macro steps per step of the unit."""
+        """Macro steps per step of the instance."""
 
     @property
     def latency(self) -> int:
         """Macro steps by which it publishes later."""
 
 
-Unit = TypeVar("Unit", bound=Periodic)
+Scheduled = TypeVar("Scheduled", bound=Periodic)
 
 
-class Action(NamedTuple, Generic[Unit]):
-    """Do `verb` on `unit` at every macro step k with k % every == phase."""
+class Action(NamedTuple, Generic[Scheduled]):
+    """Do `verb` on `instance` at every macro step k with k % every == phase."""
 
     verb: Verb
-    unit: Unit
+    instance: Scheduled
     every: int = 1
     phase: int = 0
 
@@ -56,32 +56,32 @@ class Action(NamedTuple, Generic[Unit]):
         return k % self.every == self.phase
 
 
-def gauss_seidel(units: Sequence[Unit]) -> list[Action[Unit]]:
-    """One after the other: each reads what the units before it have just published, steps and
+def gauss_seidel(instances: Sequence[Scheduled]) -> list[Action[Scheduled]]:
+    """One after the other: each reads what the instances before it have just published, steps and
     publishes at once.
 
-    A unit with latency L (at most its period) publishes at the beginning of the macro step L after
+    An instance with latency L (at most its period) publishes at the beginning of the macro step L after
     it was sampled.
     """
-    late = [Action(Verb.GET, u, u.every, u.latency % u.every) for u in units if u.latency]
+    late = [Action(Verb.GET, i, i.every, i.latency % i.every) for i in instances if i.latency]
     return late + [
-        Action(verb, u, u.every)
-        for u in units
+        Action(verb, i, i.every)
+        for i in instances
         for verb in Verb
-        if not (verb is Verb.GET and u.latency)
+        if not (verb is Verb.GET and i.latency)
     ]
 
 
-def jacobi(units: Sequence[Unit]) -> list[Action[Unit]]:
+def jacobi(instances: Sequence[Scheduled]) -> list[Action[Scheduled]]:
     """Everybody reads, everybody steps, everybody publishes when its step is over.
 
-    A unit with latency 1 publishes one macro step later, after the others have read and before its
+    An instance with latency 1 publishes one macro step later, after the others have read and before its
     own next step.
     """
-    read = [Action(Verb.SET, u, u.every) for u in units]
-    late = [Action(Verb.GET, u, u.every) for u in units if u.latency]
-    step = [Action(Verb.STEP, u, u.every) for u in units]
-    publish = [Action(Verb.GET, u, u.every, u.every - 1) for u in units if not u.latency]
+    read = [Action(Verb.SET, i, i.every) for i in instances]
+    late = [Action(Verb.GET, i, i.every) for i in instances if i.latency]
+    step = [Action(Verb.STEP, i, i.every) for i in instances]
+    publish = [Action(Verb.GET, i, i.every, i.every - 1) for i in instances if not i.latency]
     return read + late + step + publish
 
 
@@ -91,34 +91,34 @@ class _Algorithm(NamedTuple):
 
 
 ALGORITHMS = {
-    "gauss-seidel": _Algorithm(gauss_seidel, lambda unit: unit.every),
-    "jacobi": _Algorithm(jacobi, lambda unit: 1),
+    "gauss-seidel": _Algorithm(gauss_seidel, lambda instance: instance.every),
+    "jacobi": _Algorithm(jacobi, lambda instance: 1),
 }
 
 
-def problems(algorithm: str, units: Sequence[Periodic]) -> list[str]:
-    """What is wrong with the periods and latencies of the units under an algorithm, one line
+def problems(algorithm: str, instances: Sequence[Periodic]) -> list[str]:
+    """What is wrong with the periods and latencies of the instances under an algorithm, one line
     each.
     """
     if algorithm not in ALGORITHMS:
         return [f"algorithm: there is no {algorithm}, only {' and '.join(ALGORITHMS)}"]
     largest = ALGORITHMS[algorithm].largest_latency
-    found = [f"{u.name}: every must be at least 1, not {u.every}" for u in units if u.every < 1]
-    for u in units:
-        if u.every >= 1 and not 0 <= u.latency <= largest(u):
+    found = [f"{i.name}: every must be at least 1, not {i.every}" for i in instances if i.every < 1]
+    for i in instances:
+        if i.every >= 1 and not 0 <= i.latency <= largest(i):
             found.append(
-                f"{u.name}: latency must lie in 0..{largest(u)} macro steps under {algorithm}, not {u.latency}"
+                f"{i.name}: latency must lie in 0..{largest(i)} macro steps under {algorithm}, not {i.latency}"
             )
     return found
 
 
-def schedule(algorithm: str, units: Sequence[Unit]) -> list[Action[Unit]]:
+def schedule(algorithm: str, instances: Sequence[Scheduled]) -> list[Action[Scheduled]]:
     """The list of actions of one macro step; StructureError if a period or latency cannot be
     expressed.
     """
-    if found := problems(algorithm, units):
+    if found := problems(algorithm, instances):
         raise StructureError(found)
-    return ALGORITHMS[algorithm].plan(units)
+    return ALGORITHMS[algorithm].plan(instances)
 
 
 def macro_steps(experiment: Experiment, periods: Sequence[int] = (1,)) -> int:

@@ -16,7 +16,7 @@ from lxml import etree
 
 from harness.errors import StructureError
 from harness.ssp import reader as ssp
-from harness.ssp.build import build, compose, main
+from harness.ssp.build import build, main, system_of
 from harness.ssp.writer import write_ssp
 from harness.system.model import Connection, Port
 
@@ -51,7 +51,7 @@ stop = 6.0
 
 
 def composed(fmus, text=TOML):
-    return compose(tomllib.loads(text), fmus)
+    return system_of(tomllib.loads(text), fmus)
 
 
 def problems(fmus, text):
@@ -276,7 +276,7 @@ def test_two_fmus_of_one_file_name_are_kept_apart(fmus, tmp_path):
     (tmp_path / "else").mkdir()
     namesake = tmp_path / "else" / "gain.fmu"
     namesake.write_bytes(fmus["counter"].read_bytes())
-    system = compose(
+    system = system_of(
         tomllib.loads(
             'name = "x"\n[experiment]\nstop = 1\nstep = 1\n[components]\na = "gain"\nb = "namesake"\n[open]\n"a.u" = 0'
         ),
@@ -303,7 +303,7 @@ def test_one_unit_name_with_two_meanings_is_refused(fmus, tmp_path):
                 name, data.replace(b'<BaseUnit m="1"/>', b'<BaseUnit m="1" factor="1000"/>')
             )
     text = 'name = "x"\n[experiment]\nstop = 1\nstep = 1\n[components]\na = "source"\nb = "odd"\n'
-    system = compose(tomllib.loads(text), {**fmus, "odd": path})
+    system = system_of(tomllib.loads(text), {**fmus, "odd": path})
     with pytest.raises(
         StructureError, match="b: its unit m is not the m of the components before it"
     ):
@@ -354,9 +354,9 @@ def test_the_build_command_says_in_one_line_what_is_wrong(
 
 def test_build_reports_the_place_it_cannot_write_to(fmu_folder, tmp_path, capsys):
     (tmp_path / "demo.toml").write_text(TOML)
-    target = tmp_path / "missing" / "demo.ssp"
+    target = tmp_path / "demo.toml" / "demo.ssp"
     assert main([str(tmp_path / "demo.toml"), "--fmus", str(fmu_folder), "-o", str(target)]) == 1
-    assert "cannot be written (No such file or directory)" in capsys.readouterr().err
+    assert "cannot be written (Not a directory)" in capsys.readouterr().err
 
 
 def test_build_is_a_function_too(fmu_folder, tmp_path):

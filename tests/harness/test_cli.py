@@ -16,7 +16,7 @@ import pytest
 
 from harness.cli.app import main
 from harness.results import files as result_files
-from harness.ssp.build import compose
+from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from tests.harness.demo import TOML
 
@@ -24,7 +24,7 @@ from tests.harness.demo import TOML
 @pytest.fixture
 def folder(fmus, tmp_path, monkeypatch):
     """Working directory with demo.ssp, which stands for a system of the project too."""
-    write_ssp(compose(tomllib.loads(TOML), fmus), tmp_path / "demo.ssp")
+    write_ssp(system_of(tomllib.loads(TOML), fmus), tmp_path / "demo.ssp")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("harness.paths.systems", lambda: {"demo": tmp_path / "demo.ssp"})
     monkeypatch.setattr("harness.paths.fmus", lambda: fmus)
@@ -295,7 +295,7 @@ def test_plot_and_report_of_a_file_that_is_no_result_are_one_line(command, folde
 
 
 def test_a_mistake_of_ours_is_one_line_unless_a_traceback_is_wanted(command, monkeypatch):
-    monkeypatch.setattr("harness.studies.catalogue.text", lambda _: 1 / 0)
+    monkeypatch.setattr("harness.cli.listing.text", lambda _: 1 / 0)
     status, _, err = command("list")
     assert status == 1
     assert err == [
@@ -324,7 +324,7 @@ def process(*arguments, **options):
 @pytest.mark.parametrize("executor", ["c", "python"])
 def test_ctrl_c_ends_the_run_with_one_line_and_keeps_what_was_recorded(fmus, tmp_path, executor):
     text = 'name = "endless"\n[experiment]\nstop = 1e6\nstep = 1.0\n[components]\na = "slow"\n'
-    write_ssp(compose(tomllib.loads(text), fmus), tmp_path / "endless.ssp")
+    write_ssp(system_of(tomllib.loads(text), fmus), tmp_path / "endless.ssp")
     running = process("run", "endless.ssp", "-o", "x.csv", "--executor", executor, cwd=tmp_path)
     for _ in range(200):
         if (tmp_path / "stepping").exists():

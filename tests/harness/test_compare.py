@@ -16,17 +16,18 @@ from harness import run
 from harness.cli.app import main
 from harness.errors import StructureError, UsageError
 from harness.results.files import ResultFile, read
-from harness.ssp.build import compose
+from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
-from harness.studies.cases import cases
-from harness.studies.compare import _thinning, compare, text
+from harness.studies import table
+from harness.studies.compare import _thinning, compare
+from harness.studies.variants import combinations
 from tests.harness.demo import TOML
 from tests.harness.foreign_fmu import Model, build, p, u, y
 
 
 @pytest.fixture
 def system(fmus, tmp_path):
-    write_ssp(compose(tomllib.loads(TOML), fmus), tmp_path / "demo.ssp")
+    write_ssp(system_of(tomllib.loads(TOML), fmus), tmp_path / "demo.ssp")
     return tmp_path / "demo.ssp"
 
 
@@ -38,7 +39,7 @@ def crashing(tmp_path):
 
 
 def flown(system, tmp_path, *varied, **changes):
-    return compare(system, cases(changes, varied), tmp_path / "out")
+    return compare(system, combinations(changes, varied), tmp_path / "out")
 
 
 def test_every_flight_gives_the_bits_of_a_run_of_its_own(system, fmus, tmp_path):
@@ -53,11 +54,11 @@ def test_every_flight_gives_the_bits_of_a_run_of_its_own(system, fmus, tmp_path)
 
 def test_the_table_has_one_line_per_flight_and_is_kept_with_all_digits(system, tmp_path):
     found = flown(system, tmp_path, ("algorithm", "jacobi,gauss-seidel"))
-    lines = text(found).splitlines()
+    lines = table.text(found.measures, found.labels).splitlines()
     assert [line.split()[0] for line in lines[-2:]] == ["jacobi", "gauss-seidel"]
     with (tmp_path / "out" / "comparison.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    assert [row["flight"] for row in rows] == ["jacobi", "gauss-seidel"]
+    assert [row["run"] for row in rows] == ["jacobi", "gauss-seidel"]
     assert all(float(row["macro step [us]"]) > 0 for row in rows)
     assert {row["range error [m]"] for row in rows} == {""}
 
@@ -95,7 +96,7 @@ def test_progress_counts_the_flights(system, tmp_path):
     seen = []
     compare(
         system,
-        cases({}, [("algorithm", "jacobi,gauss-seidel")]),
+        combinations({}, [("algorithm", "jacobi,gauss-seidel")]),
         tmp_path / "out",
         progress=seen.append,
     )
@@ -110,7 +111,7 @@ def test_a_flight_that_fails_ends_early_and_the_others_go_on(system, tmp_path):
     assert found.results["default"].complete
     assert not found.results["hot"].complete
     assert found.results["hot"].time[-1] == 3.0
-    assert text(found).splitlines()[-1].split() == ["hot", "-"]
+    assert table.text(found.measures, found.labels).splitlines()[-1].split() == ["hot", "-"]
 
 
 def test_a_crash_inside_an_fmu_takes_no_other_flight_with_it(system, fmus, crashing, tmp_path):
@@ -176,7 +177,7 @@ def test_wrong_use_of_the_command_is_status_2_and_one_line(
 def comparing(fmus, tmp_path):
     """A comparison of flights that take hours, already stepping."""
     toml = 'name = "long"\n[experiment]\nstop = 1e7\nstep = 1.0\n[components]\na = "slow"\n'
-    write_ssp(compose(tomllib.loads(toml), fmus), tmp_path / "long.ssp")
+    write_ssp(system_of(tomllib.loads(toml), fmus), tmp_path / "long.ssp")
     command = [
         sys.executable,
         "-m",

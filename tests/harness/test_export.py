@@ -18,7 +18,7 @@ from harness.cli.app import main
 from harness.errors import FmuError, ResultsError, StructureError, UsageError
 from harness.exports.package import export
 from harness.ssp import reader as ssp
-from harness.ssp.build import compose
+from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from tests.harness.foreign_ssp import component, inline, linear, ssm, ssv, system, write
 from tests.harness.test_foreign_ssp import nested
@@ -48,7 +48,7 @@ k = 0.7
 @pytest.fixture
 def demo(fmus, tmp_path):
     path = tmp_path / "demo.ssp"
-    write_ssp(compose(tomllib.loads(TOML), fmus), path)
+    write_ssp(system_of(tomllib.loads(TOML), fmus), path)
     return path
 
 

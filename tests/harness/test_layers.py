@@ -23,7 +23,8 @@ LAYERS = (
     ("ssp",),
     ("results",),
     ("system",),
-    ("archive", "paths", "temporary", "spelling"),
+    ("archive",),
+    ("output", "paths", "temporary", "spelling"),
     ("errors",),
 )
 """From the top down; rooms of one layer do not know each other."""

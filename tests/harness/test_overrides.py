@@ -10,7 +10,7 @@ import pytest
 from harness import load, run
 from harness.changes import apply
 from harness.errors import StructureError, UsageError
-from harness.ssp.build import compose
+from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from harness.system.model import Parameter
 from tests.harness.foreign_fmu import Model, build, p, u, y
@@ -41,7 +41,7 @@ step = 2.0
 
 @pytest.fixture
 def system(fmus):
-    return compose(tomllib.loads(TOML), fmus)
+    return system_of(tomllib.loads(TOML), fmus)
 
 
 def value(system, name):
@@ -296,7 +296,7 @@ k = 5
 @pytest.fixture
 def prepared(fmus, other):
     """The system knows with which parameters `other` flies."""
-    return compose(tomllib.loads(TOML + ALTERNATIVE), fmus | {"other": other})
+    return system_of(tomllib.loads(TOML + ALTERNATIVE), fmus | {"other": other})
 
 
 def test_an_fmu_that_the_system_knows_flies_with_the_parameters_meant_for_it(
@@ -364,7 +364,7 @@ def test_an_exchanged_component_has_no_alternatives_any_more(prepared, other):
 )
 def test_a_mistaken_alternative_is_refused_when_the_system_is_built(fmus, other, text, problem):
     with pytest.raises(StructureError, match=problem):
-        compose(tomllib.loads(TOML + text), fmus | {"other": other})
+        system_of(tomllib.loads(TOML + text), fmus | {"other": other})
 
 
 def test_a_warning_of_dropped_parameters_stays_short(make, fmus, caplog):

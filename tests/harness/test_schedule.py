@@ -18,7 +18,7 @@ def unit(name, every=1, latency=0):
 
 def words(plan):
     return [
-        f"{a.verb.value} {a.unit.name}" + (f" @{a.phase}/{a.every}" if a.every > 1 else "")
+        f"{a.verb.value} {a.instance.name}" + (f" @{a.phase}/{a.every}" if a.every > 1 else "")
         for a in plan
     ]
 

@@ -1,9 +1,10 @@
-"""What `harness list` and `harness check` say about systems and FMUs."""
+"""What is wrong with a system or an FMU: everything at once."""
 
 from __future__ import annotations
 
 import zipfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from fmpy.validation import validate_fmu
@@ -12,54 +13,11 @@ from harness import paths
 from harness.changes import choose_set, set_names
 from harness.errors import FmuError, HarnessError, StructureError, UsageError
 from harness.spelling import did_you_mean
-from harness.ssp import reader as ssp
-from harness.ssp.library import find_system
+from harness.ssp import reader
 from harness.system.graph import build_graph
 from harness.system.interface import has_binary, read_interface
 from harness.system.model import System
 from harness.system.schedule import macro_steps
-
-
-def text(name: str | None = None) -> str:
-    """All systems with components and sets, and all FMUs, as lines for reading; with a name or path
-    one system.
-    """
-    if name is not None:
-        return "\n".join(_system_lines(find_system(name)))
-    systems, fmus = paths.systems(), paths.fmus()
-    if not systems and not fmus:
-        raise UsageError("there are neither systems nor FMUs: build the project first")
-    lines = ["systems"]
-    for path in systems.values():
-        lines += [f"  {line}" for line in _system_lines(path)]
-    lines += ["FMUs"]
-    width = max(map(len, fmus), default=0)
-    lines += [
-        f"  {name:{width}}  {read_interface(path).model.description or ''}"
-        for name, path in fmus.items()
-    ]
-    return "\n".join(lines)
-
-
-def _system_lines(path: Path) -> list[str]:
-    with ssp.opened(path) as system:
-        experiment = system.experiment
-        return [
-            f"{system.name}: {system.description}",
-            f"  runs        {experiment.stop} s, macro step {experiment.step} s, {experiment.algorithm}",
-            f"  components  {', '.join(f'{c.name} ({c.fmu.stem})' for c in system.components)}",
-            f"  sets        {', '.join(set_names(system))}",
-            *(f"    {s.name}: {s.description}" for s in system.sets if s.description),
-            *(f"  swaps       {c}={','.join(fmus)}" for c, fmus in _alternatives(system).items()),
-        ]
-
-
-def _alternatives(system: System) -> dict[str, list[str]]:
-    """FMUs that the system has parameters for, by the component that they replace."""
-    found: dict[str, list[str]] = {}
-    for alternative in system.alternatives:
-        found.setdefault(alternative.component, []).append(alternative.fmu)
-    return found
 
 
 def check(name: str) -> str:
@@ -74,7 +32,7 @@ def check(name: str) -> str:
         )
     if path.suffix == ".fmu":
         return _check_fmu(path)
-    with ssp.opened(path) as system:
+    with reader.opened(path) as system:
         return _check_system(system)
 
 
@@ -106,13 +64,16 @@ def _check_system(system: System) -> str:
             lambda: macro_steps(experiment, [c.every for c in system.components])
         )
     for name in set_names(system):
-        problems += _complaints(lambda name=name: build_graph(choose_set(system, name)))  # type: ignore[misc]
+        problems += _complaints(partial(build_graph, choose_set(system, name)))
     if not problems:
         bare = [c for c in system.components if not has_binary(read_interface(c.fmu))]
         problems = [f"{c.name}: {c.fmu.name} holds no binary for this platform" for c in bare]
     if problems:
         raise StructureError(problems)
-    counts = f"{len(system.components)} components, {len(system.connections)} connections, {len(set_names(system))} sets"
+    counts = (
+        f"{len(system.components)} components, {len(system.connections)} connections, "
+        f"{len(set_names(system))} sets"
+    )
     wanted = f", give {' and '.join(f'--{name}' for name in missing)}" if missing else ""
     return f"{system.name}: fine ({counts}){wanted}"
 

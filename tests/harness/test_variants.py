@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 
 from harness.errors import UsageError
-from harness.studies.cases import cases
+from harness.studies.variants import combinations
 
 SWAP = ("swap", "controller=a,b")
 
 
 def labels(*varied):
-    return [case.label for case in cases({}, varied)]
+    return [variant.label for variant in combinations({}, varied)]
 
 
 def test_every_combination_is_flown_the_last_option_changing_fastest():
@@ -28,7 +28,7 @@ def test_paths_are_labelled_by_their_stems_unless_these_are_equal():
 
 
 def test_changes_are_those_of_a_run():
-    last = cases(
+    last = combinations(
         {"set": ["a.b=1"], "stop": 3.0},
         [("params", "calm"), SWAP, ("swap", "plant=p"), ("latency", "plant=0,1")],
     )[-1]
@@ -43,10 +43,10 @@ def test_changes_are_those_of_a_run():
 
 
 def test_values_of_a_parameter_are_flown_over_the_fixed_ones():
-    flights = cases(
+    flights = combinations(
         {"set": ["a.b=1", "a.k=0"]}, [("set", "a.k=1, 2"), ("set", "a.v=[1,2],[[3,4],[5,6]]")]
     )
-    assert [case.label for case in flights][:2] == ["k=1, v=[1,2]", "k=1, v=[[3,4],[5,6]]"]
+    assert [variant.label for variant in flights][:2] == ["k=1, v=[1,2]", "k=1, v=[[3,4],[5,6]]"]
     assert flights[-1].changes == {"set": {"a.b": "1", "a.k": "2", "a.v": "[[3,4],[5,6]]"}}
 
 
@@ -58,11 +58,11 @@ def test_a_range_of_values_has_both_its_ends():
 @pytest.mark.parametrize("text", ["0:1:0", "0:1:x", "0:1:0.3", "0:1:-0.1", "0:inf:1"])
 def test_a_range_that_is_none_is_wrong_use(text):
     with pytest.raises(UsageError, match=f"{text}: "):
-        cases({}, [("set", f"a.k={text}")])
+        combinations({}, [("set", f"a.k={text}")])
 
 
 def test_labels_are_file_names():
-    assert cases({}, [("swap", "c=x/m e.fmu,y/m e.fmu")])[0].file == "x_m_e.fmu"
+    assert combinations({}, [("swap", "c=x/m e.fmu,y/m e.fmu")])[0].file == "x_m_e.fmu"
 
 
 @pytest.mark.parametrize(
@@ -77,4 +77,4 @@ def test_labels_are_file_names():
 )
 def test_a_mistaken_comparison_is_wrong_use(varied, problem):
     with pytest.raises(UsageError, match=problem):
-        cases({}, varied)
+        combinations({}, varied)

@@ -1,4 +1,4 @@
-"""What a comparison flies: every combination of the options that were given several values."""
+"""What a comparison runs: every combination of the options that were given several values."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ NAMED = ("swap", "latency", "set")
 
 
 @dataclass(frozen=True)
-class Case:
-    """One flight: a label that tells it from the others, and what is changed in the system."""
+class Variant:
+    """One run: a label that tells it from the others, and what is changed in the system."""
 
     label: str
     changes: Changes
@@ -38,7 +38,7 @@ class _Choice(NamedTuple):
     value: str | tuple[str, str]
 
 
-def cases(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Case]:
+def combinations(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Variant]:
     """All combinations, the last option changing fastest.
 
     fixed: changes common to all; varied: option (params, algorithm, swap, latency, set) and its
@@ -52,7 +52,7 @@ def cases(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Case]:
         raise UsageError(
             "there is nothing to compare: give several values, e.g. --swap controller=A,B or --params A,B"
         )
-    return [_case(fixed, combination, several) for combination in itertools.product(*choices)]
+    return [_variant(fixed, combination, several) for combination in itertools.product(*choices)]
 
 
 def _choices(option: str, text: str) -> Iterator[_Choice]:
@@ -104,7 +104,7 @@ def _delay(component: str, steps: str) -> str:
     return f"{component} {'on time' if steps == '0' else f'{steps} late'}"
 
 
-def _case(fixed: Changes, combination: Sequence[_Choice], several: Sequence[bool]) -> Case:
+def _variant(fixed: Changes, combination: Sequence[_Choice], several: Sequence[bool]) -> Variant:
     changes = fixed.copy()
     for choice in combination:
         if isinstance(choice.value, str):
@@ -112,7 +112,7 @@ def _case(fixed: Changes, combination: Sequence[_Choice], several: Sequence[bool
         else:
             earlier = dict(pairs(f"--{choice.option}", changes.get(choice.option, ())))  # type: ignore[arg-type]
             changes[choice.option] = earlier | dict([choice.value])  # type: ignore[literal-required]
-    return Case(
+    return Variant(
         ", ".join(c.label for c, varies in zip(combination, several, strict=True) if varies),
         changes,
     )

@@ -1,0 +1,84 @@
+"""Commands that look at what is there: `harness list | check | draw | plot | report`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from harness.cli.options import FileArgument, Format, FormatOption, SystemArgument
+
+app = typer.Typer()
+
+
+@app.command("list")
+def list_command(
+    system: Annotated[
+        str | None, typer.Argument(metavar="[SYSTEM]", help="name of a system, or path of an .ssp")
+    ] = None,
+) -> None:
+    """Show systems, parameter sets and FMUs."""
+    from harness.cli import listing
+
+    typer.echo(listing.text(system))
+
+
+@app.command()
+def check(
+    name: Annotated[
+        str, typer.Argument(metavar="SYSTEM_OR_FMU", help="name, or path of an .ssp or .fmu")
+    ],
+) -> None:
+    """Find all that is wrong with a system or an FMU."""
+    from harness.studies import check as study
+
+    typer.echo(study.check(name))
+
+
+@app.command("draw")
+def draw_command(
+    system: SystemArgument,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="picture (default: SYSTEM.svg)")
+    ] = None,
+) -> None:
+    """Draw the block diagram of a system."""
+    from harness.exports.draw import draw
+    from harness.ssp.library import load
+
+    with load(system) as found:
+        path = output or Path(f"{found.name}.svg")
+        draw(found, path)
+    typer.echo(path)
+
+
+@app.command()
+def plot(
+    file: FileArgument,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="folder for the figures")
+    ] = None,
+    ending: FormatOption = Format.PNG,
+) -> None:
+    """Draw the figures of a run.
+
+    Default: beside the results.
+    """
+    from harness.figures.plots import plot as draw
+    from harness.results.files import read
+
+    for path in draw(read(file), output or file.parent, ending.value):
+        typer.echo(path)
+
+
+@app.command()
+def report(file: FileArgument) -> None:
+    """Judge a run by the claims of its paper."""
+    from harness.claims.report import report as judge
+    from harness.results.files import read
+
+    text, passed = judge(read(file))
+    typer.echo(text)
+    if not passed:
+        raise typer.Exit(1)

@@ -1,0 +1,64 @@
+"""Systems and FMUs for other purposes: `harness export | linearize | bench`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from harness.cli.options import SystemArgument, takes_changes
+from harness.output import written
+
+app = typer.Typer()
+
+
+@app.command("export")
+@takes_changes("params", "set", "swap", "latency", "step", "stop", "algorithm")
+def export_command(
+    system: SystemArgument,
+    target: Annotated[
+        Path, typer.Argument(metavar="DIR_OR_FILE", help="folder, or file NAME.ssp or NAME.fmu")
+    ],
+    changes: Any = None,
+) -> None:
+    """Write a system as one .ssp or one .fmu.
+
+    With all changes, and everything inside.
+    """
+    from harness.exports.package import export
+
+    typer.echo(export(system, target, **changes))
+
+
+@app.command("linearize")
+def linearize_command(
+    fmu: Annotated[str, typer.Argument(metavar="FMU", help="name of an FMU, or path of a .fmu")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="matrices, names and units: .npz")],
+    at: Annotated[float, typer.Option(help="time of the operating point [s]")] = 0.0,
+    step: Annotated[float, typer.Option(help="step of the linear model [s]")] = 0.1,
+    values: Annotated[
+        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="parameter or input")
+    ] = None,
+) -> None:
+    """Write the linear model of one FMU about an operating point."""
+    from harness.api import linearize
+
+    model = linearize(fmu, at, step, set=values or ())
+    with written(output) as file:
+        model.save(file)
+    typer.echo(
+        f"{output}: {len(model.states)} states, {len(model.inputs)} inputs, "
+        f"{len(model.outputs)} outputs"
+    )
+
+
+@app.command()
+def bench(system: SystemArgument) -> None:
+    """Measure the cost of a macro step.
+
+    Ours and other masters' side by side.
+    """
+    from harness.bench.bench import bench as measure
+
+    typer.echo(measure(system))

@@ -1,0 +1,170 @@
+"""The options that several commands have, said once, and what the shell completes them with."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable, Iterable
+from enum import Enum
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, get_type_hints
+
+import typer
+
+Command = TypeVar("Command", bound=Callable[..., None])
+
+
+class Format(Enum):
+    """Files that figures can be written to."""
+
+    PNG = "png"
+    SVG = "svg"
+    PDF = "pdf"
+
+
+# ---- completion
+
+
+def _completed(known: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
+    """What the shell offers for a beginning; nothing if the names cannot be found out."""
+
+    def complete(incomplete: str) -> list[str]:
+        try:
+            return [name for name in known() if name.startswith(incomplete)]
+        except Exception:  # a shell must never see a traceback for a key
+            return []
+
+    return complete
+
+
+def _systems() -> Iterable[str]:
+    from harness import paths
+
+    return paths.systems()
+
+
+def _system_of(context: typer.Context) -> Any:
+    from harness.ssp.library import load
+
+    return load(context.params.get("system") or "")
+
+
+def _of_system(names: Callable[[Any], Iterable[str]]) -> Callable[[typer.Context, str], list[str]]:
+    """Completion by names of the system that the command line gives."""
+
+    def complete(context: typer.Context, incomplete: str) -> list[str]:
+        def known() -> list[str]:
+            with _system_of(context) as system:
+                return list(names(system))
+
+        return _completed(known)(incomplete)
+
+    return complete
+
+
+def _sets(system: Any) -> Iterable[str]:
+    from harness.changes import set_names
+
+    return set_names(system)
+
+
+def _swaps(system: Any) -> Iterable[str]:
+    from harness import paths
+
+    return (f"{c.name}={fmu}" for c in system.components for fmu in paths.fmus())
+
+
+def _latencies(system: Any) -> Iterable[str]:
+    return (f"{c.name}=" for c in system.components)
+
+
+def _settable(system: Any) -> Iterable[str]:
+    from harness.system.graph import read_interfaces
+    from harness.system.values import base
+
+    interfaces = read_interfaces(system)
+    return dict.fromkeys(f"{c}.{base(v)}=" for c, i in interfaces.items() for v in i.settable())
+
+
+# ---- arguments and options
+
+SystemArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="SYSTEM",
+        help="name of a system, or path of an .ssp",
+        autocompletion=_completed(_systems),
+    ),
+]
+FileArgument = Annotated[
+    Path, typer.Argument(metavar="FILE", help="results of `harness run`, .csv or .nc")
+]
+EveryOption = Annotated[int, typer.Option(help="record every N-th macro step")]
+FormatOption = Annotated[Format, typer.Option("--format", help="of the figures")]
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="no progress bar, no summary")]
+
+CHANGES: dict[str, Any] = {
+    "params": Annotated[
+        str | None,
+        typer.Option(
+            metavar="SET_OR_FILE",
+            help="parameter set, .toml or .ssv",
+            autocompletion=_of_system(_sets),
+        ),
+    ],
+    "set": Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="C.NAME=VALUE",
+            help="one parameter",
+            autocompletion=_of_system(_settable),
+        ),
+    ],
+    "swap": Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="C=FMU",
+            help="another FMU (name or path)",
+            autocompletion=_of_system(_swaps),
+        ),
+    ],
+    "latency": Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="C=N",
+            help="publish N macro steps later",
+            autocompletion=_of_system(_latencies),
+        ),
+    ],
+    "step": Annotated[float | None, typer.Option(help="macro step [s]")],
+    "stop": Annotated[float | None, typer.Option(help="stop time [s]")],
+    "algorithm": Annotated[str | None, typer.Option(help="gauss-seidel or jacobi")],
+}
+"""The options of harness.changes.Changes by name."""
+
+
+def takes_changes(*names: str) -> Callable[[Command], Command]:
+    """Give a command the named options of CHANGES; it receives those that were given as one
+    dictionary, its argument `changes`.
+    """
+
+    def decorate(command: Command) -> Command:
+        @functools.wraps(command)
+        def with_changes(**given: Any) -> None:
+            changes = {name: given.pop(name) for name in names}
+            command(**given, changes={name: v for name, v in changes.items() if v is not None})
+
+        keyword = inspect.Parameter.KEYWORD_ONLY
+        hints = get_type_hints(command, include_extras=True)
+        own = [p for p in inspect.signature(command).parameters.values() if p.name != "changes"]
+        parameters = [p.replace(kind=keyword, annotation=hints[p.name]) for p in own]
+        parameters += [
+            inspect.Parameter(name, keyword, default=None, annotation=CHANGES[name])
+            for name in names
+        ]
+        with_changes.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        with_changes.__annotations__ = {p.name: p.annotation for p in parameters}
+        return with_changes  # type: ignore[return-value]
+
+    return decorate
