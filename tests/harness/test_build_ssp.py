@@ -356,7 +356,7 @@ def test_build_reports_the_place_it_cannot_write_to(fmu_folder, tmp_path, capsys
     (tmp_path / "demo.toml").write_text(TOML)
     target = tmp_path / "demo.toml" / "demo.ssp"
     assert main([str(tmp_path / "demo.toml"), "--fmus", str(fmu_folder), "-o", str(target)]) == 1
-    assert "cannot be written (Not a directory)" in capsys.readouterr().err
+    assert "cannot be written (File exists)" in capsys.readouterr().err
 
 
 def test_build_is_a_function_too(fmu_folder, tmp_path):
