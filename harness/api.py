@@ -76,8 +76,9 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
 
     params: parameter sets or files; swap: FMUs by component; latency: macro steps by component;
     vary: values by `component.parameter`; algorithm: names; set, step, stop: as for run(), the
-    same for all. Results and the table comparison.csv go to `folder`. every: record every N-th macro step
-    (default: at most 20 000 rows); progress: called with the number of runs that are over.
+    same for all. Results and the table comparison.csv go to `folder`. every: record every N-th
+    macro step (default: at most 20 000 rows); progress: called with the number of runs that are
+    over.
 
     Raises UsageError, what run() raises before its first step, and ResultsError; a run that fails
     under way ends early (Comparison.failures), the others go on.

@@ -2,7 +2,7 @@
 latencies, step, stop.
 
 A change is a replacement of frozen data, so the changed system can be exported exactly as it was
-flown.
+run.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def pairs(option: str, given: Pairs) -> Iterator[tuple[str, Any]]:
     for text in given:
         name, equals, value = text.partition("=")
         if not equals:
-            raise UsageError(f"{option} {text}: wants name=value")
+            raise UsageError(f"{option} {text}: expected name=value")
         yield name.strip(), value.strip()
 
 
@@ -158,7 +158,9 @@ def _delayed(system: System, name: str, steps: Any) -> System:
     try:
         count = int(steps)
     except ValueError as error:
-        raise UsageError(f"--latency {name}: wants a number of macro steps, not {steps}") from error
+        raise UsageError(
+            f"--latency {name}: expected a number of macro steps, got {steps}"
+        ) from error
     components = tuple(
         replace(c, latency=count) if c.name == name else c for c in system.components
     )

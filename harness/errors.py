@@ -1,14 +1,15 @@
-"""Every way in which the harness can fail: what is raised is always one of these, and its text is for the user.
+"""Every way in which the harness can fail: what is raised is always one of these, and its text is
+for the user.
 
-    HarnessError                 anything the user should read as one line (or one line per problem); exit status 1
-    ├── UsageError               wrong use of the command line or of run(); exit status 2
-    ├── ArchiveError             a .ssp or .fmu is damaged or unsafe to unpack
-    ├── StructureError           a system contradicts itself; carries all problems, one line each
-    ├── FmuError                 an FMU cannot be read, loaded or instantiated
-    ├── RunError                 an FMU failed in initialization or in a step; carries what was recorded
+    HarnessError             what the user reads as one line, or a line per problem; status 1
+    ├── UsageError           wrong use of the command line or of run(); exit status 2
+    ├── ArchiveError         a .ssp or .fmu is damaged or unsafe to unpack
+    ├── StructureError       a system contradicts itself; carries all problems, one line each
+    ├── FmuError             an FMU cannot be read, loaded or instantiated
+    ├── RunError             an FMU failed in initialization or in a step; carries the rows so far
     │   └── InterruptionError    the user stopped the run
-    ├── ComparisonError          flights of a comparison ended early, one line each; the others are complete
-    └── ResultsError             a results file cannot be written or read
+    ├── ComparisonError      runs of a comparison ended early, a line each; the others are complete
+    └── ResultsError         a results file cannot be written or read
 
 Several problems are several lines of one text.
 """
@@ -50,8 +51,9 @@ class FmuError(HarnessError):
 class RunError(HarnessError):
     """An FMU failed while the system was being initialised or stepped.
 
-    component, variable: where (variable is None if the FMU did not say); time: communication point [s];
-    partial: the Result with everything recorded before the failure, or None if there is nothing.
+    component, variable: where (variable is None if the FMU did not say); time: communication point
+    [s]; partial: the Result with everything recorded before the failure, or None if there is
+    nothing.
     """
 
     def __init__(
@@ -78,7 +80,7 @@ class InterruptionError(RunError):
 
 
 class ComparisonError(HarnessError):
-    """Some flights of a comparison ended early; one line each."""
+    """Some runs of a comparison ended early; one line each."""
 
 
 class ResultsError(HarnessError):

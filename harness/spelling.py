@@ -7,7 +7,9 @@ from collections.abc import Iterable
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Close matches of a misspelt or shortened name as the end of a line, e.g. " (close: J_T, J_S)", or nothing."""
+    """Close matches of a misspelt or shortened name as the end of a line, e.g. " (close: J_T,
+    J_S)", or nothing.
+    """
     names = list(known)
     close = (
         difflib.get_close_matches(name, names, n=3)

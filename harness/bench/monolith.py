@@ -114,7 +114,8 @@ class Monolith:
         if model is None:
             raise StructureError(
                 [
-                    f"{node.component.name}: {node.interface.path.name} is not a model of the monolithic program"
+                    f"{node.component.name}: {node.interface.path.name} is not a model of the "
+                    "monolithic program"
                 ]
             )
         return int(model)

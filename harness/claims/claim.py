@@ -130,7 +130,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Condition:
-    """Something by which a result shows whether it was flown as in the paper; measured in `unit`,
+    """Something by which a result shows whether it was run as in the paper; measured in `unit`,
     equal within 1e-6.
     """
 

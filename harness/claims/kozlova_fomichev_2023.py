@@ -101,8 +101,11 @@ CLAIMS = (
 )
 
 PAPER = Paper(
-    title="Kozlova N. Yu., Fomichev A. V.: Algorithms of guidance and motion control of a space manipulation robot for "
-    "servicing a non-cooperative spacecraft. Mekhatronika, Avtomatizatsiya, Upravlenie 24(4), 2023, 216-224",
+    title=(
+        "Kozlova N. Yu., Fomichev A. V.: Algorithms of guidance and motion control of a space "
+        "manipulation robot for servicing a non-cooperative spacecraft. Mekhatronika, "
+        "Avtomatizatsiya, Upravlenie 24(4), 2023, 216-224"
+    ),
     needs=(RANGE, TRANSITION, RATE_ERROR),
     claims=CLAIMS,
     conditions=(

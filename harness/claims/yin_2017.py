@@ -85,7 +85,7 @@ SMOOTH = Claim(
     where="section 4.2, figure 4",
     needs=(ELEVATION, RANGE),
     measure=measures.overshoot,
-    figure="overshoot of the elevation {0:.1f} deg; least range {1:.2f} m",
+    figure="overshoot of the elevation {0:.1f} deg; minimum range {1:.2f} m",
     unit="deg",
     reproduced=at_most(2.0),
     partly=at_most(5.0),
@@ -97,7 +97,7 @@ OSCILLATION = Claim(
     where="figures 4, 7, section 5",
     needs=(ELEVATION, RANGE),
     measure=measures.overshoot,
-    figure="overshoot of the elevation {0:.1f} deg; least range {1:.2f} m",
+    figure="overshoot of the elevation {0:.1f} deg; minimum range {1:.2f} m",
     unit="deg",
     reproduced=at_least(10.0),
     partly=at_least(5.0),
@@ -140,7 +140,8 @@ CHATTER = Claim(
 )
 
 TITLE = (
-    "Yin Z., Luo J., Wei C., Yuan J.: Low-complexity prescribed performance control for approaching and tracking a "
+    "Yin Z., Luo J., Wei C., Yuan J.: Low-complexity prescribed performance control for "
+    "approaching and tracking a "
     "non-cooperative target. Journal of Astronautics 38(8), 2017"
 )
 CONTROLLERS = {

@@ -87,7 +87,7 @@ def steady_attitude_error(result: Result) -> tuple[float, ...]:
 
 
 def overshoot(result: Result) -> tuple[float, ...]:
-    """Largest elevation error beyond the reference, seen from the first one [deg]; least range
+    """Largest elevation error beyond the reference, seen from the first one [deg]; minimum range
     [m].
     """
     error = np.degrees(result[ELEVATION])

@@ -26,11 +26,17 @@ from harness.claims.zhu_yang_measures import (
 CLAIMS = (
     Claim(
         name="arrival",
-        text="the range shrinks until the target is within reach of the arm and is then maintained at rho_M",
+        text=(
+            "the range shrinks until the target is within reach of the arm and is then "
+            "maintained at rho_M"
+        ),
         where="section 2, figure 5",
         needs=(RANGE, REFERENCE),
         measure=measures.arrival,
-        figure="within {0:.3f} m of rho_M after 20 min; 0, 10, 20 min, end: {1:.4f}, {2:.4f}, {3:.4f}, {4:.4f} m",
+        figure=(
+            "within {0:.3f} m of rho_M after 20 min; 0, 10, 20 min, end: {1:.4f}, {2:.4f}, "
+            "{3:.4f}, {4:.4f} m"
+        ),
         unit="m",
         reproduced=at_most(0.1),
         partly=at_most(0.5),
@@ -41,7 +47,7 @@ CLAIMS = (
         where="section 3, figure 5",
         needs=(RANGE, REFERENCE),
         measure=measures.shortfall,
-        figure="{0:.1f} mm too near; least range {1:.4f} m at {2:.0f} s",
+        figure="{0:.1f} mm below rho_M; minimum range {1:.4f} m at {2:.0f} s",
         unit="mm",
         reproduced=at_most(0.0),
         partly=at_most(50.0),
@@ -74,7 +80,10 @@ CLAIMS = (
         where="section 3, figure 6",
         needs=(FORCE,),
         measure=measures.force_rate,
-        figure="changes by at most {0:.1f} % of its peak per second; {1:.4f} N at the start, peak {2:.4f} N",
+        figure=(
+            "changes by at most {0:.1f} % of its peak per second; {1:.4f} N at the start, "
+            "peak {2:.4f} N"
+        ),
         unit="%/s",
         reproduced=at_most(10.0),
         partly=at_most(50.0),
@@ -86,7 +95,9 @@ CLAIMS = (
         where="section 3, figure 8",
         needs=(MASS_ESTIMATE,),
         measure=measures.mass_drift,
-        figure="moves by {0:.1g} kg in the last 10 min; {1:.5f} kg at the start, {2:.5f} kg at the end",
+        figure=(
+            "moves by {0:.1g} kg in the last 10 min; {1:.5f} kg at the start, {2:.5f} kg at the end"
+        ),
         unit="kg",
         reproduced=at_most(0.1),
         partly=at_most(1.0),
@@ -104,7 +115,10 @@ CLAIMS = (
     ),
     Claim(
         name="position law is asymptotically stable",
-        text="the closed loop of the position is uniformly asymptotically stable (proved without disturbances)",
+        text=(
+            "the closed loop of the position is uniformly asymptotically stable (proved without "
+            "disturbances)"
+        ),
         where="below (14)",
         needs=(ERROR,),
         measure=measures.position_decay,
@@ -119,7 +133,10 @@ CLAIMS = (
         where="section 3, figure 9",
         needs=(ATTITUDE_ERROR, COMMAND),
         measure=measures.attitude_end,
-        figure="at most {0:.2f} deg in the last 100 s; after 1, 2, 5, 10 min {1:.1f}, {2:.1f}, {3:.1f}, {4:.2f} deg",
+        figure=(
+            "at most {0:.2f} deg in the last 100 s; after 1, 2, 5, 10 min {1:.1f}, {2:.1f}, "
+            "{3:.1f}, {4:.2f} deg"
+        ),
         unit="deg",
         reproduced=at_most(2.0),
         partly=at_most(10.0),
@@ -141,7 +158,9 @@ CLAIMS = (
         where="section 3, figure 11",
         needs=(ESTIMATES, COMMAND),
         measure=measures.inertia_drift,
-        figure="move by up to {0:.1f} % of their matrix in the last 100 s: J {1:.2f}, A {2:.2f} kg m2",
+        figure=(
+            "move by up to {0:.1f} % of their matrix in the last 100 s: J {1:.2f}, A {2:.2f} kg m2"
+        ),
         unit="%",
         reproduced=at_most(0.5),
         partly=at_most(2.0),
@@ -152,14 +171,20 @@ CLAIMS = (
         where="section 3, figure 11",
         needs=(ESTIMATES, COMMAND),
         measure=measures.inertia_offset,
-        figure="up to {0:.0f} % of their matrix from the truth of the paper: J {1:.1f}, A {2:.1f} kg m2",
+        figure=(
+            "up to {0:.0f} % of their matrix from the truth of the paper: J {1:.1f}, A "
+            "{2:.1f} kg m2"
+        ),
         unit="%",
         reproduced=at_least(5.0),
         partly=at_least(1.0),
     ),
     Claim(
         name="attitude law is asymptotically stable",
-        text="the closed loop of the attitude is uniformly asymptotically stable (proved without disturbances)",
+        text=(
+            "the closed loop of the attitude is uniformly asymptotically stable (proved without "
+            "disturbances)"
+        ),
         where="below (21)",
         needs=(ATTITUDE_ERROR, COMMAND),
         measure=measures.attitude_decay,
@@ -174,7 +199,10 @@ CLAIMS = (
         where="section 3, section 4",
         needs=(RANGE, REFERENCE, BETA_T, BETA_P, COMMAND),
         measure=measures.grasp_share,
-        figure="rho_M +- 5 cm, beta_t <= 1 deg, beta_p <= 5 deg in {0:.0f} % of the last 200 s; beta_p <= {1:.1f} deg",
+        figure=(
+            "rho_M +- 5 cm, beta_t <= 1 deg, beta_p <= 5 deg in {0:.0f} % of the last 200 s; "
+            "beta_p <= {1:.1f} deg"
+        ),
         unit="%",
         reproduced=at_least(100.0),
         partly=at_least(50.0),
@@ -182,8 +210,10 @@ CLAIMS = (
 )
 
 PAPER = Paper(
-    title="Zhu Y., Yang L.: 6-DOF synchronization control approach strategy for space robots capture mission. "
-    "Journal of National University of Defense Technology 31(6), 2009, 43-49",
+    title=(
+        "Zhu Y., Yang L.: 6-DOF synchronization control approach strategy for space robots "
+        "capture mission. Journal of National University of Defense Technology 31(6), 2009, 43-49"
+    ),
     needs=(RANGE, REFERENCE, BETA_T, BETA_P),
     claims=CLAIMS,
     conditions=(

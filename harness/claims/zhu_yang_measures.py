@@ -91,7 +91,7 @@ def arrival(result: Result) -> tuple[float, ...]:
 
 
 def shortfall(result: Result) -> tuple[float, ...]:
-    """How far the range falls below rho_M [mm], least range [m] and its time [s]."""
+    """How far the range falls below rho_M [mm], minimum range [m] and its time [s]."""
     least = result[RANGE].argmin()
     distance = result[RANGE][least]
     return 1e3 * max(0.0, safe_distance(result) - distance), distance, result.time[least]

@@ -27,15 +27,15 @@ INTERRUPTED = 130
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        from harness import __version__
+        from importlib.metadata import version
 
-        typer.echo(f"harness {__version__}")
+        typer.echo(f"harness {version('servicing-fmus')}")
         raise typer.Exit
 
 
 @app.callback()
 def options(
-    version: Annotated[
+    show_version: Annotated[
         bool, typer.Option("--version", callback=_show_version, is_eager=True, help="its number")
     ] = False,
 ) -> None:

@@ -39,7 +39,8 @@ def _system_lines(path: Path) -> list[str]:
         experiment = system.experiment
         return [
             f"{system.name}: {system.description}",
-            f"  runs        {experiment.stop} s, macro step {experiment.step} s, {experiment.algorithm}",
+            f"  runs        {experiment.stop} s, macro step {experiment.step} s, "
+            f"{experiment.algorithm}",
             f"  components  {', '.join(f'{c.name} ({c.fmu.stem})' for c in system.components)}",
             f"  sets        {', '.join(set_names(system))}",
             *(f"    {s.name}: {s.description}" for s in system.sets if s.description),

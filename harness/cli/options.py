@@ -133,7 +133,7 @@ CHANGES: dict[str, Any] = {
         list[str] | None,
         typer.Option(
             metavar="C=N",
-            help="publish N macro steps later",
+            help="delay its outputs by N macro steps",
             autocompletion=_of_system(_latencies),
         ),
     ],

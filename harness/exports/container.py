@@ -62,10 +62,16 @@ def _problems(system: System) -> Iterator[str]:
         yield f"a container starts at 0 s, the system at {system.experiment.start:g} s"
     for c in system.components:
         if c.every != 1 or c.latency != 0:
-            yield f"{c.name}: steps every {c.every} macro steps with a latency of {c.latency}, a container cannot"
+            yield (
+                f"{c.name}: steps every {c.every} macro steps with a latency of {c.latency}, a "
+                "container cannot"
+            )
     for connection in system.connections:
         if way(connection, interfaces) != IDENTITY:
-            yield f"{connection.target}: the signal from {connection.source} is transformed, a container cannot"
+            yield (
+                f"{connection.target}: the signal from {connection.source} is transformed, a "
+                "container cannot"
+            )
 
 
 def assembly(system: System, name: str) -> dict[str, Any]:

@@ -52,8 +52,8 @@ def svg(system: System) -> bytes:
 
 def _arrow_head(root: XmlElement) -> None:
     marker = etree.SubElement(
-        etree.SubElement(root, "defs"), "marker", id="head", viewBox="0 0 10 10", refX="9", refY="5", orient="auto",
-        markerWidth="7", markerHeight="7",
+        etree.SubElement(root, "defs"), "marker", id="head", viewBox="0 0 10 10", refX="9",
+        refY="5", orient="auto", markerWidth="7", markerHeight="7",
     )  # fmt: skip
     etree.SubElement(marker, "path", d="M0 1 L10 5 L0 9 z")
 

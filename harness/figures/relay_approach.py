@@ -212,8 +212,8 @@ FIGURES: tuple[Figure | Drawing, ...] = (
         "Engines",
         (
             Panel("thrust [N]", _groups("thrust")[1:]),
-            Panel("impulse so far [N s]", _groups("impulse")),
-            Panel("switched on so often", _groups("switches")),
+            Panel("cumulative impulse [N s]", _groups("impulse")),
+            Panel("number of ignitions", _groups("switches")),
         ),
         PURSUIT,
     ),

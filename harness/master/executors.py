@@ -50,7 +50,9 @@ class PythonExecutor:
         self.plan, self.bus, self.recorder, self.clock = plan, bus, recorder, clock
 
     def run(self, first: int, last: int) -> None:
-        """Macro steps first .. last - 1, recording each; RunError names the instance that failed."""
+        """Macro steps first .. last - 1, recording each; RunError names the instance that
+        failed.
+        """
         for k in range(first, last):
             for action in self.plan:
                 if action.due(k):
@@ -135,7 +137,9 @@ class CExecutor:
         )
 
     def run(self, first: int, last: int) -> None:
-        """Macro steps first .. last - 1, recording each; RunError names the instance that failed."""
+        """Macro steps first .. last - 1, recording each; RunError names the instance that
+        failed.
+        """
         stop = self._execute(self._calls, len(self._calls), ctypes.byref(self._run), first, last)
         self.recorder.done = stop.done
         if stop.done < last:

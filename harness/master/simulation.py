@@ -36,7 +36,9 @@ _log = logging.getLogger("harness")
 
 @dataclass(frozen=True)
 class Snapshot:
-    """State of the whole system after `step` macro steps: the bus and one FMU state per instance."""
+    """State of the whole system after `step` macro steps: the bus and one FMU state per
+    instance.
+    """
 
     step: int
     bus: NDArray[np.float64]

@@ -39,7 +39,8 @@ class ResultFile:
         """UsageError for an unknown ending, ResultsError if the file cannot be written there."""
         if path.suffix not in WRITERS:
             raise UsageError(
-                f"{path}: results are written as {', '.join(WRITERS)}, not as '{path.suffix or path.name}'"
+                f"{path}: results are written as {', '.join(WRITERS)}, not as "
+                f"'{path.suffix or path.name}'"
             )
         self.path = path
         self._special = path.exists() and not path.is_file()

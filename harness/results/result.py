@@ -21,7 +21,7 @@ class Result:
 
     time: (rows,) [s]; columns: `component.variable[i]`; units, descriptions: per column ("" if
     unknown); values: (rows, columns); complete: False if the run ended early, then `message` says
-    why; parameters: all parameters of all components as they were flown, a table of one row (None
+    why; parameters: all parameters of all components as they were set, a table of one row (None
     if unknown: a .csv does not keep them).
     """
 

@@ -42,8 +42,8 @@ ROUNDS, TIMED_STEPS = 3, 5000
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a variant: its results file, and the one line that says why it ended early ("": it
-    did not).
+    """What came of a variant: its results file, and the one line that says why it ended early ("":
+    it did not).
     """
 
     variant: Variant
@@ -84,8 +84,8 @@ def compare(
     every: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Comparison:
-    """Run all variants in parallel and measure them; results go to `directory` as LABEL.nc, the table
-    to comparison.csv.
+    """Run all variants in parallel and measure them; results go to `directory` as LABEL.nc, the
+    table to comparison.csv.
 
     every: record every N-th macro step (default: as many that a run has at most 20 000 rows);
     progress: called with the number of runs that are over. Raises what run() raises before its

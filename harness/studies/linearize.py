@@ -86,7 +86,8 @@ def linearize(
     """
     if step <= 0 or at < 0 or abs(at / step - round(at / step)) > 1e-9 * max(1.0, at / step):
         raise UsageError(
-            f"the operating point {at:g} s must be a multiple of the step {step:g} s, which must be positive"
+            f"the operating point {at:g} s must be a multiple of the step {step:g} s, which must "
+            "be positive"
         )
     interface = read_interface(fmu)
     with _Bench(interface, _settings(interface, values or {})) as bench:

@@ -119,7 +119,7 @@ MEASURES = (
     Measure("range error", "m", POSITION, lambda r: steady_error(r.time, range_error(r))),
     Measure("position error", "m", POSITION, lambda r: steady_error(r.time, position_error(r))),
     Measure("attitude error", "deg", ATTITUDE, _attitude_steady, (ATTITUDE_START,)),
-    Measure("least range", "m", POSITION[:2], lambda r: float(np.min(range_(r)))),
+    Measure("minimum range", "m", POSITION[:2], lambda r: float(np.min(range_(r)))),
     Measure("delta-v", "m/s", ("propulsion.impulse", "servicer.mass"), _delta_v),
     Measure(
         "torque impulse",

@@ -50,7 +50,8 @@ def combinations(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Vari
     several = [len(each) > 1 for each in choices]
     if not any(several):
         raise UsageError(
-            "there is nothing to compare: give several values, e.g. --swap controller=A,B or --params A,B"
+            "there is nothing to compare: give several values, e.g. --swap controller=A,B or "
+            "--params A,B"
         )
     return [_variant(fixed, combination, several) for combination in itertools.product(*choices)]
 
@@ -63,7 +64,7 @@ def _choices(option: str, text: str) -> Iterator[_Choice]:
         if not value:
             raise UsageError(f"--{option} {text}: a value is missing")
         if values.count(value) > 1:
-            raise UsageError(f"--{option} {text}: {value} stands there twice")
+            raise UsageError(f"--{option} {text}: {value} is given twice")
         labels = {
             "swap": value if Counter(stems)[stem] > 1 else stem,
             "latency": _delay(name, value),

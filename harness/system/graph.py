@@ -156,7 +156,7 @@ def _settings(component: Component, interface: Interface) -> Iterator[Setting]:
 
 
 def constants(graph: Graph) -> Iterator[tuple[Slot, float]]:
-    """Every parameter of every component with the value it is flown with; strings are left out."""
+    """Every parameter of every component with the value it has in the run; strings are left out."""
     for node in graph.nodes:
         given = {setting.variable.name: setting.value for setting in node.settings}
         for variable in node.interface.named("parameter").values():
@@ -206,14 +206,16 @@ def _end(
     if port.component not in interfaces:
         return (
             None,
-            f"{port}: there is no component '{port.component}'{did_you_mean(port.component, interfaces)}",
+            f"{port}: there is no component "
+            f"'{port.component}'{did_you_mean(port.component, interfaces)}",
         )
     interface = interfaces[port.component]
     variable = interface.variables.get(port.variable)
     if variable is None:
         return (
             None,
-            f"{port}: there is no such {causality}{did_you_mean(port.variable, interface.named(causality))}",
+            f"{port}: there is no such "
+            f"{causality}{did_you_mean(port.variable, interface.named(causality))}",
         )
     if variable.causality != causality:
         return (
@@ -225,7 +227,10 @@ def _end(
 
 def _mismatch(connection: Connection, source: Variable, target: Variable) -> Iterator[str]:
     if source.type != target.type or source.type == "String":
-        yield f"{connection.target}: is {target.type}, cannot be driven by {connection.source}, a {source.type}"
+        yield (
+            f"{connection.target}: is {target.type}, cannot be driven by {connection.source}, a "
+            f"{source.type}"
+        )
 
 
 def _unit_problem(connection: Connection, interfaces: Mapping[str, Interface]) -> Iterator[str]:
@@ -233,7 +238,10 @@ def _unit_problem(connection: Connection, interfaces: Mapping[str, Interface]) -
         change = way(connection, interfaces)
     except ValueError as error:
         ends = [interfaces[port.component].variables[port.variable] for port in connection[:2]]
-        yield f"{connection.target}: wants unit {ends[1].unit}, {connection.source} has {ends[0].unit} ({error})"
+        yield (
+            f"{connection.target}: expected unit {ends[1].unit}, {connection.source} has "
+            f"{ends[0].unit} ({error})"
+        )
         return
     kind = interfaces[connection.target.component].variables[connection.target.variable].type
     if change != IDENTITY and kind != "Real":
@@ -245,7 +253,10 @@ def unequal_units(system: System, interfaces: Mapping[str, Interface]) -> Iterat
     for connection in system.connections:
         ends = [interfaces[port.component].variables.get(port.variable) for port in connection[:2]]
         if ends[0] and ends[1] and not units_agree(ends[0].unit, ends[1].unit):
-            yield f"{connection.target}: wants unit {ends[1].unit}, {connection.source} has {ends[0].unit}"
+            yield (
+                f"{connection.target}: expected unit {ends[1].unit}, {connection.source} has "
+                f"{ends[0].unit}"
+            )
 
 
 def _declared_problems(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
@@ -254,7 +265,10 @@ def _declared_problems(system: System, interfaces: Mapping[str, Interface]) -> I
         interface = interfaces.get(port.component)
         variable = None if interface is None else interface.variables.get(port.variable)
         if interface and variable and not _same(claimed, interface.unit(variable)):
-            yield f"{port}: its connector says {claimed.name}, but the unit of the FMU is {variable.unit}"
+            yield (
+                f"{port}: its connector says {claimed.name}, but the unit of the FMU is "
+                f"{variable.unit}"
+            )
 
 
 def _same(a: Unit, b: Unit | None) -> bool:
@@ -279,7 +293,10 @@ def _open_inputs(system: System, interfaces: Mapping[str, Interface]) -> Iterato
     for component in system.components:
         for name in interfaces[component.name].named("input"):
             if Port(component.name, name) not in driven and name not in component.parameters:
-                yield f"{component.name}.{name}: is an open input, nothing drives it and it has no value"
+                yield (
+                    f"{component.name}.{name}: is an open input, nothing drives it and it has no "
+                    "value"
+                )
 
 
 def _parameter_problems(component: Component, interface: Interface) -> Iterator[str]:

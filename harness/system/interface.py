@@ -91,7 +91,8 @@ def _read(path: Path, _modified: int, _size: int) -> Interface:
     model = _description(path)
     if model.fmiVersion != "2.0" or model.coSimulation is None:
         raise FmuError(
-            f"{path.name}: only FMI 2.0 co-simulation FMUs can be run, this one is FMI {model.fmiVersion}"
+            f"{path.name}: only FMI 2.0 co-simulation FMUs can be run, this one is FMI "
+            f"{model.fmiVersion}"
         )
     variables = {v.name: _variable(v) for v in model.modelVariables}
     units = {
@@ -107,7 +108,8 @@ def _description(path: Path) -> FmpyObject:
     try:
         if has_doctype(read_entry(path, "modelDescription.xml")):
             raise FmuError(
-                f"{path.name}: modelDescription.xml has a document type declaration, which is not allowed"
+                f"{path.name}: modelDescription.xml has a document type declaration, which is "
+                "not allowed"
             )
         return read_model_description(str(path), validate=True)
     except ValidationError as error:

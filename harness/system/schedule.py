@@ -60,8 +60,8 @@ def gauss_seidel(instances: Sequence[Scheduled]) -> list[Action[Scheduled]]:
     """One after the other: each reads what the instances before it have just published, steps and
     publishes at once.
 
-    An instance with latency L (at most its period) publishes at the beginning of the macro step L after
-    it was sampled.
+    An instance with latency L (at most its period) publishes at the beginning of the macro step L
+    after it was sampled.
     """
     late = [Action(Verb.GET, i, i.every, i.latency % i.every) for i in instances if i.latency]
     return late + [
@@ -75,8 +75,8 @@ def gauss_seidel(instances: Sequence[Scheduled]) -> list[Action[Scheduled]]:
 def jacobi(instances: Sequence[Scheduled]) -> list[Action[Scheduled]]:
     """Everybody reads, everybody steps, everybody publishes when its step is over.
 
-    An instance with latency 1 publishes one macro step later, after the others have read and before its
-    own next step.
+    An instance with latency 1 publishes one macro step later, after the others have read and before
+    its own next step.
     """
     read = [Action(Verb.SET, i, i.every) for i in instances]
     late = [Action(Verb.GET, i, i.every) for i in instances if i.latency]
@@ -107,7 +107,8 @@ def problems(algorithm: str, instances: Sequence[Periodic]) -> list[str]:
     for i in instances:
         if i.every >= 1 and not 0 <= i.latency <= largest(i):
             found.append(
-                f"{i.name}: latency must lie in 0..{largest(i)} macro steps under {algorithm}, not {i.latency}"
+                f"{i.name}: latency must lie in 0..{largest(i)} macro steps under {algorithm}, "
+                f"not {i.latency}"
             )
     return found
 
@@ -135,13 +136,15 @@ def macro_steps(experiment: Experiment, periods: Sequence[int] = (1,)) -> int:
     if step is None or not (step > 0 and math.isfinite(step)):
         raise StructureError(
             [
-                f"the macro step must be a positive number of seconds, not {step}: give one with --step"
+                f"the macro step must be a positive number of seconds, not {step}: give one with "
+                "--step"
             ]
         )
     if stop is None or not (stop > start and math.isfinite(stop)):
         raise StructureError(
             [
-                f"the stop time must lie after the start time {start:g} s, not at {stop}: give one with --stop"
+                f"the stop time must lie after the start time {start:g} s, not at {stop}: give "
+                "one with --stop"
             ]
         )
     cycle = math.lcm(*periods)

@@ -83,7 +83,7 @@ def _missing_outputs(
             interfaces[target.component].variables[target.variable].unit,
         )
         if not hops and not units_agree(unit, wanted):
-            yield f"its output {base(source.variable)} is in {unit}, {reader} wants {wanted}"
+            yield f"its output {base(source.variable)} is in {unit}, {reader} expects {wanted}"
 
 
 def _rewired(
@@ -111,7 +111,10 @@ def _rewired(
 def _undriven(port: Port, sources: Sequence[Port]) -> str:
     if not sources:
         return f"its input {base(port.variable)} is driven by no output of that name"
-    return f"its input {base(port.variable)} is ambiguous: {' and '.join(s.component for s in sources)} have that output"
+    return (
+        f"its input {base(port.variable)} is ambiguous: "
+        f"{' and '.join(s.component for s in sources)} have that output"
+    )
 
 
 def _warn_of_dropped(old: Component, path: Path, interface: Interface) -> None:

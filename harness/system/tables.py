@@ -45,7 +45,8 @@ class Assignments:
             if component not in self.interfaces or not isinstance(table, Mapping):
                 close = did_you_mean(component, (SHARED, *self.interfaces))
                 self.problems.append(
-                    f"{component}: parameters stand in a table per component, and this is none{close}"
+                    f"{component}: parameters stand in a table per component, and this is "
+                    f"none{close}"
                 )
                 continue
             for name, value in leaves(table):

@@ -94,7 +94,8 @@ def _conversion(a: Unit | None, b: Unit | None) -> _Exact:
     for unit in (a, b):
         if unit.base is None:
             raise ValueError(
-                f"{a.name} cannot be converted to {b.name}: {unit.name} is not defined by a BaseUnit"
+                f"{a.name} cannot be converted to {b.name}: {unit.name} is not defined by a "
+                "BaseUnit"
             )
     assert a.base is not None
     assert b.base is not None
@@ -111,7 +112,8 @@ def _scale(unit: Unit) -> _Exact:
     factor, offset = unit.base.get("factor", 1.0), unit.base.get("offset", 0.0)
     if not (math.isfinite(factor) and math.isfinite(offset) and factor != 0):
         raise ValueError(
-            f"{unit.name} has the factor {factor:g} and the offset {offset:g}, nothing can be converted"
+            f"{unit.name} has the factor {factor:g} and the offset {offset:g}, nothing can be "
+            "converted"
         )
     return _fraction(factor), _fraction(offset)
 

@@ -99,11 +99,21 @@ def assign(name: str, value: Value, known: Collection[str]) -> dict[str, Scalar]
         )
     given = expand(name, value)
     if given.keys() != set(elements):
-        raise ValueError(f"it wants {_shape(elements)}, not {_shape(list(given))}")
+        shapes = f"expected {_shape(elements)}, got {_shape(list(given))}"
+        raise ValueError(shapes + _as_a_list(value, elements))
     for element, scalar in given.items():
         if isinstance(scalar, float) and math.isnan(scalar):
             raise ValueError(f"{element if element != name else 'it'} must not be NaN")
     return given
+
+
+def _as_a_list(value: Value, elements: Sequence[str]) -> str:
+    """What to write instead of one number or of numbers without brackets, as the end of a line."""
+    if isinstance(value, str) and "," in value:
+        return f"; write [{value}]"
+    if isinstance(value, int | float) and all(len(index(e)) == 1 for e in elements):
+        return f"; write [{', '.join([f'{value:.12g}'] * len(elements))}]"
+    return ""
 
 
 def _shape(names: list[str]) -> str:
@@ -114,11 +124,9 @@ def _shape(names: list[str]) -> str:
     if len({len(i) for i in indices}) > 1:
         return "a ragged list"
     sizes = [max(column) for column in zip(*indices, strict=True)]
-    return (
-        " x ".join(map(str, sizes)) + " elements"
-        if math.prod(sizes) == len(names)
-        else "a ragged list"
-    )
+    if math.prod(sizes) != len(names):
+        return "a ragged list"
+    return " x ".join(map(str, sizes)) + (" element" if sizes == [1] else " elements")
 
 
 def coerce(value: Scalar, kind: str) -> Scalar:

@@ -71,7 +71,8 @@ def _by_name(wiring: Wiring, interfaces: Mapping[str, Interface], target: Port) 
         known = {base(name) for interface in interfaces.values() for name in interface.outputs()}
         close = did_you_mean(base(target.variable), known)
         wiring.problems.append(
-            f"{name}: no output of this name{close}: connect it in [connections] or list it in [open]"
+            f"{name}: no output of this name{close}: connect it in [connections] or list it in "
+            "[open]"
         )
 
 
@@ -111,7 +112,8 @@ def ports(interfaces: Mapping[str, Interface], name: str, causality: str) -> lis
     known = interfaces[component].named(causality)
     if not (elements := elements_of(variable, known)):
         raise ValueError(
-            f"{name}: there is no such {causality}{did_you_mean(variable, {*known, *map(base, known)})}"
+            f"{name}: there is no such "
+            f"{causality}{did_you_mean(variable, {*known, *map(base, known)})}"
         )
     return [Port(component, element) for element in elements]
 
@@ -121,7 +123,8 @@ def split(name: str, components: Collection[str]) -> tuple[str, str]:
     component, dot, variable = name.partition(".")
     if not dot:
         raise ValueError(
-            f"{name}: wants a component in front, as in {next(iter(components), 'component')}.{name}"
+            f"{name}: expected component.variable, as in "
+            f"{next(iter(components), 'component')}.{name}"
         )
     if component not in components:
         raise ValueError(

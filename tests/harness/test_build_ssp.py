@@ -104,7 +104,7 @@ def test_an_explicit_connection_wins_over_the_name_and_may_name_single_elements(
     text = TOML.replace(
         '[open]\n"third.u" = 0.5', '[connections]\n"third.u" = "second.w[3]"'
     ).replace("w[3]", "w[3]")
-    with pytest.raises(StructureError, match=r"third\.u: wants unit 1, second\.w\[3\] has m"):
+    with pytest.raises(StructureError, match=r"third\.u: expected unit 1, second\.w\[3\] has m"):
         composed(fmus, text)
     swapped = TOML + '[connections]\n"second.v[1]" = "first.v[2]"\n"second.v[2]" = "first.v[1]"\n'
     wires = {str(c.target): str(c.source) for c in composed(fmus, swapped).connections}
@@ -147,7 +147,7 @@ def test_an_explicit_connection_wins_over_the_name_and_may_name_single_elements(
         ),
         (
             ("J = [[1, 2], [3, 4]]", "J = [1, 2]"),
-            ["[parameters] second.J: it wants 2 x 2 elements, not 2 elements"],
+            ["[parameters] second.J: expected 2 x 2 elements, got 2 elements"],
         ),
         (("M.bias = 8", "M.bias = nan"), ["[sets.other] second.M.bias: it must not be NaN"]),
         (('"third.u" = 0.5', '"third.v" = 0.5'), None),
@@ -189,7 +189,7 @@ def test_connections_between_unequal_shapes_or_unknown_ports_are_refused(fmus):
     assert "second.v: has 3 elements, first.v[1] has 1" in found
     assert "third.uu: there is no such input (close: u)" in found
     assert "fifth.u: there is no component 'fifth' (close: first)" in found
-    assert "u: wants a component in front, as in first.u" in found
+    assert "u: expected component.variable, as in first.u" in found
 
 
 def test_all_mistakes_come_at_once(fmus):

@@ -127,7 +127,7 @@ def test_help_names_every_command(command):
             "--set twice.kk: there is no such variable (close: k)",
         ),
         (["run", "demo", "--set", "twice.k=nan"], "--set twice.k: it must not be NaN"),
-        (["run", "demo", "--set", "twice.k"], "--set twice.k: wants name=value"),
+        (["run", "demo", "--set", "twice.k"], "--set twice.k: expected name=value"),
         (
             ["run", "demo", "--params", "cold"],
             "--params cold: demo has no such set, only default, hot",
@@ -226,7 +226,7 @@ SSD = "SystemStructure.ssd"
         ),
         (
             lambda f: {SSD: f[SSD].replace(b'startConnector="n"', b'startConnector="t_last"')},
-            "twice.u: wants unit 1, count.t_last has s",
+            "twice.u: expected unit 1, count.t_last has s",
         ),
         (
             lambda f: {SSD: re.sub(rb"(<ssd:Connection [^>]*/>)", rb"\1\1", f[SSD])},

@@ -353,7 +353,7 @@ def test_units_convert_back_and_forth_through_connectors_of_systems(fly):
     [
         (
             system("top", [COUNT, component("far", "kilometres")], ["count.t_last far.u"]),
-            "far.u: wants unit km, count.t_last has s (s [s] cannot be converted to km [m])",
+            "far.u: expected unit km, count.t_last has s (s [s] cannot be converted to km [m])",
         ),
         (
             system(

@@ -34,7 +34,7 @@ def test_slots_are_contiguous_per_component_and_inputs_point_at_their_sources(ma
         ("c.n > gain.k", "gain.k: is connected as input, but its causality is parameter"),
         (
             "c.t_last > gain.u",
-            "gain.u: wants unit 1, c.t_last has s (s [s] cannot be converted to 1 [1])",
+            "gain.u: expected unit 1, c.t_last has s (s [s] cannot be converted to 1 [1])",
         ),
         ("c.n > m.i", "m.i: is Integer, cannot be driven by c.n, a Real"),
     ],

@@ -139,7 +139,7 @@ def test_settling_and_steady_errors_of_a_result():
     result, _ = decaying()
     assert MEASURE["position settles"](result) == pytest.approx(10 * np.log(50), abs=0.1)
     assert MEASURE["position error"](result) == pytest.approx(3 * np.exp(-8), rel=1e-3)
-    assert MEASURE["least range"](result) == pytest.approx(
+    assert MEASURE["minimum range"](result) == pytest.approx(
         np.hypot(10 + 0.5 * TIME, 3 * np.exp(-TIME / 10)).min()
     )
 

@@ -90,11 +90,11 @@ def test_single_values_are_numbers_vectors_matrices_or_elements(system):
     [
         ("third.kk=1", r"--set third\.kk: there is no such variable \(close: k\)"),
         ("thrd.k=1", r"--set thrd\.k: there is no component 'thrd' \(close: third\)"),
-        ("k=1", r"--set k: wants a component in front, as in first\.k"),
-        ("third.k", r"--set third\.k: wants name=value"),
+        ("k=1", r"--set k: expected component.variable, as in first\.k"),
+        ("third.k", r"--set third\.k: expected name=value"),
         ("third.k=nan", r"--set third\.k: it must not be NaN"),
         ("third.k=fast", r"--set third\.k: 'fast' is not a number"),
-        ("second.J=[1, 2]", r"--set second\.J: it wants 2 x 2 elements, not 2 elements"),
+        ("second.J=[1, 2]", r"--set second\.J: expected 2 x 2 elements, got 2 elements"),
     ],
 )
 def test_a_mistaken_single_value_is_wrong_use(system, text, problem):
@@ -203,7 +203,7 @@ def test_a_latency_delays_what_a_component_publishes(make):
     ("text", "error", "problem"),
     [
         ("secnd=1", UsageError, r"--latency secnd: demo has no such component \(close: second\)"),
-        ("second=soon", UsageError, "--latency second: wants a number of macro steps, not soon"),
+        ("second=soon", UsageError, "--latency second: expected a number of macro steps, got soon"),
         ("second=-1", StructureError, r"second: latency must lie in 0\.\.1 macro steps"),
         ("second=2", StructureError, r"second: latency must lie in 0\.\.1 macro steps"),
     ],
@@ -269,7 +269,7 @@ def test_missing_ports_and_units_of_a_swapped_fmu_come_all_at_once(make, tmp_pat
     assert list(caught.value.problems) == [
         "--swap c=odd.fmu: its input lost is driven by no output of that name",
         "--swap c=odd.fmu: it has no output n, which g.u needs",
-        "--swap c=odd.fmu: its output t_last is in m, v.u wants s",
+        "--swap c=odd.fmu: its output t_last is in m, v.u expects s",
     ]
 
 
@@ -385,7 +385,7 @@ def test_a_warning_of_dropped_parameters_stays_short(make, fmus, caplog):
     [
         ("secnd=x.fmu", r"--swap secnd: demo has no such component \(close: second\)"),
         ("second=no_such_fmu", "no_such_fmu: there is no such FMU"),
-        ("second", "--swap second: wants name=value"),
+        ("second", "--swap second: expected name=value"),
     ],
 )
 def test_a_mistaken_swap_is_wrong_use(system, text, problem):

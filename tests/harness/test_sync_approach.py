@@ -149,7 +149,7 @@ def test_a_parameter_beyond_physics_is_refused_in_one_line(capsys, tmp_path, set
         ("servicer.mass_0=nan", "harness: --set servicer.mass_0: it must not be NaN"),
         (
             "servicer.J_S=[1, 2, 3]",
-            "harness: --set servicer.J_S: it wants 3 x 3 elements, not 3 elements",
+            "harness: --set servicer.J_S: expected 3 x 3 elements, got 3 elements",
         ),
     ],
 )

@@ -70,9 +70,9 @@ def test_labels_are_file_names():
     [
         ([], "there is nothing to compare: give several values"),
         ([("params", "calm"), ("swap", "controller=a")], "there is nothing to compare"),
-        ([("swap", "a,b")], "--swap a,b: wants name=value"),
+        ([("swap", "a,b")], "--swap a,b: expected name=value"),
         ([("params", "calm,")], "--params calm,: a value is missing"),
-        ([("swap", "c=a,b,a")], "--swap c=a,b,a: a stands there twice"),
+        ([("swap", "c=a,b,a")], "--swap c=a,b,a: a is given twice"),
     ],
 )
 def test_a_mistaken_comparison_is_wrong_use(varied, problem):
