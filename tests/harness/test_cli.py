@@ -134,8 +134,8 @@ def test_help_names_every_command(command):
         ),
         (["run", "demo", "--swap", "count=nothing"], "nothing: there is no such FMU"),
         (
-            ["run", "demo", "--swap", "cunt=gain"],
-            "--swap cunt: demo has no such component (close: count)",
+            ["run", "demo", "--swap", "cuont=gain"],
+            "--swap cuont: demo has no such component (close: count)",
         ),
         (["run", "demo", "--executor", "rust"], "there is no executor rust, only c and python"),
         (["run", "demo", "--every", "0"], "--every must be at least 1, not 0"),
