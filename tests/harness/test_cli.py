@@ -19,6 +19,7 @@ from harness.results import files as result_files
 from harness.ssp.build import compose
 from harness.ssp.writer import write_ssp
 from tests.harness.demo import TOML
+from tests.harness.interrupts import start
 
 
 @pytest.fixture
@@ -311,7 +312,7 @@ def test_a_mistake_of_ours_is_one_line_unless_a_traceback_is_wanted(command, mon
 
 def process(*arguments, **options):
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
-    return subprocess.Popen(
+    return start(
         [sys.executable, "-m", "harness", *map(str, arguments)],
         env=environment,
         stdout=subprocess.PIPE,

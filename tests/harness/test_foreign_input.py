@@ -16,6 +16,7 @@ from harness.archive import read_entry, unpack
 from harness.errors import ArchiveError, FmuError, HarnessError
 from harness.system.interface import read_interface
 from harness.temporary import PrivateFolder
+from tests.harness import interrupts
 from tests.harness.foreign_fmu import COUNTER, description
 from tests.harness.foreign_ssp import component, ssm, ssv, system, write
 
@@ -147,7 +148,7 @@ def process(fmus, tmp_path):
             "TMPDIR": str(scratch),
         }
         quiet = subprocess.DEVNULL
-        return subprocess.Popen(
+        return interrupts.start(
             command, env=environment, cwd=tmp_path, stdout=quiet, stderr=quiet
         ), scratch
 
