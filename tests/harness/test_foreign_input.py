@@ -45,7 +45,8 @@ def test_no_entity_is_read_in_any_file(fmus, tmp_path, place, kind):
 
 def poisoned(fmus, folder, place, doctype, encoding):
     """A system with a document type and a use of its entity in one of its files."""
-    binding = '<d:ParameterBinding source="set.ssv"><d:ParameterMapping source="map.ssm"/></d:ParameterBinding>'
+    mapping = '<d:ParameterMapping source="map.ssm"/>'
+    binding = f'<d:ParameterBinding source="set.ssv">{mapping}</d:ParameterBinding>'
     files = {"set.ssv": ssv("k=1", namespaces=True), "map.ssm": ssm("k n_0", namespaces=True)}
 
     def poison(text):
