@@ -47,7 +47,7 @@ ROLL, PITCH, YAW = ((5, 7), (4, 6)), ((3,), (1,)), ((0,), (2,))
 
 @dataclass(frozen=True)
 class Parameters:
-    """Section 7; the defaults are BN."""
+    """The defaults are the set `newton`."""
 
     kin: int = 1
     law: int = 1
@@ -163,7 +163,7 @@ def required_rate(L: Quaternion, p: Parameters) -> Vector:
 
 
 class Guidance:
-    """Section 4: the only memory is the mode, the frozen direction, the time of ignition, and
+    """B.4: the only memory is the mode, the frozen direction, the time of ignition, and
     "far".
     """
 
