@@ -1,27 +1,47 @@
-# Two commands: make demo (fly the synchronised approach, plots, claims) and make test. Both do all set-up themselves:
-# they need Python >= 3.11, a C compiler and make.
+# make demo flies the synchronised approach, make test proves it. Every target sets up what it needs
+# in .venv by itself, from Python >= 3.11, a C compiler and make.
 
 PYTHON ?= python3
 VENV   := .venv
-BIN    := $(VENV)/bin
-TOOLS  := $(VENV)/.tools
-READY  := $(VENV)/.ready
+ifeq ($(OS),Windows_NT)
+  BIN  := $(VENV)/Scripts
+else
+  BIN  := $(VENV)/bin
+endif
+TOOLS   := $(VENV)/.tools
+READY   := $(VENV)/.ready
+LINTERS := $(VENV)/.linters
+PIP    := $(BIN)/pip install --quiet --disable-pip-version-check
 # cmake and ninja come as wheels into the virtual environment
 RUN    := PATH="$(CURDIR)/$(BIN):$$PATH"
-SOURCES := $(shell find fmus ssp harness -name '*.py' -o -name '*.c' -o -name '*.h' -o -name '*.toml' -o -name CMakeLists.txt)
+CMAKE  := $(RUN) cmake -DPython_EXECUTABLE=$(CURDIR)/$(BIN)/python
+# on all cores; a worker that has nothing left takes over tests of another one
+PYTEST := $(BIN)/pytest -n auto --dist worksteal
+SOURCES := $(shell find fmus ssp harness -name '*.py' -o -name '*.[ch]' -o -name '*.toml' \
+                     -o -name CMakeLists.txt)
+C_FILES := $(shell find fmus harness tests -name '*.[ch]')
 
-.PHONY: help build demo test test-long test-interop sanitize lint format bench wheel dist clean
+.PHONY: help build demo test test-long test-interop sanitize lint warnings format coverage bench \
+        wheel dist clean
 help:
-	@echo "make demo | test | test-interop | test-long | bench | sanitize | lint | format | wheel | dist | clean"
+	@echo "make demo | test | test-interop | test-long | lint | warnings | format | coverage |"
+	@echo "     sanitize | bench | wheel | dist | clean"
 
 $(TOOLS): pyproject.toml
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=python3.x")'
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and \
+	  "Python 3.11 or newer is needed: make PYTHON=python3.x")'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check "scikit-build-core>=0.10" cmake ninja "fmpy>=0.3.22" lxml "pillow>=10.1"
+	$(PIP) "scikit-build-core>=0.10" cmake ninja "fmpy>=0.3.22" lxml "pillow>=10.1"
 	@touch $@
 
 $(READY): $(TOOLS) CMakeLists.txt $(SOURCES)
-	$(RUN) $(BIN)/pip install --quiet --disable-pip-version-check --no-build-isolation --editable '.[test]'
+	$(RUN) $(PIP) --no-build-isolation --editable '.[test]'
+	@touch $@
+
+# the tools of the extra `dev`, in the versions that pyproject.toml pins
+$(LINTERS): $(TOOLS) pyproject.toml
+	$(PIP) $$($(BIN)/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); \
+	  print(*p['project']['optional-dependencies']['dev'])")
 	@touch $@
 
 build: $(READY)
@@ -32,43 +52,56 @@ demo: build
 	$(BIN)/harness report results/sync_approach.csv
 
 test: build
-	$(BIN)/pytest
+	$(PYTEST)
 
 test-long: build
-	$(BIN)/pytest -m long
+	$(PYTEST) -m long
 
 # with tools beyond the test dependencies; writes the table docs/tools.md from the run
 test-interop: build
-	$(RUN) $(BIN)/pip install --quiet --disable-pip-version-check --no-build-isolation --editable '.[test,interop]'
-	$(BIN)/pytest -m interop -rs --tool-table docs/tools.md
+	$(RUN) $(PIP) --no-build-isolation --editable '.[test,interop]'
+	$(BIN)/pytest -m interop -rs --tool-table=docs/tools.md
 
 # FMU tests under the address and undefined behaviour sanitizers
 sanitize: build
-	$(RUN) cmake --preset sanitize -DPython_EXECUTABLE=$(CURDIR)/$(BIN)/python
+	$(CMAKE) --preset sanitize
 	$(RUN) cmake --build --preset sanitize
-	SERVICING_FMUS_BUILD=build/sanitize ASAN_OPTIONS=detect_leaks=0 LD_PRELOAD="$$(cc -print-file-name=libasan.so)" \
-	  $(BIN)/pytest tests/fmu tests/compliance
+	SERVICING_FMUS_BUILD=$(CURDIR)/build/sanitize ASAN_OPTIONS=detect_leaks=0 \
+	  LD_PRELOAD="$$(cc -print-file-name=libasan.so)" $(BIN)/pytest tests/fmu tests/compliance
+
+# spelling, style and types: seconds, and the same answer on every machine
+lint: build $(LINTERS)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/clang-format --dry-run --Werror $(C_FILES)
+	$(BIN)/codespell
+	$(BIN)/mypy
+
+# every C file with all warnings as errors; which warnings there are depends on the compiler
+warnings: build
+	$(CMAKE) --preset developer
+	$(RUN) cmake --build --preset developer
+
+format: build $(LINTERS)
+	$(BIN)/ruff check --fix . ; $(BIN)/ruff format .
+	$(BIN)/clang-format -i $(C_FILES)
+
+# lines of Python and of C (build/coverage: FMUs and executor with counters) that the tests reach
+coverage: build $(LINTERS)
+	$(CMAKE) --preset coverage
+	$(RUN) cmake --build --preset coverage
+	find build/coverage -name '*.gcda' -delete
+	SERVICING_FMUS_BUILD=$(CURDIR)/build/coverage $(PYTEST) --cov --cov-report=term \
+	  --cov-report=html:build/coverage/python tests/fmu tests/harness tests/systems
+	mkdir -p build/coverage/c
+	$(BIN)/gcovr build/coverage --txt --html-details build/coverage/c/index.html
 
 bench: build
 	$(BIN)/harness bench sync_approach
 
-lint: build
-	$(BIN)/pip install --quiet --disable-pip-version-check "clang-format>=18" "mypy>=1.10" "ruff>=0.5"
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
-	$(BIN)/mypy
-	$(BIN)/clang-format --dry-run --Werror $$(git ls-files '*.c' '*.h')
-	$(RUN) cmake --preset developer -DPython_EXECUTABLE=$(CURDIR)/$(BIN)/python
-	$(RUN) cmake --build --preset developer
-
-format: build
-	$(BIN)/pip install --quiet --disable-pip-version-check "clang-format>=18" "ruff>=0.5"
-	$(BIN)/ruff check --fix . ; $(BIN)/ruff format .
-	$(BIN)/clang-format -i $$(git ls-files '*.c' '*.h')
-
 # FMUs with binaries for linux64, win64, darwin64 and aarch64-darwin in one file
 dist: build
-	$(BIN)/pip install --quiet --disable-pip-version-check ziglang==0.13.0
+	$(PIP) ziglang==0.13.0
 	$(BIN)/python fmus/core/build/cross_compile.py --fmus build/fmus -o dist/fmus
 
 wheel: build

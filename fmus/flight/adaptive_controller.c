@@ -5,7 +5,7 @@
  *   (12) F = -m_hat (K e1 + P e2 + Psi),     dm_hat/dt = Gamma e2 . (Psi + K e1)
  * Attitude, servicer components:  epsilon = MRP of S relative to D,  dw = omega - wd,
  *   wd = C_SD omega_d,  wdd = C_SD alpha_d
- *   (19) A_hat dOmega = G(epsilon)^T K epsilon / 4 + P dw - J_hat wdd - wd x (A_hat Omega + J_hat wd)
+ *   (19) A_hat dOmega = G^T(epsilon) K epsilon/4 + P dw - J_hat wdd - wd x (A_hat Omega + J_hat wd)
  *   deta_hat/dt  = Gamma W^T dw,   W = -[ X(wd,wd) + Y(wdd),  X(wd,Omega) + Y(dOmega) ]
  *   eta = [J11 J12 J13 J22 J23 J33 A11 A12 A13 A22 A23 A33],   Y(b) s = S b,   X(a,b) s = a x (S b)
  *

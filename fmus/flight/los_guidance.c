@@ -12,7 +12,7 @@
  * the Sun stands within guard_angle of the line of sight, the last y is held, made normal to x.
  * Flags: attitude_guard; los_guard near the poles of the LOS angles or below range_limit. A range
  * of zero is refused.
- * Source: Yin, Luo, Wei & Yuan 2017, equations (2) and (5); docs/models.md C.1, C.2. */
+ * Source: Yin, Luo, Wei & Yuan 2017, equations (2) and (5); docs/models.md C.1 to C.3. */
 #include "body_rows.h"
 #include "line_of_sight.h"
 #include "reference_rows.h"
@@ -110,7 +110,7 @@ static void check(const Parameters *p, Problems *problems)
         refuse(problems, "guard_angle", p->guard_angle, "must be below 1.5 rad");
 }
 
-/* section 2: n' = w x n, n'' = dw x n + w x n' */
+/* C.2: n' = w x n, n'' = dw x n + w x n' */
 static Motion reference_position(const Parameters *p, const Body *T)
 {
     mat3 C_TN = dcm_of_quat(canonical(T->q));
@@ -148,7 +148,7 @@ static vec3 some_normal(vec3 x)
     return unit(cross(x, least));
 }
 
-/* section 3.2: y normal to Sun and line of sight */
+/* C.3: y normal to Sun and line of sight */
 static Motion panel_axis(const Parameters *p, Motion x, State *held, double *guarded)
 {
     vec3 chi = unit(p->sun_N);

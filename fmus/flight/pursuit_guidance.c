@@ -1,7 +1,7 @@
 /* pursuit_guidance.c - pursuit of a drifting target with a body-fixed thrust axis X: where to
  * point, how fast to go.
  *
- *   d      direction that X shall have: line of sight dr = r_T - r_S,
+ *   d      required direction of X: line of sight dr = r_T - r_S,
  *           or the velocity error before and during a burn
  *   L      transition quaternion S -> D: two turns (att 0) or the shortest arc (att 1)
  *   omega  = 2 k_q [L1 L2 L3], at most omega_max: required rate, along the axis of L,
@@ -165,7 +165,7 @@ static quat shortest_arc(quat q_SN, vec3 d)
                  : (quat){0, 0, 1, 0};
 }
 
-/* B.4: along the axis of L, limited */
+/* B.4.3: along the axis of L, limited */
 static vec3 required_rate(const Parameters *p, quat L)
 {
     vec3 omega = scale(2 * p->k_q, vector_part(L));
@@ -200,8 +200,8 @@ static int firing(const Parameters *p, const Input *u)
            -u->F_S.x > 0.01 * p->brake_thrust;
 }
 
-/* B.4.5: the transitions are tested in this order within one sample; returns the direction that X
- * shall have */
+/* B.4.5: the transitions are tested in this order within one sample; returns the required
+ * direction of X */
 static vec3 advance_mode(const Parameters *p, const Input *u, State *x, vec3 sight, vec3 e_v,
                          vec3 X, double t)
 {

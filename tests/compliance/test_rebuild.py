@@ -70,7 +70,7 @@ def compiled_with(build, archive, folder):
 
 def by_fmpy(unpacked):
     """What `fmpy compile` does, in a process of its own because it talks."""
-    command = "import sys; from fmpy.build import build_platform_binary; build_platform_binary(sys.argv[1])"
+    command = "import sys; from fmpy import build; build.build_platform_binary(sys.argv[1])"
     run(sys.executable, "-c", command, unpacked)
 
 

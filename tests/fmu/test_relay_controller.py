@@ -21,7 +21,7 @@ threshold.
 STATIC = EXACT | {"Kd_v": 0, "Kd_w": [0] * 3}
 FREE = {"translate": 1}
 
-# docs/models.md B.5: engines (0-based) by axis and sign of the rate error
+# docs/models.md B.6: engines (0-based) by axis and sign of the rate error
 ROTATION = {
     (0, 1): (5, 7),
     (0, -1): (4, 6),

@@ -95,7 +95,8 @@ FAILING = Model(
     "failing",
     [y("y"), p("t_fail", 3.0, "s"), p("status", 3.0), x("t_")],
     outputs="y = t_;",
-    step='if (t >= t_fail - 1e-9) return fail((int)status, "burnt through\\nafter too much heat"); t_ = t;',
+    step="if (t >= t_fail - 1e-9)"
+    ' return fail((int)status, "burnt through\\nafter too much heat"); t_ = t;',
 )
 SILENT = Model("silent", [y("y")], step="return fmi2Error;")
 NOT_A_NUMBER = Model(
@@ -147,8 +148,8 @@ CRASHING = Model(
 WARNING = Model("warning", [y("y")], step='say(c, 1, "getting warm"); return fmi2Warning;')
 
 MODELS = (
-    GAIN, INTEGRATOR, COUNTER, VECTOR, SOURCE, FAILING, SILENT, LADDER, NOT_A_NUMBER, PLUS_ONE, PICKY, NO_STATE, MIXED,
-    SLOW, WARNING, KILOMETRES, CELSIUS, KELVIN, MODED, CRASHING,
+    GAIN, INTEGRATOR, COUNTER, VECTOR, SOURCE, FAILING, SILENT, LADDER, NOT_A_NUMBER, PLUS_ONE,
+    PICKY, NO_STATE, MIXED, SLOW, WARNING, KILOMETRES, CELSIUS, KELVIN, MODED, CRASHING,
 )  # fmt: skip
 
 SOURCE_TEXT = r"""
@@ -358,14 +359,16 @@ def description(model: Model) -> str:
   <UnitDefinitions>{units}</UnitDefinitions>
   {TYPE_DEFINITIONS}
   <ModelVariables>{variables}</ModelVariables>
-  <ModelStructure><Outputs>{unknowns}</Outputs><InitialUnknowns>{unknowns}</InitialUnknowns></ModelStructure>
+  <ModelStructure><Outputs>{unknowns}</Outputs>
+  <InitialUnknowns>{unknowns}</InitialUnknowns></ModelStructure>
 </fmiModelDescription>
 """
 
 
 BASE = {
-    "1": "", "m": 'm="1"', "s": 's="1"', "km": 'm="1" factor="1000"', "K": 'K="1"', "degC": 'K="1" offset="273.15"',
-    "m/s": 'm="1" s="-1"', "rad/s2": 'rad="1" s="-2"', "N": 'kg="1" m="1" s="-2"', "N.m": 'kg="1" m="2" s="-2"',
+    "1": "", "m": 'm="1"', "s": 's="1"', "km": 'm="1" factor="1000"', "K": 'K="1"',
+    "degC": 'K="1" offset="273.15"', "m/s": 'm="1" s="-1"', "rad/s2": 'rad="1" s="-2"',
+    "N": 'kg="1" m="1" s="-2"', "N.m": 'kg="1" m="2" s="-2"',
     "N/m": 'kg="1" s="-2"', "N.s/m": 'kg="1" s="-1"',
 }  # fmt: skip
 TYPE_DEFINITIONS = """<TypeDefinitions><SimpleType name="Mode"><Enumeration>
@@ -387,5 +390,8 @@ def _variable(i: int, v: Var) -> str:
     starts = f' start="{start}"' if v.causality in ("input", "parameter") else ""
     kind = ' declaredType="Mode"' if v.type == "Enumeration" else ""
     unit = f" unit={quoteattr(v.unit)}" if v.unit and v.type == "Real" else ""
-    head = f'name={quoteattr(v.name)} valueReference="{i}" causality="{v.causality}" variability="{variability}"'
+    head = (
+        f'name={quoteattr(v.name)} valueReference="{i}" causality="{v.causality}"'
+        f' variability="{variability}"'
+    )
     return f"<ScalarVariable {head}><{v.type}{kind}{unit}{starts}/></ScalarVariable>"

@@ -18,8 +18,8 @@ ROOT = """<?xml version="1.0" encoding="UTF-8"?>
 </d:SystemStructureDescription>
 """
 UNITS = {
-    "1": "", "m": 'm="1"', "s": 's="1"', "km": 'm="1" factor="1000"', "cm": 'm="1" factor="0.01"', "K": 'K="1"',
-    "degC": 'K="1" offset="273.15"',
+    "1": "", "m": 'm="1"', "s": 's="1"', "km": 'm="1" factor="1000"', "cm": 'm="1" factor="0.01"',
+    "K": 'K="1"', "degC": 'K="1" offset="273.15"',
 }  # fmt: skip
 
 
@@ -65,7 +65,8 @@ def system(
     connections = "".join(map(connection, wires))
     connections = f"<d:Connections>{connections}</d:Connections>" if connections else ""
     inside = f"<d:Elements>{''.join(elements)}</d:Elements>"
-    return f'<d:System name="{name}">{connectors(ports)}{bound(bindings)}{inside}{connections}</d:System>'
+    head = f'<d:System name="{name}">{connectors(ports)}{bound(bindings)}'
+    return f"{head}{inside}{connections}</d:System>"
 
 
 def connection(text: str) -> str:
@@ -74,7 +75,8 @@ def connection(text: str) -> str:
     attributes = "".join(part for part in further if not part.startswith("<"))
     if attributes and "<" in attributes:
         attributes, inside = attributes.split("<", 1)[0], "<" + attributes.split("<", 1)[1]
-    return f"<d:Connection{_end('start', start)}{_end('end', end)} {attributes}>{inside}</d:Connection>"
+    ends = _end("start", start) + _end("end", end)
+    return f"<d:Connection{ends} {attributes}>{inside}</d:Connection>"
 
 
 def _end(side: str, port: str) -> str:
@@ -105,8 +107,8 @@ def ssv(*parameters: str, namespaces: bool = False, version: str = "1.0") -> str
     space = NAMESPACES if namespaces else ""
     inside = "".join(map(_parameter, parameters))
     return (
-        f'<v:ParameterSet {space} version="{version}" name="x"><v:Parameters>{inside}</v:Parameters>'
-        f"{units('v')}</v:ParameterSet>"
+        f'<v:ParameterSet {space} version="{version}" name="x">'
+        f"<v:Parameters>{inside}</v:Parameters>{units('v')}</v:ParameterSet>"
     )
 
 
@@ -133,7 +135,8 @@ def _parameter(text: str) -> str:
 def ssm(*entries: str, namespaces: bool = False) -> str:
     """Entries `source target` with further XML after a second space."""
     space = NAMESPACES if namespaces else ""
-    return f'<p:ParameterMapping {space} version="1.0">{"".join(map(_entry, entries))}</p:ParameterMapping>'
+    inside = "".join(map(_entry, entries))
+    return f'<p:ParameterMapping {space} version="1.0">{inside}</p:ParameterMapping>'
 
 
 def _entry(text: str) -> str:

@@ -183,7 +183,8 @@ def test_an_input_that_is_driven_and_left_open_or_driven_twice_is_refused(fmus):
 def test_connections_between_unequal_shapes_or_unknown_ports_are_refused(fmus):
     text = (
         TOML
-        + '[connections]\n"second.v" = "first.v[1]"\n"third.uu" = "first.v"\n"fifth.u" = "first.v"\n"u" = "first.v"\n'
+        + '[connections]\n"second.v" = "first.v[1]"\n"third.uu" = "first.v"\n'
+        + '"fifth.u" = "first.v"\n"u" = "first.v"\n'
     )
     found = problems(fmus, text)
     assert "second.v: has 3 elements, first.v[1] has 1" in found
@@ -246,8 +247,8 @@ def test_the_dialect_is_the_one_that_other_tools_match_as_text(archive):
     assert '<osp:FixedStepAlgorithm baseStepSize="1.0" numWorkerThreads="0"/>' in text
     assert '<osp:StepSizeHint value="3.0"/>' in text
     assert (
-        'type="application/x-fmu-sharedlibrary" source="resources/source.fmu" implementation="CoSimulation"'
-        in text
+        'type="application/x-fmu-sharedlibrary" source="resources/source.fmu"'
+        ' implementation="CoSimulation"' in text
     )
     assert sets
     assert all('name="default"' in each for each in sets)
@@ -278,7 +279,8 @@ def test_two_fmus_of_one_file_name_are_kept_apart(fmus, tmp_path):
     namesake.write_bytes(fmus["counter"].read_bytes())
     system = system_of(
         tomllib.loads(
-            'name = "x"\n[experiment]\nstop = 1\nstep = 1\n[components]\na = "gain"\nb = "namesake"\n[open]\n"a.u" = 0'
+            'name = "x"\n[experiment]\nstop = 1\nstep = 1\n'
+            '[components]\na = "gain"\nb = "namesake"\n[open]\n"a.u" = 0'
         ),
         {**fmus, "namesake": namesake},
     )

@@ -23,6 +23,7 @@ from harness.studies.compare import _thinning, compare
 from harness.studies.variants import combinations
 from tests.harness.demo import TOML
 from tests.harness.foreign_fmu import Model, build, p, u, y
+from tests.harness.interrupts import start
 
 
 @pytest.fixture
@@ -187,7 +188,7 @@ def comparing(fmus, tmp_path):
         "--algorithm",
         "jacobi,gauss-seidel",
     ]
-    process = subprocess.Popen(
+    process = start(
         command,
         cwd=tmp_path,
         stdout=subprocess.PIPE,

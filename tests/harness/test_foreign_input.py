@@ -16,6 +16,7 @@ from harness.archive import read_entry, unpack
 from harness.errors import ArchiveError, FmuError, HarnessError
 from harness.system.interface import read_interface
 from harness.temporary import PrivateFolder
+from tests.harness import interrupts
 from tests.harness.foreign_fmu import COUNTER, description
 from tests.harness.foreign_ssp import component, ssm, ssv, system, write
 
@@ -44,7 +45,8 @@ def test_no_entity_is_read_in_any_file(fmus, tmp_path, place, kind):
 
 def poisoned(fmus, folder, place, doctype, encoding):
     """A system with a document type and a use of its entity in one of its files."""
-    binding = '<d:ParameterBinding source="set.ssv"><d:ParameterMapping source="map.ssm"/></d:ParameterBinding>'
+    mapping = '<d:ParameterMapping source="map.ssm"/>'
+    binding = f'<d:ParameterBinding source="set.ssv">{mapping}</d:ParameterBinding>'
     files = {"set.ssv": ssv("k=1", namespaces=True), "map.ssm": ssm("k n_0", namespaces=True)}
 
     def poison(text):
@@ -147,7 +149,7 @@ def process(fmus, tmp_path):
             "TMPDIR": str(scratch),
         }
         quiet = subprocess.DEVNULL
-        return subprocess.Popen(
+        return interrupts.start(
             command, env=environment, cwd=tmp_path, stdout=quiet, stderr=quiet
         ), scratch
 

@@ -45,7 +45,10 @@ def complaints(fmus, tmp_path):
     return complaints_of
 
 
-TABLE = '<c:IntegerMappingTransformation><c:MapEntry source="1" target="2"/></c:IntegerMappingTransformation>'
+TABLE = (
+    '<c:IntegerMappingTransformation><c:MapEntry source="1" target="2"/>'
+    "</c:IntegerMappingTransformation>"
+)
 
 
 def pair(wire="count.n gain.u", bindings=""):
@@ -287,7 +290,8 @@ def test_names_are_unique_c_identifiers(fmus, tmp_path, caplog):
     with caplog.at_level(logging.WARNING), ssp.opened(path) as found:
         assert [c.name for c in found.components] == ["a_b", "a_b_2", "_1_st", "_berflug"]
     assert caplog.messages == [
-        "components with other names than in the file: a.b as a_b_2, 1 st as _1_st, überflug as _berflug"
+        "components with other names than in the file: "
+        "a.b as a_b_2, 1 st as _1_st, überflug as _berflug"
     ]
 
 
@@ -417,8 +421,8 @@ def test_what_cannot_be_done_is_refused_with_one_clear_line(complaints, top, pro
 
 def test_a_file_of_ssp_2_is_read_as_far_as_ssp_1_knows_it(fly, complaints):
     top = pair(bindings=inline(ssv("k=3", version="2.0").replace("v:Real", "v:Float64")))
-    top = top.replace("<d:Elements>", '<d:Connectors><d:Connector name="y" kind="output"><c:Float64/></d:Connector>'
-                      "</d:Connectors><d:Elements>", 1)  # fmt: skip
+    output = '<d:Connector name="y" kind="output"><c:Float64/></d:Connector>'
+    top = top.replace("<d:Elements>", f"<d:Connectors>{output}</d:Connectors><d:Elements>", 1)
     top = top.replace(
         '<d:System name="top">', '<d:System name="top"><c:MetaData kind="general"/>', 1
     )
@@ -434,7 +438,8 @@ def test_without_an_experiment_step_and_stop_are_asked_for_in_one_line(
     path = str(write(tmp_path / "foreign.ssp", pair(), fmus, experiment=""))
     assert main(["run", path]) == 1
     assert capsys.readouterr().err == (
-        "harness: the system says neither macro step nor stop time: give them with --step and --stop\n"
+        "harness: the system says neither macro step nor stop time: "
+        "give them with --step and --stop\n"
     )
     assert main(["run", path, "--step", "1", "--stop", "2", "-o", "x.csv"]) == 0
     assert main(["check", path]) == 0

@@ -271,7 +271,8 @@ def test_parameters_of_all_types_are_read(tmp_path):
         '<s:Parameters><s:Parameter name="r"><s:Real value="-INF" unit="m"/></s:Parameter>'
         '<s:Parameter name="i"><s:Integer value="7"/></s:Parameter>'
         '<s:Parameter name="b"><s:Boolean value="true"/></s:Parameter>'
-        '<s:Parameter name="t"><s:String value="word"/></s:Parameter></s:Parameters></s:ParameterSet>'
+        '<s:Parameter name="t"><s:String value="word"/></s:Parameter>'
+        "</s:Parameters></s:ParameterSet>"
     )
     read = read_ssv(path)
     assert {name: parameter.value for name, parameter in read.items()} == {

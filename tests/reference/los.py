@@ -1,5 +1,5 @@
-"""Line-of-sight (LOS) coordinates, guidance that hovers in front of a feature: docs/models.md C,
-sections 1 to 3.
+"""Line-of-sight (LOS) coordinates, guidance that hovers in front of a feature (docs/models.md C.1
+to C.3).
 
 Angles are differentiated through sin(elevation) and tan(azimuth), attitude rates come from jets of
 direction cosines.
@@ -23,7 +23,7 @@ from .orbit import central_gravity
 ZERO3 = np.zeros(3)
 
 
-# ---- line of sight (section 1) ----
+# ---- line of sight (C.1) ----
 
 
 class Los(NamedTuple):
@@ -73,7 +73,7 @@ def line_of_sight(r: Jet, up_axis: float = 2) -> Los:
 
 
 def inertial(q: Array, dq: Array, up_axis: float = 2) -> tuple[Array, Array]:
-    """r and v of LOS coordinates and rates (section 1.1, the way back)."""
+    """r and v of LOS coordinates and rates (C.1, the way back)."""
     x_l, y_l, z_l = triad(q[1], q[2], up_axis)
     v = dq[0] * x_l + q[0] * dq[1] * y_l - q[0] * cos(q[1]) * dq[2] * z_l
     return q[0] * x_l, v
@@ -98,7 +98,7 @@ def kinematic_acceleration(q: Array, dq: Array) -> Array:
     )
 
 
-# ---- guidance (sections 2, 3.2) ----
+# ---- guidance (C.2, C.3) ----
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,5 @@
-"""Prescribed performance and PID control in line-of-sight coordinates: docs/models.md C, sections
-1.3, 3.3, 4, 5.1.
+"""Prescribed performance and PID control in line-of-sight coordinates: docs/models.md C.1
+and C.3 to C.5.
 
 Fields of the parameter classes bear the names of the ports: settings() of one of them is a
 parameter set of the FMU.
@@ -37,7 +37,7 @@ def settings(p: Any) -> dict[str, Any]:
     return result
 
 
-# ---- what the controllers share (sections 1.3, 3.3, 4.6) ----
+# ---- what the controllers share (C.1, C.3, C.4) ----
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def command(t: float, e: Error, u: Array, M: Array, A_w: Array, p: Common) -> di
     }
 
 
-# ---- prescribed performance (section 4) ----
+# ---- prescribed performance (C.4) ----
 
 
 @dataclass(frozen=True)
@@ -183,7 +183,7 @@ def ppc(
     return outputs, (position, turning if active else None)
 
 
-# ---- PID (section 5.1) ----
+# ---- PID (C.5) ----
 
 
 @dataclass(frozen=True)

@@ -214,7 +214,7 @@ def _record(
 
 
 def laws(period: float = STEP) -> dict[str, Callable[[], Law]]:
-    """The three controllers with the parameters of section 6."""
+    """The three controllers with the parameters of ppc_tracking."""
     return {
         "ppc_controller": lambda: ppc_law(ppc.Ppc()),
         "pid_controller": lambda: pid_law(ppc.Pid(), period),

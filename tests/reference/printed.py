@@ -40,7 +40,7 @@ def G_written_out(s: Array) -> Array:
 
 
 def j2_acceleration(r: Array, mu: float, R_E: float, J2: float) -> Array:
-    """Section 2."""
+    """A.2."""
     x, y, z = r
     n = np.linalg.norm(r)
     zz = z * z / n**2
@@ -49,13 +49,13 @@ def j2_acceleration(r: Array, mu: float, R_E: float, J2: float) -> Array:
 
 
 def gravity_gradient_torque(r_X: Array, J: Array, mu: float) -> Array:
-    """Section 2."""
+    """A.2."""
     r = np.linalg.norm(r_X)
     return 3 * mu / r**3 * cross(r_X / r, J @ (r_X / r))
 
 
 def f_rel(rho: Array, drho: Array, r_t: float, th: float, thd: float, mu: float) -> Array:
-    """Section 4.4."""
+    """A.4.4."""
     (x, y, z), (xd, yd, _) = rho, drho
     rc3 = ((r_t + x) ** 2 + y * y + z * z) ** 1.5
     f_x = th**2 * x + thd * y + 2 * th * yd + mu / r_t**2 - mu * (r_t + x) / rc3
@@ -64,7 +64,7 @@ def f_rel(rho: Array, drho: Array, r_t: float, th: float, thd: float, mu: float)
 
 
 def f_rel_split(rho: Array, drho: Array, r_t: float, th: float, thd: float, mu: float) -> Array:
-    """Section 4.4: A1 rho + A2 rhoDot + g(rho)."""
+    """A.4.4: A1 rho + A2 rhoDot + g(rho)."""
     x, y, z = rho
     k, rc3 = mu / r_t**3, ((r_t + x) ** 2 + y * y + z * z) ** 1.5
     A1 = np.array(((th**2 + 2 * k, thd, 0), (-thd, th**2 - k, 0), (0, 0, -k)))
@@ -75,7 +75,7 @@ def f_rel_split(rho: Array, drho: Array, r_t: float, th: float, thd: float, mu: 
 
 
 def grasp_axis(T: Case) -> Case:
-    """Section 4.3; T: omega, J, r_B, C_BH, p_t, w_H, w_H_dot, mu."""
+    """A.4.3; T: omega, J, r_B, C_BH, p_t, w_H, w_H_dot, mu."""
     M_gt = gravity_gradient_torque(T.r_B, T.J, T.mu)
     omega_dot = np.linalg.solve(T.J, -cross(T.omega, T.J @ T.omega) + M_gt)
     carried = T.C_BH.T @ T.w_H
@@ -89,14 +89,14 @@ def grasp_axis(T: Case) -> Case:
 def reference(
     t: float, axis: Case, rho_M: float, rho_0: float, beta: float
 ) -> tuple[Array, Array, Array]:
-    """Section 4.3: rho*, rho*Dot, rho*DDot in H."""
+    """A.4.3: rho*, rho*Dot, rho*DDot in H."""
     decay = (rho_M - rho_0) * np.exp(-beta * t)
     L, L1, L2 = rho_M - decay, beta * decay, -(beta**2) * decay
     return L * axis.p0, L1 * axis.p0 + L * axis.p1, L2 * axis.p0 + 2 * L1 * axis.p1 + L * axis.p2
 
 
 def desired_attitude(axis: Case, C_HN: Array, w_H: Array, w_H_dot: Array) -> Case:
-    """Section 4.5."""
+    """A.4.5."""
     i, i1, i2 = -axis.p0, -axis.p1, -axis.p2
     u, u1, u2 = (cross(a, ORBIT_NORMAL_H) for a in (i, i1, i2))
     n = np.linalg.norm(u)
@@ -117,13 +117,13 @@ def desired_attitude(axis: Case, C_HN: Array, w_H: Array, w_H_dot: Array) -> Cas
 
 
 def Y(b: Array) -> Array:
-    """Section 5.2: Y(b) s = S b."""
+    """A.5.2: Y(b) s = S b."""
     b1, b2, b3 = b
     return np.array(((b1, b2, b3, 0, 0, 0), (0, b1, 0, b2, b3, 0), (0, 0, b1, 0, b2, b3)))
 
 
 def X(a: Array, b: Array) -> Array:
-    """Section 5.2: X(a, b) s = a x (S b)."""
+    """A.5.2: X(a, b) s = a x (S b)."""
     (a1, a2, a3), (b1, b2, b3) = a, b
     rows = (
         (0, -b1 * a3, b1 * a2, -b2 * a3, b2 * a2 - b3 * a3, b3 * a2),

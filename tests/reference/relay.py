@@ -47,7 +47,7 @@ ROLL, PITCH, YAW = ((5, 7), (4, 6)), ((3,), (1,)), ((0,), (2,))
 
 @dataclass(frozen=True)
 class Parameters:
-    """Section 7; the defaults are BN."""
+    """The defaults are the set `newton`."""
 
     kin: int = 1
     law: int = 1
@@ -163,7 +163,7 @@ def required_rate(L: Quaternion, p: Parameters) -> Vector:
 
 
 class Guidance:
-    """Section 4: the only memory is the mode, the frozen direction, the time of ignition, and
+    """B.4: the only memory is the mode, the frozen direction, the time of ignition, and
     "far".
     """
 
@@ -237,7 +237,7 @@ class Relays:
     def sigma_w(self, dw: Vector) -> Vector:
         before, self.dw = self.dw or dw, dw
         p = self.p
-        return tuple(p.Kp_w * a + p.Kd_w * (a - b) / p.T0 for a, b in zip(dw, before, strict=True))  # type: ignore[return-value]
+        return tuple(p.Kp_w * a + p.Kd_w * (a - b) / p.T0 for a, b in zip(dw, before, strict=True))
 
     def switch(self, sigma_v: float, sigma_w: Vector) -> None:
         p, f = self.p, self.flags
@@ -364,24 +364,24 @@ class Mission:
 
     def scalar(self, dr: Vector, v: Vector, X: Vector) -> Vector:
         v_x = dot(v, X)
-        error = self.guidance.scalar_speed(norm(dr), norm(self.target[3:6])) - v_x  # type: ignore[arg-type]
+        error = self.guidance.scalar_speed(norm(dr), norm(self.target[3:6])) - v_x
         self.sigma_v = self.relays.sigma_v(error, -v_x)
         return dr
 
     def vector(self, k: int, dr: Vector, v: Vector, X: Vector) -> Vector:
         e_v = self.guidance.velocity_error(dr, v, self.target[3:6])  # type: ignore[arg-type]
-        d = self.guidance.modes(k, dr, e_v, X, self.servicer[10:13], self.firing())  # type: ignore[arg-type]
+        d = self.guidance.modes(k, dr, e_v, X, self.servicer[10:13], self.firing())
         sigma_v = self.relays.sigma_v(dot(e_v, X), dot(e_v, X))
         self.sigma_v = sigma_v if self.guidance.mode == BURN else 0.0
         return d
 
     def tick(self, k: int) -> None:
         p, q, w = self.p, self.servicer[6:10], self.servicer[10:13]
-        dr, v = plus(self.target[0:3], self.servicer[0:3], -1.0), self.velocity  # type: ignore[arg-type]
+        dr, v = plus(self.target[0:3], self.servicer[0:3], -1.0), self.velocity
         X = turn(q, (1.0, 0.0, 0.0))  # type: ignore[arg-type]
         d = self.vector(k, dr, v, X) if p.law else self.scalar(dr, v, X)
         self.L = shortest_arc(q, d) if p.att else two_turns(q, d)  # type: ignore[arg-type]
-        self.sigma_w = self.relays.sigma_w(plus(required_rate(self.L, p), w, -1.0))  # type: ignore[arg-type]
+        self.sigma_w = self.relays.sigma_w(plus(required_rate(self.L, p), w, -1.0))
         self.relays.switch(self.sigma_v, self.sigma_w)
         F, M = self.engines.call(self.relays.flags)
         self.servicer = rk4(lambda t, y: body_rate(t, y, F, M, p), k * p.T0, self.servicer, p.T0)

@@ -119,7 +119,7 @@ def truth(p: Parameters, y: Array, t0: float, t1: float, u: Input = Input()) -> 
     times = integrate.breakpoints(t0, t1, (p.t_att, p.M_dist_S.start, p.a_dist.start))
     for a, b in pairwise(times):
         active = is_active(p, a)
-        y = integrate.truth(lambda t, x, on=active: rhs(t, x, p, u, on), y, a, b, ATOL)  # type: ignore[misc]
+        y = integrate.truth(lambda t, x, on=active: rhs(t, x, p, u, on), y, a, b, ATOL)
     return y
 
 
@@ -127,6 +127,6 @@ def step(p: Parameters, y: Array, t0: float, t1: float, u: Input = Input()) -> A
     """State at t1 by RK4 on the absolute grid of max_step, constant inputs."""
     for a, b in integrate.grid(t0, t1, p.max_step):
         active = is_active(p, a)
-        y = integrate.rk4_step(lambda t, x, on=active: rhs(t, x, p, u, on), y, a, b - a)  # type: ignore[misc]
+        y = integrate.rk4_step(lambda t, x, on=active: rhs(t, x, p, u, on), y, a, b - a)
     y[6:10] /= np.sqrt(y[6:10] @ y[6:10])
     return y

@@ -1,4 +1,4 @@
-"""Theta-D control in line-of-sight coordinates (docs/models.md C, section 5.2).
+"""Theta-D control in line-of-sight coordinates (docs/models.md C.5).
 
 The Riccati equation is scipy's, the Lyapunov equations are solved by Kronecker products. The
 factorisation A x = f(x) - f(0) has the terms of the specification and those that a reference of

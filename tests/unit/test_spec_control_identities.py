@@ -1,4 +1,4 @@
-"""Identities of the controller, docs/models.md A, sections 5, each against a derivation of its own.
+"""Identities of the controller (docs/models.md A.5), each against a derivation of its own.
 
 Exact derivatives come from second-order jets or complex steps, so that tolerances cover rounding
 only: EXACT is about a hundred roundings of the largest term. Finite differences are used nowhere.
@@ -75,7 +75,7 @@ def test_translational_lyapunov_rate_uses_the_estimated_mass(rng):
 
 
 def test_damping_in_the_regressor_makes_the_lyapunov_rate_use_the_true_mass(rng):
-    """Section 9, item 2: V_dot = -m e2' P e2 whatever the sign of m_hat."""
+    """A.5.1, damping_in_regressor: V_dot = -m e2' P e2 whatever the sign of m_hat."""
     c = translation(rng, damping_in_regressor=1.0)
     assert close(c.V_dot, -c.m * c.e2 @ c.P @ c.e2, 1e-12, c.size)
 

@@ -1,5 +1,5 @@
-"""Identities that docs/models.md A states in sections 0 to 4.4 and 6, each against a derivation of
-its own.
+"""Identities of frames, plants and guidance (docs/models.md A.1 to A.4.4) and the start of the
+paper's case, each against a derivation of its own.
 
 Exact derivatives come from second-order jets or complex steps, so that tolerances cover rounding
 only: EXACT is about a hundred roundings of the largest term. Finite differences are used nowhere.

@@ -63,7 +63,8 @@ def headers_of(sources: list[Path], folders: list[Path]) -> list[Path]:
 
 def table(rows: list[dict[str, str]]) -> str:
     """HTML table of variables."""
-    head = "<tr><th>name</th><th>size</th><th>unit</th><th>limits</th><th>start</th><th>description</th></tr>"
+    titles = ("name", "size", "unit", "limits", "start", "description")
+    head = "<tr>" + "".join(f"<th>{title}</th>" for title in titles) + "</tr>"
     cells = (
         (r["name"], r["shape"], r["unit"], limits(r), r["starts"].strip(), r["description"])
         for r in rows
@@ -93,8 +94,9 @@ def documentation(description: ElementTree.Element, source: Path) -> str:
         f"<title>{name}</title><style>{STYLE}</style></head><body>",
         f"<h1>{name}</h1><p>{text}</p><p><img src='model.png' alt='ports of {name}'></p>",
         f"<h2>Equations and source</h2><pre>{html.escape(opening_comment(source))}</pre>",
-        "<p>SI units, radians. Frames: N inertial, H Hill frame of the target orbit, T target body, S servicer body,",
-        "D desired servicer body. Outputs are latched at the end of a step and after initialization.</p>",
+        "<p>SI units, radians. Frames: N inertial, H Hill frame of the target orbit,",
+        "T target body, S servicer body, D desired servicer body. Outputs are latched at the end",
+        "of a step and after initialization.</p>",
     ]
     for causality, title in SECTIONS.items():
         chosen = [r for r in rows if r["causality"] == causality]

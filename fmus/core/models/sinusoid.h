@@ -18,8 +18,8 @@ typedef struct {
         PARAMETER(member.phase, "rad", text ": phase, per axis"),                   \
         PARAMETER(member.start, "s", text ": nothing before this time")
 
-/* one axis; most disturbances of a run are switched off by zero amplitude, so the sine is worth a
- * test */
+/* one axis; most disturbances of a run are switched off by zero amplitude, and a test is cheaper
+ * than a sine */
 static inline double wave(double bias, double amplitude, double frequency, double phase, double t)
 {
     return amplitude == 0 ? bias : bias + amplitude * sin(frequency * t + phase);
