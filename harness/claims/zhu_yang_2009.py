@@ -9,19 +9,17 @@ from __future__ import annotations
 from harness.claims import zhu_yang_measures as measures
 from harness.claims.claim import Claim, Condition, Paper, at_least, at_most
 from harness.claims.zhu_yang_measures import (
-    ATTITUDE_ERROR,
     BETA_P,
     BETA_T,
-    COMMAND,
-    ERROR,
     ESTIMATES,
-    FORCE,
     MASS,
     MASS_ESTIMATE,
     RANGE,
     REFERENCE,
+    TURNED,
     WHEELS,
 )
+from harness.results.derived import FORCE_H, POSITION_H, RATE
 
 CLAIMS = (
     Claim(
@@ -67,7 +65,7 @@ CLAIMS = (
         name="position tracking",
         text="tracking of the relative position is effective",
         where="section 3, figure 7",
-        needs=(ERROR,),
+        needs=POSITION_H,
         measure=measures.tracking_error,
         figure="error at most {0:.4f} m after 10 min; {1:.4f} m at the start, {2:.4f} m at the end",
         unit="m",
@@ -78,7 +76,7 @@ CLAIMS = (
         name="continuous thrust",
         text="the control force is continuous",
         where="section 3, figure 6",
-        needs=(FORCE,),
+        needs=FORCE_H,
         measure=measures.force_rate,
         figure=(
             "changes by at most {0:.1f} % of its peak per second; {1:.4f} N at the start, "
@@ -120,7 +118,7 @@ CLAIMS = (
             "disturbances)"
         ),
         where="below (14)",
-        needs=(ERROR,),
+        needs=POSITION_H,
         measure=measures.position_decay,
         figure="largest error {1:.1f} mm, 10 min later {2:.1f} mm, ratio {0:.2f}",
         unit="",
@@ -131,7 +129,7 @@ CLAIMS = (
         name="attitude tracking",
         text="tracking of the attitude is effective",
         where="section 3, figure 9",
-        needs=(ATTITUDE_ERROR, COMMAND),
+        needs=TURNED,
         measure=measures.attitude_end,
         figure=(
             "at most {0:.2f} deg in the last 100 s; after 1, 2, 5, 10 min {1:.1f}, {2:.1f}, "
@@ -145,7 +143,7 @@ CLAIMS = (
         name="wheel speeds",
         text="the wheel speeds stay bounded (a curve without comment in the paper)",
         where="section 3, figure 10",
-        needs=(WHEELS, COMMAND),
+        needs=(WHEELS, RATE),
         measure=measures.wheel_speed,
         figure="at most {0:.3f} rad/s, {1:.3f} rad/s in the last 100 s",
         unit="rad/s",
@@ -156,7 +154,7 @@ CLAIMS = (
         name="inertias settle",
         text="all inertia estimates converge to constants ...",
         where="section 3, figure 11",
-        needs=(ESTIMATES, COMMAND),
+        needs=(ESTIMATES, RATE),
         measure=measures.inertia_drift,
         figure=(
             "move by up to {0:.1f} % of their matrix in the last 100 s: J {1:.2f}, A {2:.2f} kg m2"
@@ -169,7 +167,7 @@ CLAIMS = (
         name="inertias are not the truth",
         text="... which are not the true inertias",
         where="section 3, figure 11",
-        needs=(ESTIMATES, COMMAND),
+        needs=(ESTIMATES, RATE),
         measure=measures.inertia_offset,
         figure=(
             "up to {0:.0f} % of their matrix from the truth of the paper: J {1:.1f}, A "
@@ -186,7 +184,7 @@ CLAIMS = (
             "disturbances)"
         ),
         where="below (21)",
-        needs=(ATTITUDE_ERROR, COMMAND),
+        needs=TURNED,
         measure=measures.attitude_decay,
         figure="largest error {1:.2f} deg, 100 s later {2:.2f} deg, ratio {0:.2f}",
         unit="",
@@ -197,7 +195,7 @@ CLAIMS = (
         name="grasp",
         text="once the attitude error has converged, the target can be grasped at any time",
         where="section 3, section 4",
-        needs=(RANGE, REFERENCE, BETA_T, BETA_P, COMMAND),
+        needs=(RANGE, REFERENCE, BETA_T, BETA_P, RATE),
         measure=measures.grasp_share,
         figure=(
             "rho_M +- 5 cm, beta_t <= 1 deg, beta_p <= 5 deg in {0:.0f} % of the last 200 s; "
@@ -229,6 +227,6 @@ PAPER = Paper(
             (MASS_ESTIMATE,),
             lambda result: result[MASS_ESTIMATE][0],
         ),
-        Condition("attitude control from", 1200.0, "s", (COMMAND,), measures.attitude_start),
+        Condition("attitude control from", 1200.0, "s", (RATE,), measures.attitude_start),
     ),
 )

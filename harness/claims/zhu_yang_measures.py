@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from harness.claims.claim import Array, CannotJudgeError, at, final, since
+from harness.results import derived
 from harness.results.result import Result
 
 STOP = 1800.0
@@ -30,12 +31,8 @@ RANGE, REFERENCE, BETA_T, BETA_P = (
     "guidance.beta_t",
     "guidance.beta_p",
 )
-ERROR, FORCE, MASS_ESTIMATE = "controller.e1_H", "controller.F_cmd_H", "controller.m_hat"
-ATTITUDE_ERROR, COMMAND, ESTIMATES = (
-    "controller.epsilon",
-    "controller.wheel_accel_cmd",
-    "controller.eta_hat",
-)
+MASS_ESTIMATE, ESTIMATES = "controller.m_hat", "controller.eta_hat"
+TURNED = (derived.ATTITUDE, derived.REFERENCE_ATTITUDE, derived.RATE)
 MASS, WHEELS = "servicer.mass", "servicer.wheel_speed"
 
 
@@ -47,9 +44,14 @@ def size(result: Result, vector: str) -> Array:
     return np.asarray(np.linalg.norm(result[vector], axis=1))
 
 
+def position_error(result: Result) -> Array:
+    """Distance from the reference position [m]."""
+    return np.asarray(np.linalg.norm(derived.position_error_H(result), axis=1))
+
+
 def attitude_error(result: Result) -> Array:
     """Rotation angle from D to S [deg]."""
-    return np.asarray(np.degrees(4 * np.arctan(size(result, ATTITUDE_ERROR))))
+    return np.asarray(np.degrees(derived.attitude_error(result)))
 
 
 def safe_distance(result: Result) -> float:
@@ -63,13 +65,11 @@ def safe_distance(result: Result) -> float:
 
 
 def attitude_start(result: Result) -> float:
-    """Time of the sample before the first command to the wheels [s]; CannotJudgeError if there is
-    none.
-    """
-    commanded = np.flatnonzero(result[COMMAND].any(axis=1))
-    if not len(commanded):
-        raise CannotJudgeError("attitude control by wheels does not start in this run")
-    return float(result.time[max(0, commanded[0] - 1)])
+    """Time at which the attitude is released [s]; CannotJudgeError if that is never."""
+    start = derived.release_time(result)
+    if not start < result.time[-1]:
+        raise CannotJudgeError("the attitude is not controlled in this run")
+    return start
 
 
 # ---- measures
@@ -107,7 +107,7 @@ def grasp_axis_error(result: Result) -> tuple[float, ...]:
 
 def tracking_error(result: Result) -> tuple[float, ...]:
     """Largest position error after 10 min [m], at the start [m], at the end [m]."""
-    error = size(result, ERROR)
+    error = position_error(result)
     return error[since(result, APPROACHED, ARM)].max(), error[0], error[-1]
 
 
@@ -116,9 +116,10 @@ def force_rate(result: Result) -> tuple[float, ...]:
     [N], largest [N].
     """
     since(result, 0.0, APPROACHED)
-    force = size(result, FORCE)
-    rate = np.linalg.norm(np.diff(result[FORCE], axis=0), axis=1) / np.diff(result.time)
-    return 100 * rate.max() / force.max(), force[0], force.max()
+    force = derived.force_H(result)
+    size = np.linalg.norm(force, axis=1)
+    rate = np.linalg.norm(np.diff(force, axis=0), axis=1) / np.diff(result.time)
+    return 100 * rate.max() / size.max(), size[0], size.max()
 
 
 def mass_drift(result: Result) -> tuple[float, ...]:
@@ -138,7 +139,7 @@ def mass_offset(result: Result) -> tuple[float, ...]:
 
 def position_decay(result: Result) -> tuple[float, ...]:
     """Largest position error of the last 10 min over that of the 10 min before, both [mm]."""
-    error = 1e3 * size(result, ERROR)
+    error = 1e3 * position_error(result)
     late, early = (
         error[final(result, 600.0, STOP)].max(),
         error[final(result, 600.0, STOP, before=600.0)].max(),

@@ -46,13 +46,23 @@ class Curve:
 
 @dataclass(frozen=True)
 class Panel:
-    """One pair of axes over time; after: start of the time axis [s]; level: a horizontal line."""
+    """One pair of axes over time; after: start of the time axis [s], or the function of the result
+    that says it; level: a horizontal line; idle_until: time up to which nothing that is drawn acts,
+    shaded.
+    """
 
     ylabel: str
     curves: tuple[Curve, ...]
-    after: float = 0.0
+    after: float | Callable[[Result], float] = 0.0
     log: bool = False
     level: float | None = None
+    idle_until: Callable[[Result], float] | None = None
+
+    def rows(self, result: Result) -> slice:
+        """The rows that are drawn: from the start of the time axis on, else all."""
+        start = self.after(result) if callable(self.after) else self.after
+        shown = start < result.time[-1]
+        return slice(int(np.searchsorted(result.time, start)) if shown else 0, None)
 
 
 @dataclass(frozen=True)

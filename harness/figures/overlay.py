@@ -7,6 +7,7 @@ For ppc_tracking they are the counterparts of figures 2 to 8 of Yin et al. 2017.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from harness.results.derived import (
     position_error,
     range_,
     relative_speed,
+    release_time,
 )
 from harness.results.pitch import ANOMALY, PITCH, RATE, strobe
 from harness.results.result import Result
@@ -37,9 +39,11 @@ def _sum(name: str, first: int = 0, last: int | None = None) -> Curve:
     return Curve(lambda r: np.asarray(r[name][:, first:last].sum(axis=1)), needs=(name,))
 
 
-def _per_axis(what: str, unit: str, name: str, labels: tuple[str, ...] = AXES) -> tuple[Panel, ...]:
+def _per_axis(
+    what: str, unit: str, name: str, labels: tuple[str, ...] = AXES, **look: Any
+) -> tuple[Panel, ...]:
     return tuple(
-        Panel(f"{what} {label} [{unit}]", (Curve(f"{name}[{i}]"),))
+        Panel(f"{what} {label} [{unit}]", (Curve(f"{name}[{i}]"),), **look)
         for i, label in enumerate(labels, start=1)
     )
 
@@ -133,7 +137,7 @@ FIGURES: tuple[Figure | Overlay, ...] = (
     Figure(
         "compared_torque",
         "Torque on the servicer, body axes",
-        _per_axis("M", "N m", "propulsion.M_S"),
+        _per_axis("M", "N m", "propulsion.M_S", idle_until=release_time),
     ),
     Figure(
         "compared_wheels",

@@ -4,7 +4,7 @@ one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -83,6 +83,7 @@ def paint(figure: Figure | Drawing, result: Result) -> Canvas:
     for axes, panel in _panels(canvas, figure):
         for curve in panel.curves:
             _draw_curve(axes, result, panel, curve)
+        _shade(axes, panel, [result])
         if axes.get_legend_handles_labels()[1]:
             axes.legend(loc="best", fontsize="small", ncols=3)
     return canvas
@@ -100,8 +101,17 @@ def _panels(canvas: Canvas, figure: Figure) -> Iterator[tuple[Any, Panel]]:
         yield axes, panel
 
 
+def _shade(axes: Any, panel: Panel, results: Iterable[Result]) -> None:
+    """Shade the time in which what is drawn acts in none of the runs."""
+    if panel.idle_until is None:
+        return
+    begin, idle = min((r.time[0], min(panel.idle_until(r), r.time[-1])) for r in results)
+    if idle > begin:
+        axes.axvspan(begin, idle, color="0.5", alpha=0.15, label="attitude frozen: acts on nothing")
+
+
 def _draw_curve(axes: Any, result: Result, panel: Panel, curve: Curve) -> None:
-    shown = result.time >= panel.after if result.time[-1] > panel.after else slice(None)
+    shown = panel.rows(result)
     time, history = result.time[shown], curve.history(result)[shown]
     if history.ndim == 1:
         axes.plot(time, history, curve.style, label=curve.label or None)
@@ -130,6 +140,7 @@ def paint_overlay(
             for curve in panel.curves:
                 history = _positive(curve.history(result), panel)
                 axes.plot(result.time, history, curve.style, color=colours[label], linewidth=1)
+        _shade(axes, panel, results.values())
     lines = canvas.axes[0].get_lines()[:: len(figure.panels[0].curves)]
     canvas.legend(lines, list(results), loc="outside lower center", ncols=2, fontsize="small")
     return canvas

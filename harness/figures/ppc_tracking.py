@@ -17,7 +17,16 @@ from harness.figures.figure import (
     degrees,
     draw_paths,
 )
-from harness.results.derived import ATTITUDE, REFERENCE_ATTITUDE, SERVICER, TARGET, attitude_error
+from harness.results.derived import (
+    ATTITUDE,
+    REFERENCE,
+    REFERENCE_ATTITUDE,
+    SERVICER,
+    TARGET,
+    attitude_error,
+    position_error,
+    release_time,
+)
 from harness.results.result import Result
 
 LOS = ("guidance.los.elevation",)
@@ -106,9 +115,15 @@ FIGURES: tuple[Figure | Drawing, ...] = (
         ),
     ),
     Figure(
+        "tracking_error",
+        "Distance from the reference position",
+        (Panel("[m]", (Curve(position_error, needs=(SERVICER, TARGET, REFERENCE)),), log=True),),
+        LOS,
+    ),
+    Figure(
         "torque",
         "Torque, body axes",
-        (Panel("[N m]", (Curve("propulsion.M_S", labels=AXES),)),),
+        (Panel("[N m]", (Curve("propulsion.M_S", labels=AXES),), idle_until=release_time),),
         LOS,
     ),
     Figure(

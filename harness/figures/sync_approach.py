@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from harness.figures.figure import (
-    Array,
     Axes,
     Curve,
     Drawing,
@@ -15,17 +14,22 @@ from harness.figures.figure import (
     draw_paths,
     norm,
 )
+from harness.results.derived import (
+    ATTITUDE,
+    FORCE_H,
+    POSITION_H,
+    REFERENCE_ATTITUDE,
+    attitude_error,
+    attitude_error_vector,
+    force_H,
+    position_error_H,
+    release_time,
+)
 from harness.results.result import Result
 
 J_LABELS = ("J11", "J12", "J13", "J22", "J23", "J33")
 A_LABELS = ("A11", "A12", "A13", "A22", "A23", "A33")
-ATTITUDE_START = 1200.0
-"""Start of attitude control in the case of the paper [s]."""
-
-
-def _mrp_angle(sigma: Array) -> Array:
-    """Rotation angle of modified Rodrigues parameters [deg]."""
-    return degrees(4 * np.arctan(norm(sigma)))
+TURNED = (ATTITUDE, REFERENCE_ATTITUDE)
 
 
 def _approach(canvas: Axes, result: Result) -> None:
@@ -56,7 +60,7 @@ FIGURES: tuple[Figure | Drawing, ...] = (
         "force",
         "Control force",
         (
-            Panel("Hill axes [N]", (Curve("controller.F_cmd_H"),)),
+            Panel("Hill axes [N]", (Curve(force_H, needs=FORCE_H),)),
             Panel("servicer axes [N]", (Curve("propulsion.F_S"),)),
         ),
     ),
@@ -64,8 +68,8 @@ FIGURES: tuple[Figure | Drawing, ...] = (
         "tracking_error",
         "Position tracking error, Hill axes",
         (
-            Panel("error [m]", (Curve("controller.e1_H"),)),
-            Panel("|error| [m]", (Curve("controller.e1_H", convert=norm),), log=True),
+            Panel("error [m]", (Curve(position_error_H, needs=POSITION_H),)),
+            Panel("|error| [m]", (Curve(position_error_H, "", norm, needs=POSITION_H),), log=True),
         ),
     ),
     Figure(
@@ -82,11 +86,15 @@ FIGURES: tuple[Figure | Drawing, ...] = (
         "attitude_error",
         "Attitude error",
         (
-            Panel("MRP of S relative to D", (Curve("controller.epsilon"),), after=ATTITUDE_START),
+            Panel(
+                "MRP of S relative to D",
+                (Curve(attitude_error_vector, needs=TURNED),),
+                after=release_time,
+            ),
             Panel(
                 "angle [deg]",
-                (Curve("controller.epsilon", convert=_mrp_angle),),
-                after=ATTITUDE_START,
+                (Curve(attitude_error, convert=degrees, needs=TURNED),),
+                after=release_time,
                 log=True,
             ),
         ),
@@ -94,7 +102,7 @@ FIGURES: tuple[Figure | Drawing, ...] = (
     Figure(
         "wheel_speeds",
         "Wheel speeds",
-        (Panel("speed [rad/s]", (Curve("servicer.wheel_speed"),), after=ATTITUDE_START),),
+        (Panel("speed [rad/s]", (Curve("servicer.wheel_speed"),), after=release_time),),
         ("guidance.rho_H",),
     ),
     Figure(
@@ -104,12 +112,12 @@ FIGURES: tuple[Figure | Drawing, ...] = (
             Panel(
                 "body [kg m2]",
                 (Curve("controller.eta_hat", convert=lambda x: x[:, :6], labels=J_LABELS),),
-                after=ATTITUDE_START,
+                after=release_time,
             ),
             Panel(
                 "wheels [kg m2]",
                 (Curve("controller.eta_hat", convert=lambda x: x[:, 6:], labels=A_LABELS),),
-                after=ATTITUDE_START,
+                after=release_time,
             ),
         ),
     ),

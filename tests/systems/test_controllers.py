@@ -12,10 +12,10 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
+from harness.studies.catalogue import text
 
 from harness import run
 from harness.errors import StructureError, UsageError
-from harness.studies.catalogue import text
 
 from ..harness.foreign_fmu import Model, build, p, u, y
 from .ppc_flights import BAND, after, range_error, settled

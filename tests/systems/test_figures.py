@@ -40,6 +40,9 @@ LINE_OF_SIGHT = {
     "quaternion",
     "los_error",
     "torque",
+    "force",
+    "tracking_error",
+    "attitude_error",
 }
 RELAY = {
     "trajectory",
@@ -51,11 +54,16 @@ RELAY = {
     "firing",
     "engines",
     "phase_planes",
+    "force",
+    "attitude_error",
 }
 EXPECTED = {
     ("sync_approach", "adaptive_controller"): SYNC,
     ("sync_approach", "pid_controller"): {
         "trajectory",
+        "force",
+        "tracking_error",
+        "attitude_error",
         "range",
         "wheel_speeds",
         "alignment",

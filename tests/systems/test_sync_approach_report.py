@@ -43,6 +43,40 @@ def changed(result: Result, variable: str, change) -> Result:
     return replace(result, values=values)
 
 
+def steps(x: np.ndarray) -> np.ndarray:
+    return np.arange(len(x))[:, None]
+
+
+def decay(seconds: float):
+    """Falls by a factor e in so many seconds."""
+    return lambda x: np.exp(-0.1 * steps(x) / seconds)
+
+
+def erring(change):
+    """A reference position from which the servicer is off by another error."""
+
+    def reference(x):
+        actual = flight(PAPER)["guidance.rho_H"]
+        return actual - change(actual - x)
+
+    return reference
+
+
+def nearer(weight):
+    """A reference attitude on the way from the servicer's own to what it was; the sample of a row
+    is that of the state one row before.
+    """
+
+    def reference(x):
+        own = np.concatenate((x[:1], flight(PAPER)["servicer.q_SN"][:-1]))
+        own *= np.sign(np.sum(own * x, axis=1, keepdims=True))
+        between = own + weight(x) * (x - own)
+        between[0] = between[1]  # as after initialization
+        return between / np.linalg.norm(between, axis=1, keepdims=True)
+
+    return reference
+
+
 def verdict(result: Result, name: str) -> Verdict:
     return CLAIMS[name].evaluate(result).verdict
 
@@ -94,14 +128,19 @@ def test_the_command_says_by_its_status_that_something_could_not_be_judged(
         ("safe distance", "guidance.range", lambda x: x + 0.01, Verdict.REPRODUCED),
         ("safe distance", "guidance.range", lambda x: x - 0.1, Verdict.NOT_REPRODUCED),
         ("arrival", "guidance.range", lambda x: x + 0.3, Verdict.PARTLY),
-        ("position tracking", "controller.e1_H", lambda x: 100 * x, Verdict.NOT_REPRODUCED),
+        (
+            "position tracking",
+            "guidance.rho_ref_H",
+            erring(lambda e: 100 * e),
+            Verdict.NOT_REPRODUCED,
+        ),
         (
             "position law is asymptotically stable",
-            "controller.e1_H",
-            lambda x: x * decay(x),
+            "guidance.rho_ref_H",
+            erring(lambda e: e * decay(200)(e)),
             Verdict.REPRODUCED,
         ),
-        ("continuous thrust", "controller.F_cmd_H", np.sign, Verdict.NOT_REPRODUCED),
+        ("continuous thrust", "propulsion.F_S", np.sign, Verdict.NOT_REPRODUCED),
         ("mass settles", "controller.m_hat", lambda x: x + 1e-3 * steps(x), Verdict.NOT_REPRODUCED),
         (
             "mass is not the truth",
@@ -109,11 +148,11 @@ def test_the_command_says_by_its_status_that_something_could_not_be_judged(
             lambda x: 0 * x + 100,
             Verdict.NOT_REPRODUCED,
         ),
-        ("attitude tracking", "controller.epsilon", lambda x: 0.1 * x, Verdict.REPRODUCED),
+        ("attitude tracking", "guidance.q_DN", nearer(lambda x: 0.1), Verdict.REPRODUCED),
         (
             "attitude law is asymptotically stable",
-            "controller.epsilon",
-            lambda x: x * decay(x),
+            "guidance.q_DN",
+            nearer(decay(50)),
             Verdict.REPRODUCED,
         ),
         ("wheel speeds", "servicer.wheel_speed", lambda x: 1000 * x, Verdict.NOT_REPRODUCED),
@@ -125,15 +164,6 @@ def test_the_command_says_by_its_status_that_something_could_not_be_judged(
 )
 def test_another_history_gets_another_verdict(result, name, variable, change, expected):
     assert verdict(changed(result, variable, change), name) is expected
-
-
-def steps(x: np.ndarray) -> np.ndarray:
-    return np.arange(len(x))[:, None]
-
-
-def decay(x: np.ndarray) -> np.ndarray:
-    """Falls by exp(-10) every 100 s."""
-    return np.exp(-steps(x) / 100)
 
 
 # ---- what cannot be judged
@@ -177,8 +207,8 @@ def test_a_run_recorded_too_seldom_is_not_judged(every):
     assert not passed
 
 
-def test_attitude_without_wheels_is_not_judged(result):
-    resting = changed(result, "controller.wheel_accel_cmd", np.zeros_like)
+def test_an_attitude_that_is_never_released_is_not_judged(result):
+    resting = replace(changed(result, "servicer.omega_SN_S", np.zeros_like), parameters=None)
     assert verdict(resting, "attitude tracking") is Verdict.NOT_JUDGED
 
 
