@@ -15,6 +15,7 @@ from harness.ssp.library import load
 from harness.studies import compare as comparison
 from harness.studies import linearize as linear
 from harness.studies import variants
+from harness.studies.measures import Limits
 from harness.system.model import System
 from harness.system.swap import find_fmu
 from harness.system.values import parse
@@ -69,6 +70,7 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     set: Pairs = (),
     step: float | None = None,
     stop: float | None = None,
+    limits: Limits | None = None,
     every: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> comparison.Comparison:
@@ -76,9 +78,9 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
 
     params: parameter sets or files; swap: FMUs by component; latency: macro steps by component;
     vary: values by `component.parameter`; algorithm: names; set, step, stop: as for run(), the
-    same for all. Results and the table comparison.csv go to `folder`. every: record every N-th
-    macro step (default: at most 20 000 rows); progress: called with the number of runs that are
-    over.
+    same for all. Results and the table comparison.csv go to `folder`. limits: bands and
+    keep-out radius; every: record every N-th macro step (default: at most 20 000 rows); progress:
+    called with the number of runs that are over.
 
     Raises UsageError, what run() raises before its first step, and ResultsError; a run that fails
     under way ends early (Comparison.failures), the others go on.
@@ -91,7 +93,9 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     for option, given in (("swap", swap), ("latency", latency), ("set", vary)):
         varied += [(option, text) for text in _texts(given)]
     chosen = variants.combinations({"set": set, "step": step, "stop": stop}, varied)
-    return comparison.compare(system, chosen, Path(folder), every=every, progress=progress)
+    return comparison.compare(
+        system, chosen, Path(folder), limits=limits, every=every, progress=progress
+    )
 
 
 def _texts(given: Several) -> list[str]:

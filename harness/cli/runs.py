@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from pathlib import Path
 from time import perf_counter
@@ -17,7 +18,7 @@ from harness.cli.options import (
     SystemArgument,
     takes_changes,
 )
-from harness.errors import ComparisonError, RunError
+from harness.errors import ComparisonError, RunError, UsageError
 
 app = typer.Typer()
 
@@ -40,6 +41,7 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     """
     from harness.api import run
     from harness.results.files import ResultFile
+    from harness.results.notes import notes
 
     file = ResultFile(output or Path("results") / f"{Path(system).stem}.nc")
     began = perf_counter()
@@ -63,6 +65,8 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
             f"{result.system}: {result.time[-1]:g} s in {seconds:.2f} s, "
             f"{len(result.time)} rows in {file.path}"
         )
+        for note in notes(result):
+            typer.echo(f"note: {note}")
 
 
 @app.command("compare")
@@ -89,6 +93,13 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     every: Annotated[
         int | None, typer.Option(help="record every N-th macro step (default: 20 000 rows)")
     ] = None,
+    band: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="position=M, attitude=DEG", help="bands in which an error has settled"
+        ),
+    ] = None,
+    keep_out: Annotated[float, typer.Option(help="radius about the target [m]")] = 0.0,
     ending: FormatOption = Format.PNG,
     quiet: QuietOption = False,
     changes: Any = None,
@@ -111,9 +122,36 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     folder = output or Path("results") / Path(system).stem
     shown = not quiet and sys.stderr.isatty()
     with progress_bar(f"{len(variants)} runs", len(variants), shown) as show:
-        found = compare(system, variants, folder, every=every, progress=show)
+        found = compare(
+            system, variants, folder, limits=_limits(band, keep_out), every=every, progress=show
+        )
     typer.echo(table.text(found.measures, found.labels))
+    typer.echo("\n" + "\n".join(found.limits.notes()))
     figures = overlay(found.results, folder, ending.value)
     typer.echo(f"\nresults, comparison.csv and {len(figures)} figures in {folder}")
     if found.failures:
         raise ComparisonError("\n".join(found.failures))
+
+
+def _limits(bands: list[str] | None, keep_out: float) -> Any:
+    """Limits of a comparison from the options --band and --keep-out; UsageError."""
+    from harness.changes import pairs
+    from harness.studies.measures import Limits
+
+    given = {}
+    for name, value in pairs("--band", bands or ()):
+        if name not in ("position", "attitude") or not _positive(value):
+            raise UsageError(
+                f"--band {name}={value}: expected position=METRES or attitude=DEGREES, above 0"
+            )
+        given[name] = float(value)
+    if not 0 <= keep_out < math.inf:
+        raise UsageError(f"--keep-out {keep_out:g}: expected a radius in metres, 0 or more")
+    return Limits(keep_out=keep_out, **given)
+
+
+def _positive(text: str) -> bool:
+    try:
+        return 0 < float(text) < math.inf
+    except ValueError:
+        return False

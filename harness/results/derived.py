@@ -88,6 +88,11 @@ def range_(result: Result) -> Array:
     return _norm(_relative(result))
 
 
+def reference_range(result: Result) -> Array:
+    """Range of the reference position, in the row of the state that it belongs to, (rows,) [m]."""
+    return _aligned(_norm(_relative(result)), _norm(result[REFERENCE]), lambda _, b: b)
+
+
 def relative_speed(result: Result) -> Array:
     """Magnitude of the velocity of the servicer relative to the target, (rows,) [m/s]."""
     return _norm(result[VELOCITIES[0]] - result[VELOCITIES[1]])

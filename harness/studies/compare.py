@@ -26,7 +26,7 @@ from harness.master.simulation import Simulation, simulate
 from harness.results.files import ResultFile, read
 from harness.results.result import Result
 from harness.ssp.library import load
-from harness.studies.measures import MEASURES
+from harness.studies.measures import Limits, measures
 from harness.studies.table import Measures, write_csv
 from harness.studies.variants import Variant
 from harness.system.graph import checked
@@ -53,12 +53,13 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Outcomes with their results by label, and the measures of all: (name, unit) -> label ->
-    value.
+    """Outcomes with their results by label, the limits they are held against, and the measures of
+    all: (name, unit) -> label -> value.
     """
 
     outcomes: tuple[Outcome, ...]
     results: Mapping[str, Result]
+    limits: Limits
     measures: Measures
 
     @property
@@ -76,18 +77,20 @@ class Comparison:
         ]
 
 
-def compare(
+def compare(  # noqa: PLR0913 - what a comparison can be told
     system: str | Path,
     variants: Sequence[Variant],
     directory: Path,
     *,
+    limits: Limits | None = None,
     every: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Comparison:
     """Run all variants in parallel and measure them; results go to `directory` as LABEL.nc, the
     table to comparison.csv.
 
-    every: record every N-th macro step (default: as many that a run has at most 20 000 rows);
+    limits: bands and keep-out radius that the runs are held against; every: record every N-th
+    macro step (default: as many that a run has at most 20 000 rows);
     progress: called with the number of runs that are over. Raises what run() raises before its
     first step, and ResultsError; a run that fails under way ends early, the others go on.
     """
@@ -104,12 +107,11 @@ def compare(
     results = {
         outcome.variant.label: read(outcome.file) for outcome in outcomes if outcome.file.is_file()
     }
-    measures = {
-        (m.name, m.unit): {label: m(result) for label, result in results.items()} for m in MEASURES
-    }
+    held = (limits or Limits()).common(results)
+    taken = measures(results, held)
     labels = [outcome.variant.label for outcome in outcomes]
     comparison = Comparison(
-        outcomes, results, measures | {("macro step", "us"): _computing_times(system, outcomes)}
+        outcomes, results, held, taken | {("macro step", "us"): _computing_times(system, outcomes)}
     )
     write_csv(comparison.measures, labels, directory / "comparison.csv")
     return comparison

@@ -1,64 +1,102 @@
-"""Measures by which runs are compared: errors against the reference of the guidance, safety, and
-what it has cost.
+"""Measures by which runs are compared: errors against the reference of the guidance, safety, cost.
 
 A measure is taken if the result holds what it needs, so systems without a reference simply have
-fewer of them.
+fewer of them. Limits (bands, keep-out radius) are common to all runs of a comparison.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.results import derived
-from harness.results.derived import attitude_error, position_error, range_, range_error
+from harness.results.derived import (
+    attitude_error,
+    position_error,
+    range_,
+    range_error,
+    reference_range,
+    release_time,
+)
 from harness.results.result import Result
 
 Array = NDArray[np.float64]
 
-BAND = 0.02
-"""An error has settled when it stays within this part of its largest value."""
+BAND = 1e-3
+"""Default band of the position: this part of the largest range at the start."""
 
 STEADY = 0.2
 """Last part of a run that counts as steady."""
 
 
 @dataclass(frozen=True)
+class Limits:
+    """What all runs of a comparison are held against.
+
+    position [m], attitude [deg]: an error has settled when it stays within this band; keep_out: the
+    range must not fall below it [m], 0: no such limit.
+    """
+
+    position: float | None = None
+    attitude: float = 1.0
+    keep_out: float = 0.0
+
+    def common(self, results: Mapping[str, Result]) -> Limits:
+        """The same with the default position band of these runs."""
+        starts = [range_(r)[0] for r in results.values() if r.holds(*POSITION[:2]) and len(r.time)]
+        band = BAND * max(starts, default=0.0)
+        return self if self.position is not None else replace(self, position=float(band))
+
+    def notes(self) -> Iterator[str]:
+        """The definitions of the columns that need one."""
+        yield (
+            f"settles: time after which the error stays within {self.position:.3g} m (range, "
+            f"position) or {self.attitude:.3g} deg; - if it does not"
+        )
+        yield "error: largest of the last fifth of the run; inside reference: most that the range"
+        yield "  falls below that of the reference; saturated: share of rows with a limit reached"
+
+
+@dataclass(frozen=True)
 class Measure:
     """One column: heading, unit, variables and parameters that it needs, and the function of the
-    result.
+    result and the limits.
     """
 
     name: str
     unit: str
     needs: tuple[str, ...]
-    value: Callable[[Result], float]
+    value: Callable[[Result, Limits], float]
     parameters: tuple[str, ...] = ()
 
-    def __call__(self, result: Result) -> float:
-        """The value; NaN if the result does not hold what it needs, or there is no such
-        value.
-        """
+    def __call__(self, result: Result, limits: Limits) -> float:
+        """The value; NaN if the result does not hold what it needs, or there is no such value."""
         fits = result.holds(*self.needs, parameters=self.parameters)
-        return float(self.value(result)) if fits else float("nan")
+        return float(self.value(result, limits)) if fits else float("nan")
+
+
+def measures(
+    results: Mapping[str, Result], limits: Limits
+) -> dict[tuple[str, str], dict[str, float]]:
+    """All measures by (name, unit), then by the label of the run."""
+    return {
+        (m.name, m.unit): {label: m(result, limits) for label, result in results.items()}
+        for m in MEASURES
+    }
 
 
 # ---- errors against the reference
 
 POSITION = (derived.SERVICER, derived.TARGET, derived.REFERENCE)
 ATTITUDE = (derived.ATTITUDE, derived.REFERENCE_ATTITUDE)
-ATTITUDE_START = "servicer.t_att"
-"""Attitude control begins at this time."""
 
 
-def settling_time(time: Array, error: Array) -> float:
-    """Time [s] after which an error (rows,) stays within 2 % of its largest value; NaN if it never
-    does.
-    """
-    outside = np.flatnonzero(error > BAND * np.max(error))
+def settling_time(time: Array, error: Array, band: float) -> float:
+    """Time [s] after which an error (rows,) stays within a band; NaN if it never does."""
+    outside = np.flatnonzero(error > band)
     first_inside = outside[-1] + 1 if len(outside) else 0
     return float(time[first_inside] - time[0]) if first_inside < len(time) else float("nan")
 
@@ -70,62 +108,125 @@ def steady_error(time: Array, error: Array) -> float:
 
 def _controlled(result: Result) -> tuple[Array, Array]:
     """Time and attitude error [deg] since the beginning of attitude control."""
-    begun = result.time >= result.parameter(ATTITUDE_START)
+    begun = result.time >= release_time(result)
     return result.time[begun], np.degrees(attitude_error(result)[begun])
 
 
-def _attitude_settling(result: Result) -> float:
+def _range_settles(result: Result, limits: Limits) -> float:
+    return settling_time(result.time, range_error(result), limits.position or 0.0)
+
+
+def _position_settles(result: Result, limits: Limits) -> float:
+    return settling_time(result.time, position_error(result), limits.position or 0.0)
+
+
+def _attitude_settles(result: Result, limits: Limits) -> float:
     time, error = _controlled(result)
-    return settling_time(time, error) if len(time) else float("nan")
+    return settling_time(time, error, limits.attitude) if len(time) else float("nan")
 
 
-def _attitude_steady(result: Result) -> float:
+def _attitude_steady(result: Result, _: Limits) -> float:
     time, error = _controlled(result)
     return steady_error(time, error) if len(time) else float("nan")
 
 
+# ---- safety
+
+
+def _inside_reference(result: Result, _: Limits) -> float:
+    """Most that the range falls below the range of the reference [m]."""
+    return float(max(0.0, np.max(reference_range(result) - range_(result))))
+
+
+def _inside_keep_out(result: Result, limits: Limits) -> float:
+    """Most that the range falls below the keep-out radius [m]; NaN without one."""
+    depth = limits.keep_out - float(np.min(range_(result)))
+    return max(0.0, depth) if limits.keep_out else float("nan")
+
+
 # ---- cost
 
+TORQUE_IMPULSE = "propulsion.torque_impulse"
+TORQUES = ("propulsion.M_S", "servicer.wheel_speed")
+LIMIT_FLAGS = ("F_saturated", "M_saturated", "a_saturated", "infeasible")
+"""Outputs of actuators, allocation and controllers that are 1 where a limit is reached."""
 
-def _delta_v(result: Result) -> float:
+
+def _delta_v(result: Result, _: Limits) -> float:
     """Impulse of all thrusters or axes over the mass [m/s]."""
     impulse = np.sum(np.diff(result["propulsion.impulse"], axis=0), axis=1)
     return float(np.sum(impulse / result["servicer.mass"][1:]))
 
 
-TORQUE_IMPULSE = "propulsion.torque_impulse"
+def _acting(result: Result) -> slice:
+    """Rows from the release of the attitude on: torque before acts on nothing."""
+    return slice(int(np.searchsorted(result.time, release_time(result))), None)
 
 
-def _torque_impulse(result: Result) -> float:
-    """Integral of the torque of thrusters and wheels on the body, summed over the axes [N m s].
+def _wheel_torque_steps(result: Result) -> Array:
+    """Change of the momentum of the wheels from row to row since the release, (rows - 1, 3)
+    [N m s].
+    """
+    speed = result["servicer.wheel_speed"][_acting(result)]
+    return np.asarray(np.diff(speed, axis=0) @ result.parameter("servicer.A_w").T)
+
+
+def _torque_impulse(result: Result, _: Limits) -> float:
+    """Integral of the torque of thrusters and wheels on the body since the release of its attitude,
+    summed over the axes [N m s].
 
     As the propulsion counts it, else from the torques of the rows; the wheels always from the
     speeds of the rows.
     """
+    acting = _acting(result)
+    if not len(result.time[acting]):
+        return 0.0
     if TORQUE_IMPULSE in result:
-        thrusters = result[TORQUE_IMPULSE][-1] - result[TORQUE_IMPULSE][0]
+        thrusters = np.ptp(result[TORQUE_IMPULSE][acting], axis=0)
     else:
-        thrusters = np.abs(result["propulsion.M_S"][1:]) * np.diff(result.time)[:, None]
-    wheels = np.abs(
-        np.diff(result["servicer.wheel_speed"], axis=0) @ result.parameter("servicer.A_w").T
-    )
-    return float(np.sum(thrusters) + np.sum(wheels))
+        steps = np.diff(result.time[acting])[:, None]
+        thrusters = np.abs(result["propulsion.M_S"][acting][1:]) * steps
+    return float(np.sum(thrusters) + np.sum(np.abs(_wheel_torque_steps(result))))
+
+
+def _peak_force(result: Result, _: Limits) -> float:
+    return float(np.linalg.norm(result["propulsion.F_S"], axis=1).max())
+
+
+def _peak_torque(result: Result, _: Limits) -> float:
+    """Largest torque of thrusters and wheels on the body since the release of its attitude [N m];
+    that of the wheels is the mean from row to row.
+    """
+    acting = _acting(result)
+    steps = np.diff(result.time[acting])[:, None]
+    if not len(steps):
+        return float("nan")
+    torque = result["propulsion.M_S"][acting][1:] - _wheel_torque_steps(result) / steps
+    return float(np.linalg.norm(torque, axis=1).max())
+
+
+def _saturated(result: Result, _: Limits) -> float:
+    """Share of the rows in which an actuator, the allocation or a controller is at a limit [%]."""
+    flags = [result[n] for n in result.vectors if n.rpartition(".")[2] in LIMIT_FLAGS]
+    if not flags:
+        return float("nan")
+    raised = np.column_stack([flag.reshape(len(result.time), -1) for flag in flags])
+    return float(100 * np.mean(raised.any(axis=1)))
 
 
 MEASURES = (
-    Measure("range settles", "s", POSITION, lambda r: settling_time(r.time, range_error(r))),
-    Measure("position settles", "s", POSITION, lambda r: settling_time(r.time, position_error(r))),
-    Measure("attitude settles", "s", ATTITUDE, _attitude_settling, (ATTITUDE_START,)),
-    Measure("range error", "m", POSITION, lambda r: steady_error(r.time, range_error(r))),
-    Measure("position error", "m", POSITION, lambda r: steady_error(r.time, position_error(r))),
-    Measure("attitude error", "deg", ATTITUDE, _attitude_steady, (ATTITUDE_START,)),
-    Measure("minimum range", "m", POSITION[:2], lambda r: float(np.min(range_(r)))),
+    Measure("range settles", "s", POSITION, _range_settles),
+    Measure("position settles", "s", POSITION, _position_settles),
+    Measure("attitude settles", "s", ATTITUDE, _attitude_settles),
+    Measure("range error", "m", POSITION, lambda r, _: steady_error(r.time, range_error(r))),
+    Measure("position error", "m", POSITION, lambda r, _: steady_error(r.time, position_error(r))),
+    Measure("attitude error", "deg", ATTITUDE, _attitude_steady),
+    Measure("minimum range", "m", POSITION[:2], lambda r, _: float(np.min(range_(r)))),
+    Measure("inside reference", "m", POSITION, _inside_reference),
+    Measure("inside keep-out", "m", POSITION[:2], _inside_keep_out),
     Measure("delta-v", "m/s", ("propulsion.impulse", "servicer.mass"), _delta_v),
-    Measure(
-        "torque impulse",
-        "N m s",
-        ("propulsion.M_S", "servicer.wheel_speed"),
-        _torque_impulse,
-        ("servicer.A_w",),
-    ),
+    Measure("torque impulse", "N m s", TORQUES, _torque_impulse, ("servicer.A_w",)),
+    Measure("peak force", "N", ("propulsion.F_S",), _peak_force),
+    Measure("peak torque", "N m", TORQUES, _peak_torque, ("servicer.A_w",)),
+    Measure("saturated", "%", (), _saturated),
 )

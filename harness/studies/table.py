@@ -18,17 +18,13 @@ def text(measures: Measures, labels: Sequence[str]) -> str:
     shown = {
         key: column for key, column in measures.items() if any(map(math.isfinite, column.values()))
     }
-    heading = [(*name.split(" ", 1), "")[:2] for name, _ in shown]
-    rows = [["", *words] for words in zip(*heading, strict=True)]
-    rows += [["", *(f"[{unit}]" for _, unit in shown)]]
-    rows += [[label, *map(_rounded, values)] for label, values in _rows(shown, labels)]
+    columns = [
+        [*(*name.split(" ", 1), "")[:2], f"[{unit}]", *_numbers(column, labels)]
+        for (name, unit), column in shown.items()
+    ]
+    rows = list(zip(["", "", "", *labels], *columns, strict=True))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return "\n".join(_line(row, widths) for row in rows)
-
-
-def _rows(measures: Measures, labels: Sequence[str]) -> Iterator[tuple[str, list[float]]]:
-    for label in labels:
-        yield label, [column.get(label, math.nan) for column in measures.values()]
 
 
 def _line(row: Sequence[str], widths: Sequence[int]) -> str:
@@ -36,13 +32,21 @@ def _line(row: Sequence[str], widths: Sequence[int]) -> str:
     return "  ".join([row[0].ljust(widths[0]), *cells]).rstrip()
 
 
-def _rounded(value: float) -> str:
-    """Four digits, but whole numbers and three decimals; very small numbers as a power of ten."""
-    if not math.isfinite(value):
-        return "-"
-    if abs(value) >= 1:
-        return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.4g}"
-    return f"{value:.1e}" if 0 < abs(value) < 5e-4 else f"{value:.3f}"
+def _numbers(column: Mapping[str, float], labels: Sequence[str]) -> list[str]:
+    """A column with the same decimals everywhere: four digits of its largest value, or powers of
+    ten where the smallest would vanish.
+    """
+    values = [column.get(label, math.nan) for label in labels]
+    sizes = [abs(v) for v in values if math.isfinite(v) and v]
+    decimals = max(0, 3 - math.floor(math.log10(max(sizes, default=1.0))))
+    small = bool(sizes) and min(sizes) < 0.5 * 10.0 ** -min(decimals, 4)
+    form = ".2e" if small else f".{min(decimals, 4)}f"
+    return [format(v, form) if math.isfinite(v) else "-" for v in values]
+
+
+def _rows(measures: Measures, labels: Sequence[str]) -> Iterator[tuple[str, list[float]]]:
+    for label in labels:
+        yield label, [column.get(label, math.nan) for column in measures.values()]
 
 
 def write_csv(measures: Measures, labels: Sequence[str], path: Path) -> None:

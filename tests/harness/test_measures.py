@@ -1,4 +1,4 @@
-"""Figures of a run against values known in closed form."""
+"""Measures of a run against values known in closed form."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ from harness.results.derived import (
     rotation_angle,
 )
 from harness.results.result import Result
-from harness.studies.measures import MEASURES, settling_time, steady_error
+from harness.studies.measures import MEASURES, Limits, settling_time, steady_error
 
 MEASURE = {measure.name: measure for measure in MEASURES}
 TIME = np.linspace(0.0, 100.0, 1001)
+LIMITS = Limits(position=0.06, keep_out=10.2)
 
 
 def table(time, **variables):
@@ -113,21 +114,38 @@ def test_attitude_error_uses_the_next_row_too():
 # ---- settling and steady errors
 
 
-def test_an_exponential_settles_after_the_logarithm_of_fifty_time_constants():
-    assert settling_time(TIME, 3 * np.exp(-TIME / 10)) == pytest.approx(10 * np.log(50), abs=0.1)
+def test_an_exponential_settles_after_a_logarithm_of_time_constants():
+    error = 3 * np.exp(-TIME / 10)
+    assert settling_time(TIME, error, 0.06) == pytest.approx(10 * np.log(50), abs=0.1)
 
 
 def test_what_swings_back_has_not_settled_before():
     error = np.where((TIME > 60) & (TIME < 61), 0.1, np.exp(-TIME))
-    assert settling_time(TIME, error) == pytest.approx(61.0, abs=0.11)
+    assert settling_time(TIME, error, 0.02) == pytest.approx(61.0, abs=0.11)
 
 
 def test_what_ends_outside_the_band_never_settles():
-    assert np.isnan(settling_time(TIME, 1 + TIME))
+    assert np.isnan(settling_time(TIME, 1 + TIME, 100.0))
 
 
 def test_an_error_that_is_zero_settles_at_once():
-    assert settling_time(TIME, 0 * TIME) == 0
+    assert settling_time(TIME, 0 * TIME, 0.0) == 0
+
+
+def test_one_band_is_common_to_all_runs_of_a_comparison():
+    """A run is not punished for small errors: 1e-3 of the largest range at the start of any."""
+    near, _ = decaying()
+    far = replace(near, values=near.values.copy())
+    far.values[:, far.vectors["servicer.r_SN_N"][0]] += 990
+    limits = Limits().common({"near": near, "far": far})
+    assert limits.position == pytest.approx(1e-3 * np.hypot(1000, 3))
+    assert Limits(position=0.2).common({"far": far}).position == 0.2
+    assert MEASURE["position settles"](near, limits) == pytest.approx(10 * np.log(3), abs=0.1)
+
+
+def test_the_definition_of_the_columns_names_the_bands():
+    text = " ".join(Limits(position=0.02, attitude=0.5).notes())
+    assert "within 0.02 m (range, position) or 0.5 deg" in text
 
 
 def test_the_steady_error_is_the_largest_of_the_last_fifth():
@@ -137,9 +155,9 @@ def test_the_steady_error_is_the_largest_of_the_last_fifth():
 
 def test_settling_and_steady_errors_of_a_result():
     result, _ = decaying()
-    assert MEASURE["position settles"](result) == pytest.approx(10 * np.log(50), abs=0.1)
-    assert MEASURE["position error"](result) == pytest.approx(3 * np.exp(-8), rel=1e-3)
-    assert MEASURE["minimum range"](result) == pytest.approx(
+    assert MEASURE["position settles"](result, LIMITS) == pytest.approx(10 * np.log(50), abs=0.1)
+    assert MEASURE["position error"](result, LIMITS) == pytest.approx(3 * np.exp(-8), rel=1e-3)
+    assert MEASURE["minimum range"](result, LIMITS) == pytest.approx(
         np.hypot(10 + 0.5 * TIME, 3 * np.exp(-TIME / 10)).min()
     )
 
@@ -149,10 +167,29 @@ def test_the_attitude_counts_from_the_beginning_of_its_control():
     q = np.stack([np.cos(angle / 2), np.sin(angle / 2), 0 * angle, 0 * angle], axis=1)
     still = table(TIME, servicer__q_SN=q, guidance__q_DN=np.tile([1.0, 0, 0, 0], (len(TIME), 1)))
     late = replace(still, parameters=parameters(servicer__t_att=40.0))
-    assert MEASURE["attitude settles"](late) == pytest.approx(5 * np.log(50), abs=0.2)
-    assert MEASURE["attitude error"](late) == pytest.approx(np.degrees(np.exp(-48 / 5)), rel=0.05)
+    assert MEASURE["attitude settles"](late, LIMITS) == pytest.approx(
+        5 * np.log(np.degrees(1)), abs=0.2
+    )
+    assert MEASURE["attitude error"](late, LIMITS) == pytest.approx(
+        np.degrees(np.exp(-48 / 5)), rel=0.05
+    )
     never = replace(still, parameters=parameters(servicer__t_att=200.0))
-    assert np.isnan(MEASURE["attitude settles"](never))
+    assert np.isnan(MEASURE["attitude settles"](never, LIMITS))
+
+
+# ---- safety
+
+
+def test_how_far_a_run_comes_inside_its_reference_and_the_keep_out_radius():
+    result, error = decaying()
+    below = replace(result, values=result.values.copy())
+    below.values[500, below.vectors["servicer.r_SN_N"][0]] -= 30  # at 35 m: now at 5 m
+    assert MEASURE["inside reference"](below, LIMITS) == pytest.approx(35 - np.hypot(5, error[500]))
+    assert MEASURE["inside reference"](result, LIMITS) < 1e-8
+    inside = MEASURE["inside keep-out"](below, LIMITS)
+    assert inside == pytest.approx(10.2 - np.hypot(5, error[500]))
+    assert MEASURE["inside keep-out"](result, LIMITS) == 0
+    assert np.isnan(MEASURE["inside keep-out"](result, Limits()))
 
 
 # ---- cost
@@ -161,7 +198,7 @@ def test_the_attitude_counts_from_the_beginning_of_its_control():
 def test_delta_v_divides_the_impulse_of_all_axes_by_the_mass_of_the_moment():
     impulse = np.outer(TIME, [1.0, 2.0, 3.0])
     result = table(TIME, propulsion__impulse=impulse, servicer__mass=200 - TIME)
-    assert MEASURE["delta-v"](result) == pytest.approx(6 * np.log(2), rel=1e-3)
+    assert MEASURE["delta-v"](result, LIMITS) == pytest.approx(6 * np.log(2), rel=1e-3)
 
 
 def test_torque_impulse_adds_thrusters_and_wheels():
@@ -172,7 +209,9 @@ def test_torque_impulse_adds_thrusters_and_wheels():
         parameters=parameters(servicer__A_w=np.diag([2.0, 1, 1])),
     )
     turns = np.abs(np.diff(np.sin(TIME))).sum()
-    assert MEASURE["torque impulse"](result) == pytest.approx(0.3 * 100 + 2 * turns, rel=1e-9)
+    assert MEASURE["torque impulse"](result, LIMITS) == pytest.approx(
+        0.3 * 100 + 2 * turns, rel=1e-9
+    )
 
 
 def test_torque_impulse_is_taken_from_the_propulsion_if_that_counts_it():
@@ -188,12 +227,55 @@ def test_torque_impulse_is_taken_from_the_propulsion_if_that_counts_it():
         ),
         parameters=parameters(servicer__A_w=np.eye(3)),
     )
-    assert MEASURE["torque impulse"](result) == pytest.approx(400)
+    assert MEASURE["torque impulse"](result, LIMITS) == pytest.approx(400)
 
 
-def test_what_a_result_does_not_hold_has_no_figure():
+def turning(release):
+    """Torque of 3 N m about x all the time, wheels that take 2 N m about y away."""
+    M = np.tile([3.0, 0, 0], (len(TIME), 1))
+    speed = np.stack([0 * TIME, -2 * TIME, 0 * TIME], axis=1)
+    counted = np.stack([3 * TIME, 0 * TIME, 0 * TIME], axis=1)
+    return replace(
+        table(
+            TIME,
+            propulsion__M_S=M,
+            propulsion__torque_impulse=counted,
+            servicer__wheel_speed=speed,
+        ),
+        parameters=parameters(servicer__A_w=np.eye(3), servicer__t_att=release),
+    )
+
+
+def test_torque_before_the_attitude_is_released_does_not_count():
+    assert MEASURE["torque impulse"](turning(0.0), LIMITS) == pytest.approx(500)
+    assert MEASURE["torque impulse"](turning(75.0), LIMITS) == pytest.approx(125)
+    assert MEASURE["torque impulse"](turning(200.0), LIMITS) == 0
+    assert np.isnan(MEASURE["peak torque"](turning(200.0), LIMITS))
+
+
+def test_peak_torque_is_that_of_thrusters_and_wheels_together():
+    assert MEASURE["peak torque"](turning(0.0), LIMITS) == pytest.approx(np.hypot(3, 2))
+
+
+def test_peak_force_is_the_largest_size():
+    F = np.stack([np.sin(TIME / 10), 0 * TIME, 2 + 0 * TIME], axis=1)
+    result = table(TIME, propulsion__F_S=F)
+    assert MEASURE["peak force"](result, LIMITS) == pytest.approx(np.sqrt(5), rel=1e-4)
+
+
+def test_saturated_is_the_share_of_rows_with_any_limit_reached():
+    flag = (TIME < 25).astype(float)
+    result = table(
+        TIME,
+        propulsion__F_saturated=np.stack([flag, 0 * flag, flag], axis=1),
+        allocation__infeasible=(TIME > 90).astype(float),
+    )
+    assert MEASURE["saturated"](result, LIMITS) == pytest.approx(35, abs=0.2)
+
+
+def test_what_a_result_does_not_hold_is_not_measured():
     result, _ = decaying()
-    values = {name: measure(result) for name, measure in MEASURE.items()}
+    values = {name: measure(result, LIMITS) for name, measure in MEASURE.items()}
     assert np.isnan(
         [values[name] for name in ("delta-v", "torque impulse", "attitude error")]
     ).all()
