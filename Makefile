@@ -19,7 +19,7 @@ CMAKE  := $(RUN) cmake -DPython_EXECUTABLE=$(CURDIR)/$(BIN)/python
 PYTEST := $(BIN)/pytest -n auto --dist worksteal
 SOURCES := $(shell find fmus ssp harness -name '*.py' -o -name '*.[ch]' -o -name '*.toml' \
                      -o -name CMakeLists.txt)
-C_FILES := $(shell find fmus harness tests -name '*.[ch]')
+C_FILES := $(shell find examples fmus harness tests -name '*.[ch]')
 
 .PHONY: help build demo test test-long test-interop sanitize lint warnings format coverage bench \
         wheel dist clean

@@ -256,8 +256,9 @@ from harness import run
 began = time.perf_counter()
 rows = len(run("relay_approach", every=10).time)
 seconds = time.perf_counter() - began
-peak = next(line for line in Path("/proc/self/status").read_text().splitlines() if
-line.startswith("VmHWM")) print(rows, seconds, peak.split()[1])
+status = Path("/proc/self/status").read_text().splitlines()
+peak = next(line for line in status if line.startswith("VmHWM"))
+print(rows, seconds, peak.split()[1])
 """
 
 
