@@ -19,7 +19,8 @@ CMAKE  := $(RUN) cmake -DPython_EXECUTABLE=$(CURDIR)/$(BIN)/python
 PYTEST := $(BIN)/pytest -n auto --dist worksteal
 SOURCES := $(shell find fmus ssp harness -name '*.py' -o -name '*.[ch]' -o -name '*.toml' \
                      -o -name CMakeLists.txt)
-C_FILES := $(shell find fmus harness tests -name '*.[ch]')
+CODE    := .ci examples fmus harness tests
+C_FILES := $(shell find $(CODE) -name '*.[ch]')
 
 .PHONY: help build demo test test-long test-interop sanitize lint warnings format coverage bench \
         wheel dist clean
@@ -75,6 +76,7 @@ lint: build $(LINTERS)
 	$(BIN)/ruff format --check .
 	$(BIN)/clang-format --dry-run --Werror $(C_FILES)
 	$(BIN)/codespell
+	$(BIN)/python .ci/licence_lines.py --check $(CODE)
 	$(BIN)/mypy
 
 # every C file with all warnings as errors; which warnings there are depends on the compiler
@@ -83,6 +85,7 @@ warnings: build
 	$(RUN) cmake --build --preset developer
 
 format: build $(LINTERS)
+	$(BIN)/python .ci/licence_lines.py $(CODE)
 	$(BIN)/ruff check --fix . ; $(BIN)/ruff format .
 	$(BIN)/clang-format -i $(C_FILES)
 

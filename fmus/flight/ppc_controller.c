@@ -246,7 +246,7 @@ static vec3 attitude_torque(const Parameters *p, const TrackingError *e, Funnel 
     return T_transposed(e->q_SD, barrier(channels, p->law_att, x, z, t, y));
 }
 
-/* before t_att the funnel of the attitude stands as if it began now, and nothing is commanded */
+/* before t_att the funnel of the attitude is kept at its start, and nothing is commanded */
 static void control_attitude(const Parameters *p, const TrackingError *e, Funnel *x, double t,
                              Output *y)
 {

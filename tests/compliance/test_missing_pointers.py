@@ -81,9 +81,7 @@ def test_nothing_at_all_may_be_read_set_and_freed(flying):
         ("fmi2GetStatus", 99, c_int()),
     ],
 )
-def test_a_status_that_does_not_exist_is_discarded_with_a_word_about_it(
-    flying, function, kind, place
-):
+def test_an_unknown_status_is_discarded_with_a_message(flying, function, kind, place):
     flying.host.messages.clear()
     assert flying.call(function, kind, byref(place)) is Status.DISCARD
     (message,) = flying.host.messages

@@ -69,7 +69,7 @@ def compiled_with(build, archive, folder):
 
 
 def by_fmpy(unpacked):
-    """What `fmpy compile` does, in a process of its own because it talks."""
+    """What `fmpy compile` does, in a process of its own because it prints."""
     command = "import sys; from fmpy import build; build.build_platform_binary(sys.argv[1])"
     run(sys.executable, "-c", command, unpacked)
 

@@ -27,7 +27,7 @@ from tests.compliance.refusals import assert_usable, refused
     ],
     ids=["other guid", "empty guid", "endless guid", "model exchange", "no name"],
 )
-def test_an_instance_that_was_not_meant_is_not_made(fmu, wrong, word):
+def test_an_instance_asked_for_with_wrong_arguments_is_refused(fmu, wrong, word):
     refusal = Instance(fmu, host=Host(), **wrong)
     assert refusal.handle is None
     (message,) = refusal.host.errors
@@ -127,7 +127,7 @@ def test_a_communication_point_may_be_off_by_rounding(fmu, start):
 
 @pytest.mark.parametrize("value", [nan, inf, -inf])
 @pytest.mark.parametrize("phase", ["instantiated", "initialization mode", "step complete"])
-def test_values_that_are_no_numbers_are_refused(fmu, phase, value):
+def test_values_that_are_not_numbers_are_refused(fmu, phase, value):
     with Instance(fmu) as instance:
         if phase != "instantiated":
             instance.enter() if phase == "initialization mode" else instance.start()

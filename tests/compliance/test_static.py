@@ -27,7 +27,7 @@ STRUCTURED_NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*(\[[1-9]\d*(,[1-9]\d
 # ---- schemas and validators
 
 
-def test_fmpy_finds_nothing_to_say(archive):
+def test_fmpy_reports_no_problem(archive):
     assert validate_fmu(str(archive)) == []
 
 
@@ -195,7 +195,7 @@ def test_unit_texts_are_read_like_a_physicist_reads_them(unit, dimension):
 
 
 @pytest.mark.parametrize("text", ["", "m/", "m^2", "furlong", "kg m", "m/s/s", "m/s.kg", "m1"])
-def test_texts_that_are_no_units_are_refused(text):
+def test_texts_that_are_not_units_are_refused(text):
     with pytest.raises(ValueError, match=r"unknown factor|behind the slash"):
         units.dimension(text)
 

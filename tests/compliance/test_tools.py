@@ -138,7 +138,7 @@ SPOILED = {
 @vdmcheck
 @both_models
 @pytest.mark.parametrize("fault", SPOILED)
-def test_vdmcheck_would_find_errors(checkers, model, fault, tmp_path):
+def test_vdmcheck_reports_planted_errors(checkers, model, fault, tmp_path):
     last, report = verdict(checkers[model], spoiled(ARCHIVES[0], tmp_path, *SPOILED[fault]))
     assert last != "No errors found.", report
 
@@ -164,12 +164,12 @@ def complaints(fmutool, archive, folder):
 
 
 @toolbox
-def test_fmutool_finds_nothing_to_say(fmutool, archive, tmp_path):
+def test_fmutool_reports_no_problem(fmutool, archive, tmp_path):
     code, lines, blessed, report = complaints(fmutool, archive, tmp_path)
     assert (code, lines, blessed) == (0, [], True), report
 
 
 @toolbox
-def test_fmutool_would_find_errors(fmutool, tmp_path):
+def test_fmutool_reports_planted_errors(fmutool, tmp_path):
     bad = spoiled(ARCHIVES[0], tmp_path, b' causality="output"', b' causality="outlet"')
     assert complaints(fmutool, bad, tmp_path)[1:3] != ([], True)

@@ -352,6 +352,6 @@ def test_a_good_start_is_accepted_and_a_later_violation_is_flagged_only(fmu):
     ],
     ids=str,
 )
-def test_parameters_against_the_theory_are_refused(fmu, p):
+def test_parameters_outside_the_theory_are_refused(fmu, p):
     with pytest.raises(FMICallException):
         fmu("ppc_controller", p)

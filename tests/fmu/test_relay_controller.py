@@ -237,7 +237,7 @@ def test_turning_the_inertial_frame_changes_nothing(fmu, rng):
     assert one.get("sigma_v") == pytest.approx(other.get("sigma_v"), abs=1e-12)
 
 
-def test_has_the_inputs_that_every_controller_has(kind):
+def test_the_inputs_are_those_of_every_controller(kind):
     def inputs(name):
         return {v.name for v in kind(name).description.modelVariables if v.causality == "input"}
 

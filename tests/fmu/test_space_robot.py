@@ -276,7 +276,7 @@ def test_unlocked_joints_start_from_rest(fmu):
 # ---- attitude and place
 
 
-def test_start_attitude_and_rates_come_out_as_given(fmu, rng):
+def test_start_attitude_and_rates_are_published_as_given(fmu, rng):
     angles, rates = rng.uniform(-1, 1, 3), rng.uniform(-0.01, 0.01, 3)
     orbit = {"e": 0.2, "nu": 1.0, "inc": 0.7, "argp": 0.3, "raan": 2.0}
     unit = fmu("space_robot", orbit | {"euler_0": angles, "deuler_0": rates}, {"joint_lock": 1})

@@ -193,7 +193,7 @@ def test_corrections_are_released_with_time(fmu, rng):
     assert deviation(full["a_cmd_L"], linear["a_cmd_L"]) > 1e-6
 
 
-def test_spinning_wheels_are_reckoned_with(fmu, rng):
+def test_spinning_wheels_are_taken_into_account(fmu, rng):
     """Their momentum turned by the body adds omega x A Omega."""
     scene, wheels, A = (
         Scene(omega=0.1 * rng.normal(size=3)),

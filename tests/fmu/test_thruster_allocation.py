@@ -154,7 +154,7 @@ def test_no_command_no_throttle(fmu, rng):
     assert (unit.get("infeasible"), unit.get("scale")) == (0, 1)
 
 
-def test_force_along_an_axis_is_shared_and_nobody_works_against_it(fmu):
+def test_force_along_an_axis_is_shared_and_no_thruster_opposes_it(fmu):
     """Four thrusters along +x, the two pairs along y and z off."""
     unit = fmu("thruster_allocation", box_of_thrusters())
     unit.step(T0, command(np.array([2.0, 0, 0, 0, 0, 0])))

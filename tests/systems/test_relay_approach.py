@@ -121,7 +121,7 @@ def test_newton_needs_tens_of_newton_seconds_of_translation():
     assert impulse(result, ATTITUDE) < 500
 
 
-def test_geo_pays_for_the_tide():
+def test_the_tidal_acceleration_costs_geo_impulse():
     """The target drifts off at up to 0.36 m/s relative to the orbiting point, and the servicer
     follows.
     """
@@ -218,7 +218,7 @@ def test_double_precision_suffices_for_inertial_coordinates_in_geostationary_orb
 
 
 def test_only_a_velocity_that_turns_with_the_body_lets_the_scalar_law_come_to_rest():
-    """B.8: with Newton's law the velocity across the axis is nobody's business; it grows until the
+    """B.8: with Newton's law the velocity across the axis is not controlled; it grows until the
     servicer circles.
     """
     newton = flight(PAPER, ("servicer.velocity_follows_attitude=0",))
@@ -256,8 +256,9 @@ from harness import run
 began = time.perf_counter()
 rows = len(run("relay_approach", every=10).time)
 seconds = time.perf_counter() - began
-peak = next(line for line in Path("/proc/self/status").read_text().splitlines() if
-line.startswith("VmHWM")) print(rows, seconds, peak.split()[1])
+status = Path("/proc/self/status").read_text().splitlines()
+peak = next(line for line in status if line.startswith("VmHWM"))
+print(rows, seconds, peak.split()[1])
 """
 
 

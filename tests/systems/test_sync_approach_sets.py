@@ -76,8 +76,8 @@ def test_lyapunov_function_of_the_attitude_falls_as_proved():
 
 
 def test_without_disturbances_the_safe_distance_is_kept_but_the_error_stays():
-    """It is the disturbance that brings the servicer 2.6 mm too near; the offset by the mass error
-    stays without it: m_hat K e1 = (m - m_hat) Psi in the limit set (docs/models.md A.5.1)."""
+    """It is the disturbance that brings the servicer 2.6 mm too close; the offset by the mass error
+    remains without it: m_hat K e1 = (m - m_hat) Psi in the limit set (docs/models.md A.5.1)."""
     result = flight(PAPER, params="undisturbed")
     assert result["guidance.range"].min() > 4
     late = position_error(result)[-1]

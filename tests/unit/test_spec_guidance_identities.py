@@ -1,4 +1,4 @@
-"""Identities of the guidance (docs/models.md A.4.3 and A.4.5), each against a derivation of its own.
+"""Identities of the guidance (docs/models.md A.4.3, A.4.5), each against a derivation of its own.
 
 Exact derivatives come from second-order jets or complex steps, so that tolerances cover rounding
 only: EXACT is about a hundred roundings of the largest term. Finite differences are used nowhere.

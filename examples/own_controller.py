@@ -1,0 +1,24 @@
+"""Build my_controller.c into an FMU and fly it in place of the controller of a system.
+
+python examples/own_controller.py
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from harness import run
+
+ROOT = Path(__file__).resolve().parents[1]
+fmu = Path("my_controller.fmu").resolve()
+build = ROOT / "fmus/core/build/build_fmu.py"
+subprocess.run([sys.executable, build, ROOT / "examples/my_controller.c", "-o", fmu], check=True)
+
+result = run("sync_approach", swap={"controller": fmu}, set=["controller.K=20"], stop=600)
+
+# a row holds what the software commanded one macro step before the states beside it
+position = result["servicer.r_SN_N"] - result["target.r_TN_N"]
+error = np.linalg.norm(position[:-1] - result["guidance.rho_ref_N"][1:], axis=1)
+print(f"position error after 5 min: at most {1000 * error[3000:].max():.1f} mm")

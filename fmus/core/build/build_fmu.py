@@ -1,0 +1,56 @@
+"""Build one FMU from one C file outside the build of the tree: your own controller, for example.
+
+Usage: build_fmu.py FILE.c [-o FILE.fmu] [--cc COMMAND]
+
+Does for this platform what add_fmu() of fmus/CMakeLists.txt does: the library from the file and the
+adapter, the model description that the model itself writes, and the archive.
+"""
+
+import argparse
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import fmpy
+
+CORE = Path(__file__).resolve().parents[1]
+LICENSE = CORE.parents[1] / "LICENSE"
+ADAPTER = [CORE / f"adapter/{part}.c" for part in ("fmi2", "fmi2_state", "fmi2_unused", "instance")]
+HEADERS = [CORE / room for room in ("adapter", "maths", "models", "ports", "physics")]
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-fvisibility=hidden")
+DATE = "1980-01-01T00:00:00Z"
+
+
+def build(source: Path, output: Path, compiler: list[str]) -> None:
+    """Write the FMU; subprocess.CalledProcessError if the compiler or the description fails."""
+    include = [f"-I{folder}" for folder in (*HEADERS, Path(fmpy.__file__).parent / "c-code")]
+    with tempfile.TemporaryDirectory() as folder:
+        library = Path(folder) / f"{output.stem}{fmpy.sharedLibraryExtension}"
+        describe, xml = Path(folder) / "describe", Path(folder) / "modelDescription.xml"
+        compile_c = [*compiler, *FLAGS, *include, source]
+        subprocess.run([*compile_c, "-shared", *ADAPTER, "-o", library, "-lm"], check=True)
+        subprocess.run([*compile_c, CORE / "build/describe.c", "-o", describe, "-lm"], check=True)
+        with xml.open("wb") as file:
+            names = [path.name for path in (source, *ADAPTER)]
+            subprocess.run([describe, "0", DATE, *names], check=True, stdout=file)
+        package = [sys.executable, CORE / "build/package_fmu.py", output, "--description", xml]
+        files = ["--license", LICENSE, "--binary", f"{fmpy.platform}={library}"]
+        sources = ["--source", source, *ADAPTER, "--include", *HEADERS]
+        subprocess.run([*package, *files, *sources], check=True)
+
+
+def main() -> None:
+    """Command line, see the docstring of the module."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("source", type=Path)
+    parser.add_argument("-o", "--output", type=Path, help="default: beside the C file")
+    parser.add_argument("--cc", nargs="+", default=["cc"])
+    a = parser.parse_args()
+    output = a.output or a.source.with_suffix(".fmu")
+    build(a.source, output, a.cc)
+    print(output)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,51 @@
+"""examples/: every script runs as its text says, in a folder of its own."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+EXAMPLES = ROOT / "examples"
+PRINTS = {
+    "run_and_read.py": r"from 20\.00 m to 4\.\d\d m in 600 s\n"
+    r"mass at the start 120(\.0)? kg\n"
+    r"moments of inertia \[200\. 250\. 150\.\] kg m2\n"
+    r"unchanged: True\n",
+    "compare_controllers.py": r"(?s).*ppc_controller: at most \d{3} N along an axis\n"
+    r"theta_d_controller: at most \d{3} N along an axis\n",
+    "own_controller.py": r"(?s).*position error after 5 min: at most \d\.\d mm\n",
+}
+"""What the scripts print, by name; my_controller.py is run by the interoperability tests."""
+
+
+def test_every_script_is_run():
+    scripts = {path.name for path in EXAMPLES.glob("*.py")}
+    assert scripts == {*PRINTS, "my_controller.py"}
+    assert all(f"`{name}`" in (EXAMPLES / "README.md").read_text() for name in scripts)
+
+
+@pytest.mark.parametrize("name", PRINTS)
+def test_an_example_runs_and_prints_what_it_found(name, tmp_path):
+    done = subprocess.run(
+        [sys.executable, EXAMPLES / name],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert re.fullmatch(PRINTS[name], done.stdout), done.stdout
+
+
+def test_the_page_about_controllers_shows_the_controller_of_the_examples():
+    page = (ROOT / "docs/own_controller.md").read_text()
+    lines = (EXAMPLES / "my_controller.c").read_text().splitlines(keepends=True)
+    code = "".join(line for line in lines if "SPDX" not in line)
+    assert page.split("```c\n")[1].split("```")[0] == code
