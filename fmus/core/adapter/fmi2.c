@@ -5,6 +5,7 @@
  * ends in the error state. */
 #include "finite.h"
 #include "instance.h"
+#include "time_grid.h"
 
 enum {
     LONGEST_STEP = 100000
@@ -260,6 +261,11 @@ fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t co
 }
 
 /* ---- step ---- */
+static bool too_late(const Progress *now, double t)
+{
+    return now->grid > 0 && fabs(t) / now->grid > most_grid_steps;
+}
+
 static const char *why_no_step(const Progress *now, double t, double h)
 {
     if (!isfinite(t) || !isfinite(h)) return "time and step size must be finite";
@@ -267,9 +273,13 @@ static const char *why_no_step(const Progress *now, double t, double h)
     if (h > LONGEST_STEP) return "the step size must be <= 100000 s";
     if (too_many_substeps(now, h))
         return "the step would take more than 1e7 internal steps (max_step, sample_period, T0)";
-    if (fabs(t - now->time) > 1e-9 * fmax(1, fabs(now->time)))
+    if (t + h == t) return "the step is lost in the rounding of the time";
+    if (too_late(now, t + h))
+        return "the time is beyond 2^53 internal steps or samples (max_step, sample_period, T0), "
+               "which cannot be counted";
+    if (fabs(t - now->time) > time_tolerance(now->time, 1e-3 * h))
         return "the communication point is not the end of the last step";
-    if (t + h > now->stop + 1e-9 * fmax(1, fabs(now->stop)))
+    if (t + h > now->stop + time_tolerance(now->stop, 1e-3 * h))
         return "the step goes beyond the stop time";
     return NULL;
 }

@@ -41,7 +41,7 @@ static inline mat3 turned_inertia(const Links *p, int k, vec3 along)
 /* position, derivatives and rate-square acceleration of the body at the end of two pieces of length
  * a and b, turned by the first joint and by both */
 static inline void locate(Part *part, double a, double b, vec3 along_1, vec3 along_2,
-                         const double dq[JOINTS])
+                          const double dq[JOINTS])
 {
     vec3 z = vec(0, 0, 1), both = scale(b, along_2), first = scale(a, along_1);
     double s1 = dq[0], s2 = dq[0] + dq[1];
