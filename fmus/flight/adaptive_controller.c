@@ -47,12 +47,7 @@ typedef struct {
     Eta eta_hat;
     vec3 e1_H, e2_H, epsilon, domega_S, F_cmd_H;
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {
     .p = {.mu = 3.986004415e14,

@@ -19,12 +19,7 @@ typedef struct {
 typedef struct { double joint_angle[JOINTS], joint_rate[JOINTS]; } Input;
 typedef struct { double locked; } State;
 typedef struct { double joint_torque[JOINTS], joint_lock, saturated[JOINTS]; } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {
     .p = {.joint_angle_ref = {1.0471975511965976, -0.6981317007977318},

@@ -40,12 +40,7 @@ typedef struct {
     Motion los, los_ref;
     double beta_t, beta_p, attitude_guard, los_guard;
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {
     .p = {.mu = 3.986004418e14,

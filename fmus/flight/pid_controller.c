@@ -23,12 +23,7 @@ typedef struct {
     TrackingOutput common;
     State integral;
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {
     .p = {.tracking = TRACKING_DEFAULTS,

@@ -47,12 +47,7 @@ typedef struct {
     TrackingOutput common;
     Telemetry position, attitude;
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {
     .p = {.tracking = TRACKING_DEFAULTS,

@@ -45,12 +45,7 @@ typedef struct {
     vec3 e_v_N;
     double v_req, pointing_angle;
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {
     .p = {.law = 1,

@@ -38,12 +38,7 @@ typedef struct {
 typedef struct {
     double throttle[THRUSTERS], translation_firing, sigma_w[3], sigma_v, domega_S[3], e_v;
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 /* what switches each engine: axis of the rate error or speed, and sign */
 static const struct {

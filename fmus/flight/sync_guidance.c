@@ -30,12 +30,7 @@ typedef struct {
     vec3 rho_H, drho_H, rho_ref_H;
     double range, beta_t, beta_p, attitude_guard;
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {
     .p = {.mu = 3.986004415e14,

@@ -39,12 +39,7 @@ typedef struct {
 } Expansion;
 typedef struct { Expansion position, attitude; } State;
 typedef struct { TrackingOutput common; } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {
     .p = {.tracking = TRACKING_DEFAULTS,

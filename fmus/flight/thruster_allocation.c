@@ -39,12 +39,7 @@ typedef struct {
     vec3 F_alloc_S, M_alloc_S;
     double demand[THRUSTERS], unspent[THRUSTERS];
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {
     .p = {.thrusters = PAPER_THRUSTERS,

@@ -156,7 +156,6 @@ static inline vec3 T_transposed(quat q, vec3 w)
 }
 
 /* ---- command ---- */
-static inline vec3 differs(vec3 a, vec3 b) { return vec(a.x != b.x, a.y != b.y, a.z != b.z); }
 static inline vec3 Sigma(vec3 u) { return vec(-u.x, -u.y, u.z); } /* its own inverse */
 
 static inline vec3 limited_acceleration(const TrackingParameters *p, vec3 a_L)
@@ -177,7 +176,7 @@ static inline void command_force(const TrackingParameters *p, const TrackingErro
 {
     vec3 a_L = Sigma(u);
     y->a_cmd_L = limited_acceleration(p, a_L);
-    y->a_saturated = differs(a_L, y->a_cmd_L);
+    y->a_saturated = unequal(a_L, y->a_cmd_L);
     y->F_cmd_S = scale(p->force_scale, mul(e->C_SN, tmul(e->now.C_LN, y->a_cmd_L)));
 }
 
@@ -194,7 +193,7 @@ static inline void command_torque(const TrackingParameters *p, double t, vec3 M,
     vec3 none = vec(0, 0, 0);
     if (attitude_rests(p, t)) M = none;
     vec3 cut = limited3(M, p->M_max);
-    y->M_saturated = differs(M, cut);
+    y->M_saturated = unequal(M, cut);
     y->M_cmd_S = p->use_wheels ? none : cut;
     y->wheel_accel_cmd = p->use_wheels ? neg(solve(A_w, cut)) : none;
 }

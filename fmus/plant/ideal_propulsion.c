@@ -23,12 +23,7 @@ typedef struct {
     double mdot;
     vec3 F_saturated, M_saturated, impulse, torque_impulse;
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {.p = {.max_step = 0.1}};
 
@@ -52,8 +47,6 @@ static const Variable variables[] = {
 };
 
 static void check(const Parameters *p, Problems *problems) { (void)p, (void)problems; }
-
-static vec3 differs(vec3 a, vec3 b) { return vec(a.x != b.x, a.y != b.y, a.z != b.z); }
 
 /* integral of F over h for a lag from F towards c without a change of sign */
 static double lag_integral(double F, double c, double tau, double h)
@@ -89,8 +82,8 @@ static void publish(const Parameters *p, const Input *u, const State *x, Output 
     y->M_S = x->M;
     y->mdot =
         p->Isp > 0 ? (fabs(x->F.x) + fabs(x->F.y) + fabs(x->F.z)) / (p->Isp * STANDARD_GRAVITY) : 0;
-    y->F_saturated = differs(u->F_cmd_S, limited3(u->F_cmd_S, p->F_max));
-    y->M_saturated = differs(u->M_cmd_S, limited3(u->M_cmd_S, p->M_max));
+    y->F_saturated = unequal(u->F_cmd_S, limited3(u->F_cmd_S, p->F_max));
+    y->M_saturated = unequal(u->M_cmd_S, limited3(u->M_cmd_S, p->M_max));
     y->impulse = x->impulse;
     y->torque_impulse = x->torque_impulse;
 }

@@ -33,12 +33,7 @@ typedef struct {
     vec3 F_S, M_S;
     double mdot, thrust[THRUSTERS], impulse[THRUSTERS], switches[THRUSTERS];
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 typedef enum { NO_FAULT, STUCK_ON, STUCK_OFF, REDUCED, FAULT_KINDS } FaultKind;
 

@@ -14,10 +14,10 @@
  * 2023 (docs/models.md B.2).
  * Source: Zhu & Yang 2009, equations (9), (15), (17). Classical Runge-Kutta on the grid k *
  * max_step. */
+#include "disturbance.h"
 #include "orbit_rows.h"
 #include "rigid_body.h"
 #include "rk4.h"
-#include "sinusoid.h"
 
 typedef struct {
     Orbit orbit;
@@ -44,12 +44,7 @@ typedef struct {
     vec3 omega_SN_S, sigma_SN, wheel_speed;
     double mass;
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {
     .p = {.orbit = {EARTH, .a = 7158140, .e = 0.01, .inc = 0.5235987755982988,
@@ -126,14 +121,8 @@ typedef struct {
     int released;
 } Context;
 
-static vec3 disturbance_N(const Parameters *p, const State *x, double since, double t)
-{
-    vec3 a = sinusoid(&p->a_dist, since, t);
-    return p->a_dist_axes ? tmul(hill_frame(p->orbit.mu, x->r, x->v).C_HN, a) : a;
-}
-
 /* velocity_follows_attitude: what keeps C_SN v constant while the body turns */
-static vec3 slaved_N(const Context *c, const State *x)
+static vec3 velocity_turning_N(const Context *c, const State *x)
 {
     if (!c->p->velocity_follows_attitude || !c->released) return vec(0, 0, 0);
     return cross(tmul(dcm_of_mrp(x->sigma), x->omega), x->v);
@@ -155,18 +144,19 @@ static void attitude_derivative(const Context *c, double t, const State *x, Stat
     dx->wheel_speed = c->wheel_accel;
 }
 
-static void derivative(const void *context, double t, const double *from, double *to)
+static void derivative(const Context *c, double t, const State *x, State *dx)
 {
-    const Context *c = context;
     const Parameters *p = c->p;
-    const State *x = (const State *)(const void *)from;
-    State *dx = (State *)(void *)to;
-
     vec3 thrust = scale(1 / x->mass, tmul(dcm_of_mrp(x->sigma), c->u->F_S));
-    vec3 free_fall = add(gravity(&p->orbit, p->use_J2, x->r), disturbance_N(p, x, c->since, t));
-    *dx = (State){.r = x->v, .v = sum3(free_fall, thrust, slaved_N(c, x)), .mass = -c->u->mdot};
+    vec3 disturbance =
+        disturbance_N(&p->a_dist, p->a_dist_axes, p->orbit.mu, (PosVel){x->r, x->v}, c->since, t);
+    vec3 free_fall = add(gravity(&p->orbit, p->use_J2, x->r), disturbance);
+    *dx = (State){
+        .r = x->v, .v = sum3(free_fall, thrust, velocity_turning_N(c, x)), .mass = -c->u->mdot};
     if (c->released) attitude_derivative(c, t, x, dx);
 }
+
+RK4(integrate, derivative, Context, State)
 
 /* acceleration of one wheel over an internal step, within the limits of acceleration and speed */
 static double wheel_accel(const Parameters *p, double command, double speed, double h)
@@ -215,7 +205,7 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
     for (Substep s = first_substep(t, h, p->max_step); s.h > 0; s = next_substep(s)) {
         const Context context = {p, u, wheel_accels(p, u->wheel_accel_cmd, x->wheel_speed, s.h),
                                  s.t, reached(s.t, p->t_att)};
-        rk4(derivative, &context, s.t, s.h, &x->r.x, sizeof *x / sizeof(double));
+        integrate(&context, s.t, s.h, x);
         x->sigma = mrp_inside(x->sigma);
     }
     publish(p, x, y, t + h);

@@ -45,12 +45,7 @@ typedef struct {
     vec3 h_N;
     double kinetic_energy, potential_energy, lock_torque[JOINTS];
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {
     .p = {.orbit = {.mu = 3.986004418e14, .a = 7.0e6},
@@ -67,13 +62,7 @@ static const Model start = {
 
 static const Variable variables[] = {
     POSITIVE_AS("a", orbit.a, "m", "semi-major axis of the orbit of the centre of mass"),
-    NONNEGATIVE_AS("e", orbit.e, "1", "eccentricity, below 1"),
-    PARAMETER_AS("inc", orbit.inc, "rad", "inclination"),
-    PARAMETER_AS("argp", orbit.argp, "rad", "argument of perigee"),
-    PARAMETER_AS("raan", orbit.raan, "rad", "right ascension of the ascending node"),
-    PARAMETER_AS("nu", orbit.nu, "rad", "true anomaly at the start"),
-    NONNEGATIVE_AS("mu", orbit.mu, "m3/s2",
-                   "gravitational parameter of the planet; 0 = deep space"),
+    ELLIPSE_ROWS,
     POSITIVE_AS("mass", links.mass, "kg", "mass of base, link 1, link 2"),
     POSITIVE_AS(
         "Ixx", links.Ixx, "kg.m2",
@@ -132,7 +121,7 @@ static void check(const Parameters *p, Problems *problems)
 {
     const Links *links = &p->links;
     char name[16];
-    if (p->orbit.e >= 1) refuse(problems, "e", p->orbit.e, "must be in [0, 1)");
+    check_ellipse(problems, &p->orbit);
     for (int k = 0; k < BODIES; k++) {
         snprintf(name, sizeof name, "Izz[%d]", k + 1);
         if (!keeps_triangle_rule(diagonal(links->Ixx[k], links->Iyy[k], links->Izz[k])))
@@ -142,7 +131,7 @@ static void check(const Parameters *p, Problems *problems)
 }
 
 /* ---- motion ---- */
-static double strength(const Parameters *p, const State *x) /* g = mu/r^3 [1/s2] */
+static double gradient_factor(const Parameters *p, const State *x) /* g = mu/r^3 [1/s2] */
 {
     double r = norm(x->r);
     return p->use_gravity_gradient * p->orbit.mu / (r * r * r);
@@ -160,7 +149,7 @@ static Acceleration accelerate(const Parameters *p, const Input *u, const State 
     Robot robot = robot_in(&p->links, x->joint_angle, x->joint_rate);
     Matrix H = mass_matrix(&robot);
     Column b = inertial_loads(&robot, x->omega, x->joint_rate);
-    Column loads = gravity_gradient_loads(&robot, strength(p, x), radial_S(x));
+    Column loads = gravity_gradient_loads(&robot, gradient_factor(p, x), radial_S(x));
     int locked = u->joint_lock != 0;
 
     project(&loads, &robot.part[0], u->M_S, u->F_S);
@@ -183,12 +172,9 @@ typedef struct {
 
 static double anomaly_rate(const State *x) { return norm(cross(x->r, x->v)) / dot(x->r, x->r); }
 
-static void derivative(const void *context, double t, const double *from, double *to)
+static void derivative(const Context *c, double t, const State *x, State *dx)
 {
-    const Context *c = context;
     const Parameters *p = c->p;
-    const State *x = (const State *)(const void *)from;
-    State *dx = (State *)(void *)to;
     (void)t;
 
     const double *m = p->links.mass;
@@ -203,6 +189,8 @@ static void derivative(const void *context, double t, const double *from, double
                   .joint_rate = {du[3], du[4]},
                   .nu = anomaly_rate(x)};
 }
+
+RK4(integrate, derivative, Context, State)
 
 /* omega+ = H_bb^-1 (H_bb omega + H_bm dq): the joints stop, the angular momentum stays */
 static void stop_joints(const Parameters *p, State *x)
@@ -285,7 +273,7 @@ static double pitch_of(const State *x)
 static void publish_energies(const Parameters *p, const State *x, Output *y)
 {
     Robot robot = robot_in(&p->links, x->joint_angle, x->joint_rate);
-    double g = strength(p, x);
+    double g = gradient_factor(p, x);
     vec3 a = radial_S(x), h_S = vec(0, 0, 0);
     y->kinetic_energy = y->potential_energy = 0;
     for (int k = 0; k < BODIES; k++) {
@@ -351,7 +339,7 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
     const Context context = {p, u};
     obey_lock(p, u, x);
     for (Substep s = first_substep(t, h, p->max_step); s.h > 0; s = next_substep(s)) {
-        rk4(derivative, &context, s.t, s.h, &x->r.x, sizeof *x / sizeof(double));
+        integrate(&context, s.t, s.h, x);
         x->q = canonical(x->q);
         x->pitch = continued(x->pitch, pitch_of(x));
     }

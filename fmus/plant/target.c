@@ -7,10 +7,10 @@
  *
  * Source: Zhu & Yang 2009, equations (2) and (4), with J2. Classical Runge-Kutta on the grid k *
  * max_step; after each internal step sigma is replaced by its shadow where |sigma| > 1. */
+#include "disturbance.h"
 #include "orbit_rows.h"
 #include "rigid_body.h"
 #include "rk4.h"
-#include "sinusoid.h"
 
 typedef struct {
     Orbit orbit;
@@ -29,12 +29,7 @@ typedef struct {
     quat q_TN;
     vec3 omega_TN_T, sigma_TN, M_gg_T;
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {
     .p = {.orbit = {EARTH, .a = 7158140, .e = 0.01, .inc = 0.5235987755982988,
@@ -90,12 +85,6 @@ static vec3 gravity_gradient_T(const Parameters *p, mat3 C_TN, vec3 r)
                                    : vec(0, 0, 0);
 }
 
-static vec3 disturbance_N(const Parameters *p, const State *x, double since, double t)
-{
-    vec3 a = sinusoid(&p->a_dist, since, t);
-    return p->a_dist_axes ? tmul(hill_frame(p->orbit.mu, x->r, x->v).C_HN, a) : a;
-}
-
 typedef struct {
     const Parameters *p;
     const Input *u;
@@ -103,24 +92,24 @@ typedef struct {
 } Context;
 
 /* (2), (4) */
-static void derivative(const void *context, double t, const double *from, double *to)
+static void derivative(const Context *c, double t, const State *x, State *dx)
 {
-    const Parameters *p = ((const Context *)context)->p;
-    const Input *u = ((const Context *)context)->u;
-    double since = ((const Context *)context)->since;
-    const State *x = (const State *)(const void *)from;
-    State *dx = (State *)(void *)to;
-
+    const Parameters *p = c->p;
     mat3 C_TN = dcm_of_mrp(x->sigma);
-    vec3 contact = scale(1 / p->mass, tmul(C_TN, u->F_T));
-    vec3 torque = sum3(gravity_gradient_T(p, C_TN, x->r), sinusoid(&p->M_dist_T, since, t), u->M_T);
+    vec3 contact = scale(1 / p->mass, tmul(C_TN, c->u->F_T));
+    vec3 disturbance =
+        disturbance_N(&p->a_dist, p->a_dist_axes, p->orbit.mu, (PosVel){x->r, x->v}, c->since, t);
+    vec3 torque =
+        sum3(gravity_gradient_T(p, C_TN, x->r), sinusoid(&p->M_dist_T, c->since, t), c->u->M_T);
 
     dx->r = x->v;
-    dx->v = sum4(gravity(&p->orbit, p->use_J2, x->r), disturbance_N(p, x, since, t),
-                 sinusoid(&p->a_manoeuvre_N, since, t), contact);
+    dx->v = sum4(gravity(&p->orbit, p->use_J2, x->r), disturbance,
+                 sinusoid(&p->a_manoeuvre_N, c->since, t), contact);
     dx->sigma = mrp_rate(x->sigma, x->omega);
     dx->omega = solve(p->J_T, sub(torque, cross(x->omega, mul(p->J_T, x->omega))));
 }
+
+RK4(integrate, derivative, Context, State)
 
 static void publish(const Parameters *p, const State *x, Output *y)
 {
@@ -144,7 +133,7 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
 {
     for (Substep s = first_substep(t, h, p->max_step); s.h > 0; s = next_substep(s)) {
         const Context context = {p, u, s.t};
-        rk4(derivative, &context, s.t, s.h, &x->r.x, sizeof *x / sizeof(double));
+        integrate(&context, s.t, s.h, x);
         x->sigma = mrp_inside(x->sigma);
     }
     publish(p, x, y);

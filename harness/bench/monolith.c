@@ -38,7 +38,7 @@ void free_model(void *memory) { free(memory); }
 double *variable(const ModelInterface *model, void *memory, unsigned reference)
 {
     Scalar s = scalar_of(model, reference);
-    return s.row ? place(memory, s) : NULL;
+    return s.row ? pointer_to(memory, s) : NULL;
 }
 
 void initialize_model(const ModelInterface *model, void *memory, double t)

@@ -3,10 +3,10 @@
  * The same calls in the same order with the same buffers as the Python executor, so the results
  * agree bit for bit. Python lays out the calls (executors.py has the same structs); nothing here
  * allocates or knows Python. */
-#include <math.h>
 #include <stddef.h>
 #include <string.h>
 
+#include "finite.h"
 #include "fmi2FunctionTypes.h"
 
 #if defined _WIN32
@@ -28,6 +28,10 @@ enum {
 enum { NOT_FINITE = -1 }; /* beside fmi2Status: an output is infinite or NaN */
 
 typedef struct {
+    size_t slot, count; /* neighbours on the bus that are neighbours in the buffer too */
+} Piece;
+
+typedef struct {
     int kind;
     int every, phase;       /* due in macro step k if k % every == phase */
     int no_rollback;        /* noSetFMUStatePriorToCurrentPoint of a step */
@@ -35,7 +39,9 @@ typedef struct {
     fmi2Component component;
     size_t count; /* of values in a SET or GET */
     const fmi2ValueReference *reference;
-    const size_t *slot;            /* place of each value on the bus */
+    const size_t *slot; /* place of each value on the bus */
+    const Piece *piece; /* the same places in pieces */
+    size_t pieces;
     void *value;                   /* buffer of fmi2Real or fmi2Integer */
     const double *factor, *offset; /* of SET_AFFINE: input = factor * bus + offset */
 } Call;
@@ -57,8 +63,9 @@ typedef struct {
 static int set_real(const Call *c, const double *bus)
 {
     fmi2Real *value = c->value;
-    for (size_t i = 0; i < c->count; i++) value[i] = bus[c->slot[i]];
-    return (int)((fmi2SetRealTYPE *)c->function)(c->component, c->reference, c->count, value);
+    for (const Piece *p = c->piece; p < c->piece + c->pieces; value += p++->count)
+        memcpy(value, bus + p->slot, p->count * sizeof *value);
+    return (int)((fmi2SetRealTYPE *)c->function)(c->component, c->reference, c->count, c->value);
 }
 
 static int set_affine(const Call *c, const double *bus)
@@ -80,10 +87,9 @@ static int get_real(const Call *c, double *bus)
     fmi2Real *value = c->value;
     int status = (int)((fmi2GetRealTYPE *)c->function)(c->component, c->reference, c->count, value);
     if (status > fmi2Warning) return status;
-    for (size_t i = 0; i < c->count; i++) {
-        if (!isfinite(value[i])) return NOT_FINITE;
-        bus[c->slot[i]] = value[i];
-    }
+    if (!all_finite(value, c->count)) return NOT_FINITE;
+    for (const Piece *p = c->piece; p < c->piece + c->pieces; value += p++->count)
+        memcpy(bus + p->slot, value, p->count * sizeof *value);
     return status;
 }
 
@@ -110,6 +116,11 @@ static int perform(const Call *c, const Run *run, long k)
     }
 }
 
+static int due(const Call *c, long k) /* every step for most: no division then */
+{
+    return c->every == 1 || k % c->every == c->phase;
+}
+
 static void record(const Run *run, long done)
 {
     if (done % run->every == 0)
@@ -123,7 +134,7 @@ EXPORT Stop execute(const Call *calls, size_t count, const Run *run, long first,
 {
     for (long k = first; k < last; k++) {
         for (size_t i = 0; i < count; i++) {
-            if (k % calls[i].every != calls[i].phase) continue;
+            if (!due(&calls[i], k)) continue;
             int status = perform(&calls[i], run, k);
             if (status < fmi2OK || status > fmi2Warning) return (Stop){k, i, status};
         }

@@ -3,7 +3,9 @@
  * Every function checks the call state first (FMI 2.0, section 4.2.4) and answers a refused call
  * with fmi2Error and a message; the instance stays as it was and usable. Only a step that fails
  * ends in the error state. */
+#include "finite.h"
 #include "instance.h"
+#include "time_grid.h"
 
 enum {
     LONGEST_STEP = 100000
@@ -40,11 +42,13 @@ static Instance *new_instance(const Instance *caller)
     *instance = *caller;
     instance->name = allocate(caller, name_size);
     instance->model = allocate(caller, fmu_model.size);
-    instance->spare = allocate(caller, fmu_model.size);
-    if (!instance->name || !instance->model || !instance->spare) {
+    instance->good = allocate(caller, tail_size());
+    instance->guarded = allocate(caller, fmu_model.variable_count * sizeof *instance->guarded);
+    if (!instance->name || !instance->model || !instance->good || !instance->guarded) {
         fmi2FreeInstance(instance);
         return NULL;
     }
+    instance->guarded_count = list_guarded(instance->guarded);
     memcpy(instance->name, caller->name, name_size);
     make_new(instance);
     return instance;
@@ -75,7 +79,8 @@ void fmi2FreeInstance(fmi2Component c)
     if (!instance) return;
     release(instance, instance->name);
     release(instance, instance->model);
-    release(instance, instance->spare);
+    release(instance, instance->good);
+    release(instance, instance->guarded);
     release(instance, instance);
 }
 
@@ -126,8 +131,8 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component c)
 static bool refresh(Instance *instance, const char *function)
 {
     if (!instance->now.stale) return true;
-    if (!initialize_into(instance, function, instance->model, instance->spare)) return false;
-    swap_models(instance);
+    keep_good(instance);
+    if (!initialize_checked(instance, function, instance->model)) return put_back(instance), false;
     instance->now.stale = fmi2False;
     return true;
 }
@@ -139,7 +144,7 @@ static double finest_grid(const void *model)
     double finest = INFINITY;
     for (size_t i = 0; i < fmu_model.variable_count; i++) {
         const Variable *v = &fmu_model.variables[i];
-        double value = *place_const(model, (Scalar){v, 0});
+        double value = value_of(model, (Scalar){v, 0});
         if (strcmp(v->name, "max_step") && strcmp(v->name, "sample_period") &&
             strcmp(v->name, "T0"))
             continue;
@@ -198,17 +203,24 @@ static const char *why_not_settable(const Instance *instance, Scalar s)
 static bool acceptable(const Instance *instance, const fmi2ValueReference vr[], size_t count,
                        const fmi2Real value[])
 {
-    for (size_t i = 0; i < count;) {
+    for (size_t i = 0; i < count; i++) {
         Scalar s = scalar_of(&fmu_model, vr[i]);
         const char *rule = s.row ? why_not_settable(instance, s) : "";
+        if (!rule) rule = broken_rule(rule_when_set(s), value[i]);
         if (rule) return refuse_value(instance, "fmi2SetReal", vr[i], rule), false;
-        Rule limit = s.row->causality == INPUT_ROW
-                         ? s.row->rule
-                         : ANY_VALUE; /* parameters: at the end of initialization */
-        for (size_t end = i + run_length(s, vr + i, count - i); i < end; i++)
-            if ((rule = broken_rule(limit, value[i])))
-                return refuse_value(instance, "fmi2SetReal", vr[i], rule), false;
     }
+    return true;
+}
+
+/* while stepping only inputs can be set; a call that has been accepted before and keeps the rules
+ * again needs no further look */
+static bool set_known(Instance *instance, const fmi2ValueReference vr[], size_t count,
+                      const fmi2Real value[])
+{
+    if (instance->now.phase != STEPPING) return false;
+    const KnownCall *call = known_call(&instance->written, vr, count);
+    if (!call || !all_finite(value, count) || !keep_rules(call, value)) return false;
+    write_runs(call, instance->model, value);
     return true;
 }
 
@@ -218,14 +230,12 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t co
     Instance *instance = c;
     if (!allowed(instance, "fmi2SetReal", INSTANTIATED | INITIALIZING | STEPPING)) return fmi2Error;
     if (count && (!vr || !value)) return failure(instance, "fmi2SetReal", "missing array");
+    if (set_known(instance, vr, count, value)) return fmi2OK;
     if (!acceptable(instance, vr, count, value)) return fmi2Error;
-    for (size_t i = 0; i < count;) {
-        Scalar s = scalar_of(&fmu_model, vr[i]);
-        size_t n = run_length(s, vr + i, count - i);
-        copy_values(place(instance->model, s), value + i, n);
-        i += n;
-    }
-    if (instance->now.phase != STEPPING) instance->now.stale = fmi2True;
+    for (size_t i = 0; i < count; i++)
+        *pointer_to(instance->model, scalar_of(&fmu_model, vr[i])) = value[i];
+    if (instance->now.phase == STEPPING) remember_call(&instance->written, &fmu_model, vr, count);
+    else instance->now.stale = fmi2True;
     return fmi2OK;
 }
 
@@ -236,29 +246,40 @@ fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t co
     if (!allowed(instance, "fmi2GetReal", INITIALIZING | STEPPING | TERMINATED | FAILED))
         return fmi2Error;
     if (count && (!vr || !value)) return failure(instance, "fmi2GetReal", "missing array");
-    for (size_t i = 0; i < count;) {
+    const KnownCall *call =
+        instance->now.phase == INITIALIZING ? NULL : known_call(&instance->read, vr, count);
+    if (call) return read_runs(call, instance->model, value), fmi2OK;
+    for (size_t i = 0; i < count; i++) {
         Scalar s = scalar_of(&fmu_model, vr[i]);
         if (!s.row) return refuse_value(instance, "fmi2GetReal", vr[i], "");
         bool evaluate = s.row->causality == OUTPUT_ROW && instance->now.phase == INITIALIZING;
         if (evaluate && !refresh(instance, "fmi2GetReal")) return fmi2Error;
-        size_t n = run_length(s, vr + i, count - i);
-        copy_values(value + i, place_const(instance->model, s), n);
-        i += n;
+        value[i] = value_of(instance->model, s);
     }
+    remember_call(&instance->read, &fmu_model, vr, count);
     return fmi2OK;
 }
 
 /* ---- step ---- */
+static bool too_late(const Progress *now, double t)
+{
+    return now->grid > 0 && fabs(t) / now->grid > most_grid_steps;
+}
+
 static const char *why_no_step(const Progress *now, double t, double h)
 {
     if (!isfinite(t) || !isfinite(h)) return "time and step size must be finite";
     if (h <= 0) return "the step size must be > 0";
     if (h > LONGEST_STEP) return "the step size must be <= 100000 s";
-    if (takes_ages(now, h))
+    if (too_many_substeps(now, h))
         return "the step would take more than 1e7 internal steps (max_step, sample_period, T0)";
-    if (fabs(t - now->time) > 1e-9 * fmax(1, fabs(now->time)))
+    if (t + h == t) return "the step is lost in the rounding of the time";
+    if (too_late(now, t + h))
+        return "the time is beyond 2^53 internal steps or samples (max_step, sample_period, T0), "
+               "which cannot be counted";
+    if (fabs(t - now->time) > time_tolerance(now->time, 1e-3 * h))
         return "the communication point is not the end of the last step";
-    if (t + h > now->stop + 1e-9 * fmax(1, fabs(now->stop)))
+    if (t + h > now->stop + time_tolerance(now->stop, 1e-3 * h))
         return "the step goes beyond the stop time";
     return NULL;
 }
@@ -275,13 +296,13 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean no_se
                  instance->now.time, rule);
         return failure(instance, "fmi2DoStep", text);
     }
-    if (!step_into(instance, "fmi2DoStep", instance->model, instance->spare, instance->now.time,
-                   h)) {
+    keep_good(instance);
+    if (!step_checked(instance, "fmi2DoStep", instance->model, instance->now.time, h)) {
+        put_back(instance);
         instance->now.phase = FAILED;
         return fmi2Error;
     }
-    report_alarms(instance, instance->model, instance->spare, instance->now.time + h);
-    swap_models(instance);
+    report_alarms(instance, instance->now.time + h);
     instance->now.time = t + h;
     instance->now.step = h;
     return fmi2OK;

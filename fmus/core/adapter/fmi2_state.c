@@ -114,29 +114,26 @@ static double next_step(const Instance *instance)
     return instance->now.step > 0 ? instance->now.step : 0.1;
 }
 
-/* model at the operating point moved by `distance` along the seed, evaluated into `into` */
-static bool evaluate_at(const Instance *instance, const Direction *d, double distance, void *moved,
-                        void *into)
+/* a copy of the model at the operating point moved by `distance` along the seed, evaluated */
+static bool evaluate_at(const Instance *instance, const Direction *d, double distance, void *copy)
 {
     const char *function = "fmi2GetDirectionalDerivative";
-    memcpy(moved, instance->model, fmu_model.size);
+    memcpy(copy, instance->model, fmu_model.size);
     for (size_t i = 0; i < d->knowns; i++)
-        *place(moved, scalar_of(&fmu_model, d->known[i])) += distance * d->seed[i];
-    if (instance->now.phase == INITIALIZING)
-        return initialize_into(instance, function, moved, into);
-    return step_into(instance, function, moved, into, instance->now.time, next_step(instance));
+        *pointer_to(copy, scalar_of(&fmu_model, d->known[i])) += distance * d->seed[i];
+    if (instance->now.phase == INITIALIZING) return initialize_checked(instance, function, copy);
+    return step_checked(instance, function, copy, instance->now.time, next_step(instance));
 }
 
 static bool central_difference(const Instance *instance, const Direction *d, double distance,
                                void *work, double *result)
 {
-    char *moved = work, *plus = moved + fmu_model.size, *minus = plus + fmu_model.size;
-    if (!evaluate_at(instance, d, distance, moved, plus) ||
-        !evaluate_at(instance, d, -distance, moved, minus))
+    char *plus = work, *minus = plus + fmu_model.size;
+    if (!evaluate_at(instance, d, distance, plus) || !evaluate_at(instance, d, -distance, minus))
         return false;
     for (size_t i = 0; i < d->unknowns; i++) {
         Scalar s = scalar_of(&fmu_model, d->unknown[i]);
-        result[i] = (*place_const(plus, s) - *place_const(minus, s)) / (2 * distance);
+        result[i] = (value_of(plus, s) - value_of(minus, s)) / (2 * distance);
     }
     return true;
 }
@@ -155,7 +152,7 @@ static double difference_distance(const Instance *instance, const Direction *d)
     double distance = INFINITY;
     for (size_t i = 0; i < d->knowns; i++) {
         Scalar s = scalar_of(&fmu_model, d->known[i]);
-        double scale = scale_of(s, *place_const(instance->model, s));
+        double scale = scale_of(s, value_of(instance->model, s));
         if (d->seed[i] != 0) distance = fmin(distance, 0.01 * scale / fabs(d->seed[i]));
     }
     return isfinite(distance) ? distance : 0;
@@ -193,7 +190,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
     if (!allowed(instance, function, INITIALIZING | STEPPING | TERMINATED | FAILED))
         return fmi2Error;
     const char *rule = why_no_derivative(instance, &d);
-    if (takes_ages(&instance->now, next_step(instance)))
+    if (too_many_substeps(&instance->now, next_step(instance)))
         rule = "the next step would take more than 1e7 internal steps";
     if (rule || (unknowns && !sensitivity))
         return failure(instance, function, rule ? rule : "missing array");
@@ -202,7 +199,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
     for (size_t i = 0; i < unknowns; i++) sensitivity[i] = 0;
     if (distance == 0 || unknowns == 0) return fmi2OK;
 
-    double *half = allocate(instance, unknowns * sizeof(double) + 3 * fmu_model.size);
+    double *half = allocate(instance, unknowns * sizeof(double) + 2 * fmu_model.size);
     if (!half) return failure(instance, function, "out of memory");
     bool good = central_difference(instance, &d, distance, half + unknowns, sensitivity) &&
                 central_difference(instance, &d, distance / 2, half + unknowns, half);

@@ -2,8 +2,8 @@
  * with the adapter.
  *
  * A model is plain data. It defines four structs made of doubles only (Parameters, Input, State,
- * Output), gathers them as
- *     typedef struct { Parameters p; Input u; State x; Output y; } Model;
+ * Output), gathers them in a Model by the line
+ *     MODEL_STRUCT;
  * and provides the start values, the table of variables, and
  *     check(p, problems)         refuse parameter values, all problems at once
  *     initialize(p, u, x, y, t)  states and first outputs at start time t
@@ -39,6 +39,14 @@ typedef struct {
     const char *text;
     Rule rule;
 } Variable;
+
+#define MODEL_STRUCT  \
+    typedef struct {  \
+        Parameters p; \
+        Input u;      \
+        State x;      \
+        Output y;     \
+    } Model
 
 #define ROW_AS(causality, part, name, member, columns, unit, text, rule) \
     {causality,                                                          \

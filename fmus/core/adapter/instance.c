@@ -1,4 +1,5 @@
 /* instance.c - memory, log and guarded evaluation of one instance. */
+#include "finite.h"
 #include "instance.h"
 
 const char *const log_categories[3] = {"logStatusError", "logStatusWarning", "logEvents"};
@@ -43,11 +44,10 @@ static const char *phase_name(Phase phase)
     }
 }
 
-bool allowed(const Instance *instance, const char *function, unsigned phases)
+bool refuse_phase(const Instance *instance, const char *function)
 {
     char text[120];
     if (!instance) return false;
-    if ((unsigned)instance->now.phase & phases) return true;
     snprintf(text, sizeof text, "not allowed in the state '%s'", phase_name(instance->now.phase));
     failure(instance, function, text);
     return false;
@@ -74,7 +74,7 @@ static void check_parameters(const void *model, Problems *problems)
     for (size_t i = 0; i < fmu_model.variable_count; i++)
         for (size_t k = 0; k < fmu_model.variables[i].size; k++) {
             Scalar s = {&fmu_model.variables[i], k};
-            double value = *place_const(model, s);
+            double value = value_of(model, s);
             const char *rule =
                 s.row->causality == PARAMETER_ROW ? broken_rule(s.row->rule, value) : NULL;
             if (rule) refuse(problems, element_name(name, s), value, rule);
@@ -90,7 +90,7 @@ static const char *first_broken_output(const void *model, char text[FINDING_SIZE
     for (size_t i = 0; i < fmu_model.variable_count; i++)
         for (size_t k = 0; k < fmu_model.variables[i].size; k++) {
             Scalar s = {&fmu_model.variables[i], k};
-            double value = *place_const(model, s);
+            double value = value_of(model, s);
             const char *rule =
                 s.row->causality == OUTPUT_ROW ? broken_rule(s.row->rule, value) : NULL;
             if (!rule) continue;
@@ -101,24 +101,22 @@ static const char *first_broken_output(const void *model, char text[FINDING_SIZE
     return NULL;
 }
 
-/* states and outputs are the doubles from state_offset to the end of the model */
-static bool all_finite(const void *model)
+/* outputs are the last rows */
+size_t list_guarded(const Variable **guarded)
 {
-    const double *x = (const double *)(const void *)((const char *)model + fmu_model.state_offset);
-    size_t count = (fmu_model.size - fmu_model.state_offset) / sizeof(double);
-    int bad = 0; /* no early exit: the loop has no branch and no dependency */
-    for (size_t i = 0; i < count; i++) bad |= !(fabs(x[i]) <= DBL_MAX);
-    return !bad;
+    size_t count = 0;
+    for (size_t i = 0; i < fmu_model.variable_count; i++) {
+        const Variable *v = &fmu_model.variables[i];
+        if (v->causality == OUTPUT_ROW && v->rule != ANY_VALUE) guarded[count++] = v;
+    }
+    return count;
 }
 
-static bool outputs_in_bounds(const void *model)
+static bool outputs_in_bounds(const Instance *instance, const void *model)
 {
-    for (size_t i = fmu_model.variable_count; i-- > 0;) { /* outputs are the last rows */
-        const Variable *v = &fmu_model.variables[i];
-        if (v->causality != OUTPUT_ROW) break;
-        if (v->rule == ANY_VALUE) continue;
-        for (size_t k = 0; k < v->size; k++)
-            if (broken_rule(v->rule, *place_const(model, (Scalar){v, k}))) return false;
+    for (size_t i = 0; i < instance->guarded_count; i++) {
+        const Variable *v = instance->guarded[i];
+        if (!keep_rule(v->rule, values_from(model, (Scalar){v, 0}), v->size)) return false;
     }
     return true;
 }
@@ -127,7 +125,9 @@ static bool result_is_good(const Instance *instance, const char *function, const
                            double t)
 {
     char broken[FINDING_SIZE], text[FINDING_SIZE + 80];
-    if (all_finite(model) && outputs_in_bounds(model)) return true;
+    if (all_finite(tail_const(model), tail_size() / sizeof(double)) &&
+        outputs_in_bounds(instance, model))
+        return true;
     const char *what = first_broken_output(model, broken);
     snprintf(text, sizeof text, "result at t = %.9g s refused: %s", t,
              what ? what : "an internal state is not finite");
@@ -135,39 +135,45 @@ static bool result_is_good(const Instance *instance, const char *function, const
     return false;
 }
 
-bool initialize_into(const Instance *instance, const char *function, const void *from, void *into)
+bool initialize_checked(const Instance *instance, const char *function, void *model)
 {
     Problems problems = {{0}, 0};
-    check_parameters(from, &problems);
+    check_parameters(model, &problems);
     if (problems.count) {
         failure(instance, function, problems.text);
         return false;
     }
-    memcpy(into, fmu_model.start, fmu_model.size); /* states as new ... */
-    memcpy(into, from, fmu_model.state_offset);    /* ... parameters and inputs as set */
-    fmu_model.initialize(into, instance->now.start);
-    return result_is_good(instance, function, into, instance->now.start);
+    memcpy(tail(model), tail_const(fmu_model.start), tail_size());
+    fmu_model.initialize(model, instance->now.start);
+    return result_is_good(instance, function, model, instance->now.start);
 }
 
-bool step_into(const Instance *instance, const char *function, const void *from, void *into,
-               double t, double h)
+bool step_checked(const Instance *instance, const char *function, void *model, double t, double h)
 {
-    memcpy(into, from, fmu_model.size);
-    fmu_model.step(into, t, h);
-    return result_is_good(instance, function, into, t + h);
+    fmu_model.step(model, t, h);
+    return result_is_good(instance, function, model, t + h);
 }
 
-void report_alarms(const Instance *instance, const void *before, const void *after, double t)
+static double good_value(const Instance *instance, Scalar s)
+{
+    size_t offset = s.row->offset - fmu_model.state_offset;
+    return ((const double *)(const void *)((const char *)instance->good + offset))[s.element];
+}
+
+static void report_alarm(const Instance *instance, Scalar s, double t)
 {
     char name[NAME_SIZE], text[FINDING_SIZE];
-    for (size_t i = fmu_model.variable_count;
-         i-- > 0 && fmu_model.variables[i].causality == OUTPUT_ROW;)
+    snprintf(text, sizeof text, "t = %.9g s: %s (%s)", t, element_name(name, s), s.row->text);
+    log_message(instance, fmi2Warning, LOG_WARNINGS, text);
+}
+
+void report_alarms(const Instance *instance, double t)
+{
+    for (size_t i = 0; i < instance->guarded_count; i++)
         for (size_t k = 0;
-             k < fmu_model.variables[i].size && fmu_model.variables[i].rule == ALARM_VALUE; k++) {
-            Scalar s = {&fmu_model.variables[i], k};
-            if (*place_const(before, s) != 0 || *place_const(after, s) == 0) continue;
-            snprintf(text, sizeof text, "t = %.9g s: %s (%s)", t, element_name(name, s),
-                     s.row->text);
-            log_message(instance, fmi2Warning, LOG_WARNINGS, text);
+             k < instance->guarded[i]->size && instance->guarded[i]->rule == ALARM_VALUE; k++) {
+            Scalar s = {instance->guarded[i], k};
+            if (good_value(instance, s) == 0 && value_of(instance->model, s) != 0)
+                report_alarm(instance, s, t);
         }
 }

@@ -1,13 +1,13 @@
-/* instance.h - one instance of an FMU: two copies of the model, progress, callbacks, log.
+/* instance.h - one instance of an FMU: the model, its last good state, progress, callbacks, log.
  *
- * A step works on the spare copy and becomes current only if every number is finite, so an error
- * leaves the last good state in place. There are no globals: instances do not know of each
- * other. */
+ * States and outputs are kept before a step and put back if one of its results is refused, so an
+ * error leaves the last good state in place; parameters and inputs are constant in a step. There
+ * are no globals: instances do not know of each other. */
 #ifndef INSTANCE_H
 #define INSTANCE_H
 
 #include "fmi2Functions.h"
-#include "interface.h"
+#include "known_calls.h"
 
 #include <stdbool.h>
 #include <stdlib.h>
@@ -35,38 +35,59 @@ typedef struct {
     char *name;
     unsigned categories; /* log categories switched on */
     Progress now;
-    void *model, *spare; /* both of fmu_model.size bytes */
+    void *model;              /* fmu_model.size bytes */
+    void *good;               /* states and outputs before the step: tail_size() bytes */
+    const Variable **guarded; /* outputs with a rule beyond being finite */
+    size_t guarded_count;
+    KnownCalls written, read;
 } Instance;
 
 extern const char *const log_categories[3];
 
 void log_message(const Instance *instance, fmi2Status status, unsigned category, const char *text);
 fmi2Status failure(const Instance *instance, const char *function,
-                   const char *text); /* logs, returns fmi2Error */
-bool allowed(const Instance *instance, const char *function, unsigned phases); /* logs if not */
+                   const char *text);                              /* logs, returns fmi2Error */
+bool refuse_phase(const Instance *instance, const char *function); /* logs, returns false */
 void *allocate(const Instance *instance, size_t bytes);
 void release(const Instance *instance, void *memory);
 
-/* evaluate check + initialize, or one step, from `from` into `into`; false and a message if refused
- * or not finite */
-bool initialize_into(const Instance *instance, const char *function, const void *from, void *into);
-bool step_into(const Instance *instance, const char *function, const void *from, void *into,
-               double t, double h);
+/* check and initialize a model, or step it; false and a message if it or its result is refused:
+ * states and outputs are then of no use */
+bool initialize_checked(const Instance *instance, const char *function, void *model);
+bool step_checked(const Instance *instance, const char *function, void *model, double t, double h);
 
-/* warn of every alarm that has risen from `before` to `after` */
-void report_alarms(const Instance *instance, const void *before, const void *after, double t);
+/* the rows that guarded_rows() would list, at most fmu_model.variable_count; returns their number */
+size_t list_guarded(const Variable **guarded);
 
-/* a step of so many internal ones is taken for a mistake in a parameter, not for patience */
-static inline bool takes_ages(const Progress *now, double h)
+/* warn of every alarm that has risen since the last good state */
+void report_alarms(const Instance *instance, double t);
+
+static inline bool allowed(const Instance *instance, const char *function, unsigned phases)
 {
-    return now->grid > 0 && h / now->grid > 1e7;
+    if (instance && (unsigned)instance->now.phase & phases) return true;
+    return refuse_phase(instance, function);
 }
 
-static inline void swap_models(Instance *instance)
+/* states and outputs: from state_offset to the end of the model */
+static inline size_t tail_size(void) { return fmu_model.size - fmu_model.state_offset; }
+static inline void *tail(void *model) { return (char *)model + fmu_model.state_offset; }
+static inline const void *tail_const(const void *model)
 {
-    void *model = instance->model;
-    instance->model = instance->spare;
-    instance->spare = model;
+    return (const char *)model + fmu_model.state_offset;
+}
+static inline void keep_good(Instance *instance)
+{
+    memcpy(instance->good, tail(instance->model), tail_size());
+}
+static inline void put_back(Instance *instance)
+{
+    memcpy(tail(instance->model), instance->good, tail_size());
+}
+
+/* a step of so many internal ones is taken for a mistake in a parameter, not for patience */
+static inline bool too_many_substeps(const Progress *now, double h)
+{
+    return now->grid > 0 && h / now->grid > 1e7;
 }
 
 #endif

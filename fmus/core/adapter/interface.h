@@ -6,6 +6,7 @@
 #include "fmu.h"
 
 #include <float.h>
+#include <stdbool.h>
 #include <stdint.h>
 
 enum { VR_STRIDE = 1000, NAME_SIZE = 128, GUID_SIZE = 40 };
@@ -22,28 +23,15 @@ static inline Scalar scalar_of(const ModelInterface *m, unsigned vr) /* vr = 100
     return (Scalar){&m->variables[row], element};
 }
 
-/* the longest piece of vr[] that is consecutive elements of one row: masters pass whole vectors */
-static inline size_t run_length(Scalar first, const unsigned vr[], size_t left)
+static inline double *pointer_to(void *model, Scalar s)
 {
-    size_t n = 1, longest = first.row->size - first.element;
-    if (longest > left) longest = left;
-    while (n < longest && vr[n] == vr[0] + n) n++;
-    return n;
+    return (double *)(void *)((char *)model + s.row->offset) + s.element;
 }
-
-static inline double *place(void *memory, Scalar s)
+static inline const double *values_from(const void *model, Scalar s)
 {
-    return (double *)(void *)((char *)memory + s.row->offset) + s.element;
+    return (const double *)(const void *)((const char *)model + s.row->offset) + s.element;
 }
-static inline void copy_values(double *to, const double *from,
-                               size_t count) /* a handful: cheaper than memcpy */
-{
-    for (size_t i = 0; i < count; i++) to[i] = from[i];
-}
-static inline const double *place_const(const void *memory, Scalar s)
-{
-    return (const double *)(const void *)((const char *)memory + s.row->offset) + s.element;
-}
+static inline double value_of(const void *model, Scalar s) { return *values_from(model, s); }
 
 /* v, v[3] or v[2,3]: one-based, row major */
 static inline const char *element_name(char buffer[NAME_SIZE], Scalar s)
@@ -73,6 +61,21 @@ static inline const char *broken_rule(Rule rule, double value) /* NULL: the valu
     if (value < lowest(rule)) return "must be >= 0";
     return value > highest(rule) ? "is above its upper bound" : NULL;
 }
+/* when it is set: the rule of a parameter is judged at the end of initialization */
+static inline Rule rule_when_set(Scalar s)
+{
+    return s.row->causality == INPUT_ROW ? s.row->rule : ANY_VALUE;
+}
+/* the same for finite values of one rule, without a reason */
+static inline bool keep_rule(Rule rule, const double value[], size_t count)
+{
+    const double low = lowest(rule), high = highest(rule);
+    bool kept = true;
+    for (size_t i = 0; i < count; i++) kept &= value[i] >= low && value[i] <= high;
+    for (size_t i = 0; i < count && is_flag(rule); i++) kept &= value[i] == 0 || value[i] == 1;
+    for (size_t i = 0; i < count && rule == POSITIVE_VALUE; i++) kept &= value[i] > 0;
+    return kept;
+}
 
 /* 64-bit FNV-1a over names, units, shapes and start values: the same interface has the same guid
  * everywhere */
@@ -96,7 +99,7 @@ static inline uint64_t fingerprint(const ModelInterface *m, uint64_t hash)
                                  (unsigned char)v->columns, (unsigned char)v->rule};
         hash = fold(fold_text(fold_text(hash, v->name), v->unit), shape, sizeof shape);
         if (v->causality != OUTPUT_ROW)
-            hash = fold(hash, place_const(m->start, (Scalar){v, 0}), v->size * sizeof(double));
+            hash = fold(hash, values_from(m->start, (Scalar){v, 0}), v->size * sizeof(double));
     }
     return hash;
 }

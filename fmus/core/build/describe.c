@@ -153,7 +153,7 @@ static void print_variable(size_t row, size_t element, const void *model)
     char name[NAME_SIZE];
     const Variable *v = &fmu_model.variables[row];
     Scalar s = {v, element};
-    const double *values = place_const(model, (Scalar){v, 0});
+    const double *values = values_from(model, (Scalar){v, 0});
 
     printf("    <ScalarVariable name=\"%s\" valueReference=\"%u\" %s description=\"",
            element_name(name, s), (unsigned)(VR_STRIDE * row + element), kind[v->causality]);
@@ -162,7 +162,7 @@ static void print_variable(size_t row, size_t element, const void *model)
     if (display_unit(v->unit)) printf(" displayUnit=\"%s\"", display_unit(v->unit));
     print_bounds(v->rule);
     if (nominal(v, values) != 1) print_attribute("nominal", nominal(v, values));
-    if (v->causality != OUTPUT_ROW) print_attribute("start", *place_const(fmu_model.start, s));
+    if (v->causality != OUTPUT_ROW) print_attribute("start", value_of(fmu_model.start, s));
     printf("/>\n    </ScalarVariable>\n");
 }
 
@@ -246,7 +246,7 @@ static void check_values(const void *model)
     for (size_t i = 0; i < fmu_model.variable_count; i++)
         for (size_t k = 0; k < fmu_model.variables[i].size; k++) {
             Scalar s = {&fmu_model.variables[i], k};
-            const char *rule = broken_rule(s.row->rule, *place_const(model, s));
+            const char *rule = broken_rule(s.row->rule, value_of(model, s));
             if (rule) fault(element_name(name, s), rule);
         }
 }

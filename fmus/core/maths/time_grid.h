@@ -3,48 +3,72 @@
  *
  * Plants integrate on the grid k * max_step: a communication point off the grid shortens the
  * neighbouring internal steps. Flight software samples at the instants k * sample_period. Times
- * within 1e-9 (relative) of a grid point count as on it, because masters accumulate t += h. */
+ * close to a grid point count as on it, because masters accumulate t += h: within 1e-9 of its
+ * number, but never more than a thousandth of a grid step, and never less than two roundings of the
+ * time. Grid steps are counted, so they are whole up to number 2^53; there the time itself is
+ * rounded to a grid step or two. */
 #ifndef TIME_GRID_H
 #define TIME_GRID_H
 
 #include <math.h>
 
-static inline double grid_tolerance(double n) { return 1e-9 * (1 + fabs(n)); }
+static const double most_grid_steps = 9007199254740992.0; /* 2^53 */
 
-static inline double on_grid(double t, double grid)
+/* how far from x a number may be that stands for x */
+static inline double time_tolerance(double x, double most)
+{
+    const double two_roundings = 4.44089209850062616e-16 * fabs(x);
+    return fmax(fmin(1e-9 * (1 + fabs(x)), most), two_roundings);
+}
+
+/* number of the grid point that t stands for, NaN if t is between two */
+static inline double grid_number(double t, double grid)
 {
     double n = nearbyint(t / grid);
-    return fabs(t / grid - n) <= grid_tolerance(n) ? n * grid : t;
+    return fabs(t / grid - n) <= time_tolerance(n, 1e-3) ? n : NAN;
 }
 
 /* ---- internal steps of a plant ----
  * for (Substep s = first_substep(t, h, grid); s.h > 0; s = next_substep(s)) */
-typedef struct { double t, h, next, end, grid; } Substep;
+typedef struct {
+    double t, before;
+} GridTime; /* s, and the number of the grid point at or before */
+typedef struct {
+    double t, h, before, grid;
+    GridTime end;
+} Substep;
 
-static inline Substep substep_at(double t, double end, double grid)
+static inline GridTime grid_time(double t, double grid)
 {
-    double n = floor(t / grid + grid_tolerance(t / grid)), next = (n + 1) * grid;
-    if (next > end) next = end;
-    int whole = t == n * grid && next == (n + 1) * grid;
-    return (Substep){t, whole ? grid : next - t, next, end, grid};
+    double n = grid_number(t, grid);
+    return isnan(n) ? (GridTime){t, floor(t / grid)} : (GridTime){n * grid, n};
+}
+
+static inline Substep substep_at(GridTime now, GridTime end, double grid)
+{
+    double h = end.t - now.t; /* the last piece, 0 at the end */
+    if (now.before < end.before)
+        h = now.t == now.before * grid ? grid : (now.before + 1) * grid - now.t;
+    return (Substep){now.t, h, now.before, grid, end};
 }
 static inline Substep first_substep(double t, double h, double grid)
 {
-    return substep_at(on_grid(t, grid), on_grid(t + h, grid), grid);
+    return substep_at(grid_time(t, grid), grid_time(t + h, grid), grid);
 }
 static inline Substep next_substep(Substep s)
 {
-    return s.next < s.end ? substep_at(s.next, s.end, s.grid)
-                          : (Substep){s.end, 0, s.end, s.end, s.grid};
+    GridTime next = {(s.before + 1) * s.grid, s.before + 1};
+    return substep_at(s.before < s.end.before ? next : s.end, s.end, s.grid);
 }
 
 /* ---- sample instants in [t, t+h) ----
  * for (Sample s = first_sample(t, h, period); s.left > 0; s = next_sample(s)) */
 typedef struct { double t, period, index, left; } Sample; /* period 0: one sample at every call */
 
-static inline double sample_index(double t, double period)
+static inline double sample_index(double t, double period) /* of the first sample at or after t */
 {
-    return ceil(t / period - grid_tolerance(t / period));
+    double n = grid_number(t, period);
+    return isnan(n) ? ceil(t / period) : n;
 }
 static inline Sample first_sample(double t, double h, double period)
 {
@@ -57,7 +81,10 @@ static inline Sample next_sample(Sample s)
     return (Sample){(s.index + 1) * s.period, s.period, s.index + 1, s.left - 1};
 }
 
-/* true once t has reached `start`, with the tolerance of the grid */
-static inline int reached(double t, double start) { return t >= start - 1e-9 * (1 + fabs(start)); }
+/* true once t stands for `start` or a later time; at most a microsecond early */
+static inline int reached(double t, double start)
+{
+    return t >= start - time_tolerance(start, 1e-6);
+}
 
 #endif

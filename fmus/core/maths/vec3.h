@@ -45,6 +45,11 @@ static inline vec3 limited3(vec3 a, vec3 limit)
     return vec(limited(a.x, limit.x), limited(a.y, limit.y), limited(a.z, limit.z));
 }
 
+static inline vec3 unequal(vec3 a, vec3 b) /* 1 per axis where they differ, else 0 */
+{
+    return vec(a.x != b.x, a.y != b.y, a.z != b.z);
+}
+
 static inline mat3 rows(vec3 a, vec3 b, vec3 c) { return (mat3){{a, b, c}}; }
 static inline mat3 diagonal(double a, double b, double c)
 {

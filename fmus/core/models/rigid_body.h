@@ -14,12 +14,20 @@ static inline vec3 gravity_gradient(double mu, vec3 r_B, mat3 J)
     return scale(3 * mu / (r * r * r), cross(rb, mul(J, rb)));
 }
 
+/* within 1e-9 of the largest diagonal element: a matrix rotated in floating point is symmetric but for
+ * roundings. It is used as given; what its unsymmetric part does to the motion is as small. */
+static inline int is_symmetric(mat3 m)
+{
+    double largest = fmax(fabs(m.row[0].x), fmax(fabs(m.row[1].y), fabs(m.row[2].z)));
+    double xy = fabs(m.row[0].y - m.row[1].x), xz = fabs(m.row[0].z - m.row[2].x),
+           yz = fabs(m.row[1].z - m.row[2].y);
+    return fmax(xy, fmax(xz, yz)) <= 1e-9 * largest;
+}
+
 static inline void check_positive_definite(Problems *problems, const char *name, mat3 m)
 {
     double minor = m.row[0].x * m.row[1].y - m.row[0].y * m.row[1].x;
-    int symmetric =
-        m.row[0].y == m.row[1].x && m.row[0].z == m.row[2].x && m.row[1].z == m.row[2].y;
-    if (!symmetric) refuse(problems, name, m.row[0].y, "must be symmetric");
+    if (!is_symmetric(m)) refuse(problems, name, m.row[0].y, "must be symmetric");
     if (m.row[0].x <= 0 || minor <= 0 || determinant(m) <= 0)
         refuse(problems, name, fmin(m.row[0].x, fmin(m.row[1].y, m.row[2].z)),
                "must be positive definite");

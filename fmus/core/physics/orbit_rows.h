@@ -8,22 +8,30 @@
 
 #define EARTH .mu = 3.986004415e14, .R_E = 6378136.3, .J2 = 1.0826360229829945e-3 /* JGM-3 */
 
-#define ORBIT_ROWS                                                                           \
-    NONNEGATIVE_AS("a", orbit.a, "m",                                                        \
-                   "semi-major axis of the target orbit; 0 = Cartesian start r_0_N, v_0_N"), \
-        NONNEGATIVE_AS("e", orbit.e, "1", "eccentricity, below 1"),                          \
-        PARAMETER_AS("inc", orbit.inc, "rad", "inclination"),                                \
-        PARAMETER_AS("argp", orbit.argp, "rad", "argument of perigee"),                      \
-        PARAMETER_AS("raan", orbit.raan, "rad", "right ascension of the ascending node"),    \
-        PARAMETER_AS("nu", orbit.nu, "rad", "true anomaly at the start"),                    \
-        NONNEGATIVE_AS("mu", orbit.mu, "m3/s2",                                              \
-                       "gravitational parameter of the planet; 0 = deep space"),             \
-        NONNEGATIVE_AS("R_E", orbit.R_E, "m", "equatorial radius of the planet"),            \
+/* all but the semi-major axis, in the order of the tables */
+#define ELLIPSE_ROWS                                                                      \
+    NONNEGATIVE_AS("e", orbit.e, "1", "eccentricity, below 1"),                           \
+        PARAMETER_AS("inc", orbit.inc, "rad", "inclination"),                             \
+        PARAMETER_AS("argp", orbit.argp, "rad", "argument of perigee"),                   \
+        PARAMETER_AS("raan", orbit.raan, "rad", "right ascension of the ascending node"), \
+        PARAMETER_AS("nu", orbit.nu, "rad", "true anomaly at the start"),                 \
+        NONNEGATIVE_AS("mu", orbit.mu, "m3/s2",                                           \
+                       "gravitational parameter of the planet; 0 = deep space")
+
+#define ORBIT_ROWS                                                                              \
+    NONNEGATIVE_AS("a", orbit.a, "m",                                                           \
+                   "semi-major axis of the target orbit; 0 = Cartesian start r_0_N, v_0_N"),    \
+        ELLIPSE_ROWS, NONNEGATIVE_AS("R_E", orbit.R_E, "m", "equatorial radius of the planet"), \
         NONNEGATIVE_AS("J2", orbit.J2, "1", "second zonal harmonic of the planet")
+
+static inline void check_ellipse(Problems *problems, const Orbit *o)
+{
+    if (o->e >= 1) refuse(problems, "e", o->e, "must be in [0, 1)");
+}
 
 static inline void check_orbit(Problems *problems, const Orbit *o, vec3 r_0_N)
 {
-    if (o->e >= 1) refuse(problems, "e", o->e, "must be in [0, 1)");
+    check_ellipse(problems, o);
     if (o->a > 0 && o->mu == 0)
         refuse(problems, "mu", o->mu, "must be > 0 when the start is given by elements (a > 0)");
     if (o->a == 0 && o->mu > 0 && norm(r_0_N) == 0)

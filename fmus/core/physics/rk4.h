@@ -1,4 +1,9 @@
-/* rk4.h - classical Runge-Kutta of fourth order on a plain array of doubles. */
+/* rk4.h - classical Runge-Kutta of fourth order on a struct of doubles.
+ *
+ *     static void derivative(const Context *c, double t, const State *x, State *dx);
+ *     RK4(integrate, derivative, Context, State)
+ *
+ * defines  integrate(const Context *c, double t, double h, State *x),  a step from t to t + h. */
 #ifndef RK4_H
 #define RK4_H
 
@@ -22,5 +27,18 @@ static inline void rk4(Derivative *f, const void *context, double t, double h, d
     f(context, t + h, s, k4);
     for (size_t i = 0; i < n; i++) x[i] += h / 6 * (k1[i] + 2 * k2[i] + 2 * k3[i] + k4[i]);
 }
+
+/* the array holds no more than RK4_MAX_STATES: a larger State does not compile */
+#define RK4(name, derivative, Context, State)                                              \
+    typedef char name##_fits[sizeof(State) <= RK4_MAX_STATES * sizeof(double) ? 1 : -1];   \
+    static void name##_rates(const void *context, double t, const double *x, double *dx)   \
+    {                                                                                      \
+        derivative((const Context *)context, t, (const State *)(const void *)x,            \
+                   (State *)(void *)dx);                                                   \
+    }                                                                                      \
+    static void name(const Context *context, double t, double h, State *x)                 \
+    {                                                                                      \
+        rk4(name##_rates, context, t, h, (double *)(void *)x, sizeof *x / sizeof(double)); \
+    }
 
 #endif

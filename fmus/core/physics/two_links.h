@@ -40,8 +40,8 @@ static inline mat3 turned_inertia(const Links *p, int k, vec3 along)
 
 /* position, derivatives and rate-square acceleration of the body at the end of two pieces of length
  * a and b, turned by the first joint and by both */
-static inline void place(Part *part, double a, double b, vec3 along_1, vec3 along_2,
-                         const double dq[JOINTS])
+static inline void locate(Part *part, double a, double b, vec3 along_1, vec3 along_2,
+                          const double dq[JOINTS])
 {
     vec3 z = vec(0, 0, 1), both = scale(b, along_2), first = scale(a, along_1);
     double s1 = dq[0], s2 = dq[0] + dq[1];
@@ -101,8 +101,8 @@ static inline Robot robot_in(const Links *p, const double q[JOINTS], const doubl
                      .rho = joint_1,
                      .inertia = turned_inertia(p, 2, along_2),
                      .sigma = dq[0] + dq[1]}}};
-    place(&robot.part[1], p->l[1], 0, along_1, along_2, dq);
-    place(&robot.part[2], p->l[1] + p->r[1], p->l[2], along_1, along_2, dq);
+    locate(&robot.part[1], p->l[1], 0, along_1, along_2, dq);
+    locate(&robot.part[2], p->l[1] + p->r[1], p->l[2], along_1, along_2, dq);
     refer_to_centre_of_mass(&robot);
     for (int k = 0; k < BODIES; k++) partial_velocities(&robot.part[k], k);
     return robot;

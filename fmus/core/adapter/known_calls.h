@@ -1,0 +1,83 @@
+/* known_calls.h - what the value references of a call stand for, resolved once per distinct call.
+ *
+ * A master reads and writes the same variables at every step. The references of its last calls are
+ * kept with the runs of neighbouring doubles that they name; a call is known if count and references
+ * are equal, wherever the array lies. An unknown call is resolved reference by reference. */
+#ifndef KNOWN_CALLS_H
+#define KNOWN_CALLS_H
+
+#include "interface.h"
+
+enum { KNOWN_CALLS = 2, LONGEST_CALL = 128, MOST_RUNS = 32 };
+
+typedef struct {
+    size_t first, count; /* doubles of the model */
+    Rule rule;
+} Run;
+
+typedef struct {
+    size_t count, runs; /* count 0: nothing known */
+    unsigned reference[LONGEST_CALL];
+    Run run[MOST_RUNS];
+} KnownCall;
+
+typedef struct {
+    KnownCall call[KNOWN_CALLS];
+    size_t oldest;
+} KnownCalls;
+
+static inline const KnownCall *known_call(const KnownCalls *known, const unsigned vr[],
+                                          size_t count)
+{
+    for (const KnownCall *c = known->call; c < known->call + KNOWN_CALLS; c++)
+        if (count && c->count == count && memcmp(c->reference, vr, count * sizeof *vr) == 0)
+            return c;
+    return NULL;
+}
+
+static inline bool add_to_runs(KnownCall *c, Scalar s)
+{
+    size_t at = s.row->offset / sizeof(double) + s.element;
+    Rule rule = rule_when_set(s);
+    Run *last = c->run + c->runs - (c->runs > 0);
+    if (c->runs && last->first + last->count == at && last->rule == rule)
+        return last->count++, true;
+    if (c->runs == MOST_RUNS) return false;
+    c->run[c->runs++] = (Run){at, 1, rule};
+    return true;
+}
+
+/* in place of the oldest; a call that is too long or too scattered stays unknown */
+static inline void remember_call(KnownCalls *known, const ModelInterface *m, const unsigned vr[],
+                                 size_t count)
+{
+    KnownCall *c = &known->call[known->oldest];
+    if (count == 0 || count > LONGEST_CALL) return;
+    c->count = c->runs = 0;
+    for (size_t i = 0; i < count; i++)
+        if (!add_to_runs(c, scalar_of(m, vr[i]))) return;
+    memcpy(c->reference, vr, count * sizeof *vr);
+    c->count = count;
+    known->oldest = (known->oldest + 1) % KNOWN_CALLS;
+}
+
+static inline bool keep_rules(const KnownCall *c, const double value[]) /* of finite values */
+{
+    for (const Run *r = c->run; r < c->run + c->runs; value += r++->count)
+        if (r->rule != ANY_VALUE && !keep_rule(r->rule, value, r->count)) return false;
+    return true;
+}
+
+static inline void write_runs(const KnownCall *c, double model[], const double value[])
+{
+    for (const Run *r = c->run; r < c->run + c->runs; value += r++->count)
+        memcpy(model + r->first, value, r->count * sizeof *value);
+}
+
+static inline void read_runs(const KnownCall *c, const double model[], double value[])
+{
+    for (const Run *r = c->run; r < c->run + c->runs; value += r++->count)
+        memcpy(value, model + r->first, r->count * sizeof *value);
+}
+
+#endif

@@ -1,0 +1,22 @@
+/* finite.h - is every number of a vector finite? */
+#ifndef FINITE_H
+#define FINITE_H
+
+#include <math.h>
+#include <stddef.h>
+
+/* A sum is finite only if every term is, so one test serves them all; where finite terms overflow
+ * the sum they are looked at one by one. */
+static inline int all_finite(const double x[], size_t count)
+{
+    double a = 0, b = 0, c = 0, d = 0;
+    size_t i = 0;
+    for (; i + 4 <= count; i += 4) a += x[i], b += x[i + 1], c += x[i + 2], d += x[i + 3];
+    for (; i < count; i++) a += x[i];
+    if (isfinite(a + b + c + d)) return 1;
+    for (i = 0; i < count; i++)
+        if (!isfinite(x[i])) return 0;
+    return 1;
+}
+
+#endif

@@ -1,0 +1,17 @@
+/* disturbance.h - a disturbance acceleration on an orbiting body, given in N axes or in the Hill frame
+ * of its own orbit. */
+#ifndef DISTURBANCE_H
+#define DISTURBANCE_H
+
+#include "orbit.h"
+#include "sinusoid.h"
+
+/* in N axes; `since`: start of the internal step, as for sinusoid() */
+static inline vec3 disturbance_N(const Sinusoid *d, double in_hill_axes, double mu, PosVel x,
+                                 double since, double t)
+{
+    vec3 a = sinusoid(d, since, t);
+    return in_hill_axes ? tmul(hill_frame(mu, x.r, x.v).C_HN, a) : a;
+}
+
+#endif

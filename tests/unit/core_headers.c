@@ -1,0 +1,123 @@
+/* core_headers.c - the functions of the core headers as a library for the unit tests.
+ *
+ * The tests read the signatures from the lines CALL(result, function, (parameters), (arguments)). */
+#include "attitude.h"
+#include "finite.h"
+#include "motion.h"
+#include "riccati.h"
+#include "rigid_body.h"
+#include "time_grid.h"
+
+#define CALL(result, function, parameters, arguments) \
+    result call_##function parameters;                \
+    result call_##function parameters { return function arguments; }
+
+/* portable_math.h */
+CALL(double, arc, (double y, double x), (y, x))
+CALL(double, exponential, (double x), (x))
+
+/* vec3.h */
+CALL(vec3, add, (vec3 a, vec3 b), (a, b))
+CALL(vec3, sub, (vec3 a, vec3 b), (a, b))
+CALL(vec3, neg, (vec3 a), (a))
+CALL(vec3, scale, (double k, vec3 a), (k, a))
+CALL(vec3, times, (vec3 a, vec3 b), (a, b))
+CALL(vec3, sum3, (vec3 a, vec3 b, vec3 c), (a, b, c))
+CALL(vec3, sum4, (vec3 a, vec3 b, vec3 c, vec3 d), (a, b, c, d))
+CALL(double, dot, (vec3 a, vec3 b), (a, b))
+CALL(double, norm, (vec3 a), (a))
+CALL(vec3, unit, (vec3 a), (a))
+CALL(vec3, cross, (vec3 a, vec3 b), (a, b))
+CALL(double, angle, (vec3 a, vec3 b), (a, b))
+CALL(double, clamp, (double value, double low, double high), (value, low, high))
+CALL(double, limited, (double value, double limit), (value, limit))
+CALL(vec3, limited3, (vec3 a, vec3 limit), (a, limit))
+CALL(vec3, unequal, (vec3 a, vec3 b), (a, b))
+CALL(mat3, rows, (vec3 a, vec3 b, vec3 c), (a, b, c))
+CALL(mat3, diagonal, (double a, double b, double c), (a, b, c))
+CALL(vec3, mul, (mat3 m, vec3 a), (m, a))
+CALL(vec3, tmul, (mat3 m, vec3 a), (m, a))
+CALL(mat3, transpose, (mat3 m), (m))
+CALL(mat3, matmul, (mat3 a, mat3 b), (a, b))
+CALL(mat3, matmul_t, (mat3 a, mat3 b), (a, b))
+CALL(double, determinant, (mat3 m), (m))
+CALL(vec3, solve, (mat3 m, vec3 b), (m, b))
+
+/* attitude.h */
+CALL(vec3, vector_part, (quat q), (q))
+CALL(quat, conjugate, (quat q), (q))
+CALL(quat, product, (quat a, quat b), (a, b))
+CALL(quat, canonical, (quat q), (q))
+CALL(mat3, dcm_of_quat, (quat q), (q))
+CALL(quat, quat_of_dcm, (mat3 c), (c))
+CALL(vec3, mrp_of_quat, (quat q), (q))
+CALL(quat, quat_of_mrp, (vec3 s), (s))
+CALL(mat3, dcm_of_mrp, (vec3 s), (s))
+CALL(vec3, mrp_G, (vec3 s, vec3 w), (s, w))
+CALL(vec3, mrp_G_transposed, (vec3 s, vec3 w), (s, w))
+CALL(vec3, mrp_rate, (vec3 s, vec3 w), (s, w))
+CALL(vec3, mrp_inside, (vec3 s), (s))
+
+/* motion.h */
+CALL(Motion, neg_motion, (Motion a), (a))
+CALL(Motion, cross_motion, (Motion a, Motion b), (a, b))
+CALL(Motion, normalised, (Motion u), (u))
+CALL(Motion, normal_part, (vec3 fixed, Motion i), (fixed, i))
+CALL(vec3, frame_rate, (Motion i, Motion j, Motion k), (i, j, k))
+CALL(vec3, frame_acceleration, (Motion i, Motion j, Motion k), (i, j, k))
+
+/* riccati.h */
+CALL(mat6, sum6, (double ka, mat6 a, double kb, mat6 b), (ka, a, kb, b))
+CALL(mat6, product6, (mat6 a, mat6 b), (a, b))
+CALL(mat6, transpose6, (mat6 a), (a))
+CALL(mat6, solve6, (mat6 a, mat6 b), (a, b))
+CALL(double, largest6, (mat6 a), (a))
+CALL(mat6, riccati, (mat6 A, mat6 S, mat6 Q), (A, S, Q))
+
+mat6 call_lyapunov(mat6 A, mat6 C);
+mat6 call_lyapunov(mat6 A, mat6 C)
+{
+    LyapunovInverse inverse;
+    lyapunov_inverse(A, &inverse);
+    return lyapunov(&inverse, C);
+}
+
+/* rigid_body.h */
+CALL(vec3, gravity_gradient, (double mu, vec3 r_B, mat3 J), (mu, r_B, J))
+CALL(int, keeps_triangle_rule, (mat3 J), (J))
+
+void refusals_of_inertia(mat3 J, char text[8000]);
+void refusals_of_inertia(mat3 J, char text[8000])
+{
+    Problems problems = {{0}, 0};
+    check_inertia(&problems, "J", J);
+    memcpy(text, problems.text, sizeof problems.text);
+}
+
+/* time_grid.h: how many, and the first `room` of them */
+CALL(double, time_tolerance, (double x, double most), (x, most))
+CALL(double, grid_number, (double t, double grid), (t, grid))
+CALL(double, sample_index, (double t, double period), (t, period))
+CALL(int, reached, (double t, double begin), (t, begin))
+
+size_t substeps(double t, double h, double grid, size_t room, double at[], double length[]);
+size_t substeps(double t, double h, double grid, size_t room, double at[], double length[])
+{
+    size_t n = 0;
+    for (Substep s = first_substep(t, h, grid); s.h > 0; s = next_substep(s), n++)
+        if (n < room) at[n] = s.t, length[n] = s.h;
+    return n;
+}
+
+size_t samples(double t, double h, double period, size_t room, double at[], double spacing[]);
+size_t samples(double t, double h, double period, size_t room, double at[], double spacing[])
+{
+    size_t n = 0;
+    for (Sample s = first_sample(t, h, period); s.left > 0; s = next_sample(s), n++)
+        if (n < room) at[n] = s.t, spacing[n] = s.period;
+    return n;
+}
+
+/* finite.h */
+int call_all_finite(const double x[], size_t count);
+int call_all_finite(const double x[], size_t count) { return all_finite(x, count); }
