@@ -44,8 +44,7 @@ static const Model start = {
           .k1 = 0.036,
           .k2 = 8e-4,
           .k2_printed = 3000,
-          .use_plan_rate = 1,
-          .sample_period = 1},
+          .use_plan_rate = 1},
     .u = {.q_SH = {0.5, -0.5, -0.5, 0.5}, .ref = {.q = {0.5, -0.5, -0.5, 0.5}}},
 };
 

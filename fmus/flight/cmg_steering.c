@@ -33,12 +33,7 @@ typedef struct {
 } Model;
 
 static const Model start = {
-    .p = {.use_cluster = 1,
-          .h_w = 350,
-          .gimbal_rate_max = 0.1,
-          .lambda_0 = 0.01,
-          .k_null = 0.02,
-          .sample_period = 1},
+    .p = {.use_cluster = 1, .h_w = 350, .gimbal_rate_max = 0.1, .lambda_0 = 0.01, .k_null = 0.02},
     .u = {.gimbal_angle = {0.9424777960769379, -1.8849555921538759, 2.5132741228718345, 0,
                            -2.5132741228718345, 1.8849555921538759}},
 };

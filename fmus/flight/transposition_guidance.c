@@ -53,8 +53,7 @@ static const Model start = {
           .use_plan = 1,
           .alpha = 0.5,
           .lambda = 1e20,
-          .iterations_max = MAX_ITERATIONS,
-          .sample_period = 1},
+          .iterations_max = MAX_ITERATIONS},
 };
 
 static const Variable variables[] = {

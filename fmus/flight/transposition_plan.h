@@ -1,5 +1,5 @@
-/* transposition_plan.h - attitude history of an assembly along which the momentum of its gyros stays
- * below a limit.
+/* transposition_plan.h - attitude history of an assembly along which the momentum of its gyros
+ * stays below a limit.
  *
  * Unknown: eps at the nodes 1 .. N-2 of an equidistant grid; eps_0 = eps_{N-1} = eps_N = 0. Between
  * the nodes eps is a cubic spline with zero slope at both ends. Momentum by the balance about N,
@@ -226,8 +226,8 @@ static inline void spline_jacobian(const Task *task, const History *y, Workspace
     }
 }
 
-/* ---- the patent's differences: eps' = (e_{k+1} - e_k)/dt, eps'' = (e_{k+1} - 2 e_k + e_{k-1})/dt^2,
- * printed with + 2 e_k; h_{k+1} = h_k + dt h'(e_{k-1}, e_k, e_{k+1}, h_k) ---- */
+/* ---- the patent's differences: eps' = (e_{k+1} - e_k)/dt,
+ * eps'' = (e_{k+1} - 2 e_k + e_{k-1})/dt^2, printed (e_{k+1} + 2 e_k - e_{k-1})/dt^2; h_{k+1} = h_k + dt h'(e_{k-1}, e_k, e_{k+1}, h_k) ---- */
 static inline vec3 patent_rate(const Task *task, const Configuration *c, double dt, const vec3 e[3],
                                vec3 h)
 {

@@ -1,14 +1,15 @@
 /* assembly.c - large docked assembly while its module is swung: attitude on a circular orbit under
  * gravity gradient and drag, driven by the momentum of control moment gyros.
  *
- *   J_A omega_0' = tau_gg + tau_aero - J_A' omega_0 - h_m' - h_cmg' - omega_0 x (J_A omega_0 + h_m + h_cmg)
+ *   J_A omega_0' = tau_gg + tau_aero - J_A' omega_0 - h_m' - h_cmg' - omega_0 x H
+ *   H = J_A omega_0 + h_m + h_cmg
  *   q_So' = q_So (x) [0, omega_0 - C_So omega_orb]/2
  *
- * Model, axes and attitude zero: assembly.h. The gyros are either ideal, h_cmg' = hdot_cmd_S in body
- * axes, or the cluster of cmg_cluster.h with gimbal rates gimbal_rate_cmd, cut to their limit.
+ * Model, axes and attitude zero: assembly.h. The gyros are either ideal, h_cmg' = hdot_cmd_S in
+ * body axes, or the cluster of cmg_cluster.h with gimbal rates gimbal_rate_cmd, cut to their limit.
  * Saturation: an internal step takes the ideal device to h + h' dt, or to the point of the sphere
- * |h| = H_sat nearest to it; the torque on the structure is that of the momentum which it has really
- * taken, so that the total momentum is kept. The cluster cannot leave its envelope by itself.
+ * |h| = H_sat nearest to it; the torque on the structure is that of the momentum which it has
+ * really taken, so that the total momentum is kept. The cluster cannot leave its envelope by itself.
  * Classical Runge-Kutta on the grid k * max_step. Source: docs/models.md E. */
 #include "assembly_rows.h"
 #include "cmg_cluster.h"

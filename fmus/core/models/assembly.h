@@ -11,7 +11,7 @@
  * frame o of the patent, X along the flight, Y minus the orbit normal, Z to the Earth. On the wires
  * attitudes are relative to H (x outward, y along track, z orbit normal): X_o = y_H, Y_o = -z_H,
  * Z_o = -x_H, so that attitude zero is q_SH = q_oH = (1, -1, -1, 1)/2. q_oH and q_HN below are the
- * only places that know. N: the axes of H at t = 0. eps: vector part of q_So, less than half a turn.
+ * only places that know. N: the axes of H at t = 0. eps: vector part of q_So, below half a turn.
  * Source: patent CN106020225A, corrected (docs/models.md E). */
 #ifndef ASSEMBLY_H
 #define ASSEMBLY_H
@@ -149,7 +149,8 @@ typedef struct {
     vec3 omega, domega; /* relative to N, body axes */
 } Turning;
 
-/* omega = C_So omega_orb + w,  w = 2 (eta eps' - eps x eps' - eta' eps),  eta = sqrt(1 - eps.eps) */
+/* omega = C_So omega_orb + w,  w = 2 (eta eps' - eps x eps' - eta' eps),
+ * eta = sqrt(1 - eps.eps) */
 static inline Turning turning(const Assembly *a, Motion eps)
 {
     double eta = sqrt(1 - dot(eps.x, eps.x)), deta = -dot(eps.x, eps.d) / eta;

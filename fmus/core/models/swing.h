@@ -2,7 +2,8 @@
  *
  * u = (t - start)/duration within 0 .. 1, angle = angle_f f(u):
  *   smooth:  f = 10 u^3 - 15 u^4 + 6 u^5
- *   else:    f = 2 u^2, from the middle on 1 - 2 (1-u)^2: constant acceleration, then as much back */
+ *   else:    f = 2 u^2, from the middle on 1 - 2 (1-u)^2, constant acceleration, then as much
+ *            back */
 #ifndef SWING_H
 #define SWING_H
 
