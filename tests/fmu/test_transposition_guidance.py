@@ -1,0 +1,262 @@
+"""transposition_guidance.fmu: limits of the plan, momentum balance along it by point masses, the
+patent's scheme, what cannot be done.
+"""
+
+from __future__ import annotations
+
+import time
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.integrate import simpson
+
+from tests.compliance.probe import Fmu, Instance
+
+from .assembly_cases import C_HO, N_ORBIT, Q_FLIGHT, Assembly, C_of, C_SO_of, quintic
+from .driver import archive
+from .refusals import refusal
+
+NAMES = ("q_DH", "omega_DN_D", "alpha_DN_D", "h_ref_D", "dh_ref_D", "rotation_ref")
+
+
+@pytest.fixture(scope="module")
+def flown(kind):
+    """flown(step, **parameters): times and the reference at them."""
+    from .driver import Unit
+
+    @cache
+    def history(h, parameters=()):
+        unit = Unit(
+            kind("transposition_guidance"), {"sample_period": h, **dict(parameters)}, {}, 0.0
+        )
+        unit.step(h)  # publishes the sample at t = 0
+        rows = []
+        for k in range(round(5400 / h)):
+            rows.append([k * h, *map(unit.get, NAMES)])
+            unit.step(h)
+        unit.close()
+        return dict(zip(("t", *NAMES), map(np.array, zip(*rows, strict=True)), strict=True))
+
+    return history
+
+
+def C_NO(t):
+    """Orbital axes to N, the axes of H at t = 0."""
+    c, s = np.cos(N_ORBIT * t), np.sin(N_ORBIT * t)
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ C_HO
+
+
+# ---- the plan
+
+
+def test_plan_stays_below_its_limits_in_a_handful_of_steps(fmu, flown):
+    unit, plan = fmu("transposition_guidance"), flown(5.0)
+    assert unit.get("status") == 0
+    assert unit.get("no_plan") == 0
+    assert 1 <= unit.get("iterations") <= 6
+    assert unit.get("momentum_max") < 0.9 * 1500
+    assert np.degrees(unit.get("rotation_largest")) < 35
+    h = np.linalg.norm(plan["h_ref_D"], axis=1)
+    assert h.max() == pytest.approx(unit.get("momentum_max"), rel=1e-3)
+    assert plan["rotation_ref"].max() == pytest.approx(unit.get("rotation_largest"), rel=1e-3)
+
+
+def test_history_of_the_iteration_ends_with_the_plan(fmu):
+    unit = fmu("transposition_guidance")
+    n = int(unit.get("iterations"))
+    peak, rotation = unit.get("peak"), unit.get("rotation")
+    assert np.all(np.diff(peak[: n + 1]) < 0)
+    assert peak[0] > 2 * 1500  # Earth pointing
+    assert peak[n] < 0.9 * 1500 <= peak[n - 1]
+    assert not peak[n + 1 :].any()
+    assert rotation[0] == 0
+    assert rotation[n] == pytest.approx(unit.get("rotation_largest"), rel=1e-9)
+    # the trapezoidal rule of the iteration against the finer one of the prediction
+    assert peak[n] == pytest.approx(unit.get("momentum_max"), abs=0.2)
+
+
+def test_reference_begins_and_ends_in_the_flight_attitude_at_rest(fmu):
+    unit = fmu("transposition_guidance", {"sample_period": 1.0})
+    assert unit.get("q_DH") == pytest.approx(Q_FLIGHT, abs=1e-15)
+    assert unit.get("omega_DN_D") == pytest.approx([0, -N_ORBIT, 0], abs=1e-15)
+    assert not unit.get("h_ref_D").any()
+    unit.step(5400.0)  # the last sample is that at 5399 s
+    assert unit.get("q_DH") == pytest.approx(Q_FLIGHT, abs=1e-6)
+    unit.step(10.0)
+    assert unit.get("q_DH") == pytest.approx(Q_FLIGHT, abs=1e-15)
+    assert unit.get("omega_DN_D") == pytest.approx([0, -N_ORBIT, 0], abs=1e-15)
+
+
+def test_weights_on_the_peak_and_other_grids_reach_the_limit_too(fmu):
+    for change in ({"weight": 2}, {"nodes": 45}, {"nodes": 120}, {"lambda": 3e19}):
+        unit = fmu("transposition_guidance", change)
+        assert unit.get("status") == 0, change
+        assert unit.get("momentum_max") < 1355, change
+
+
+def test_momentum_at_the_start_is_part_of_the_plan(fmu):
+    unit = fmu("transposition_guidance", {"h_0_S": (0, 400, 0), "sample_period": 1.0})
+    assert unit.get("status") == 0
+    assert unit.get("h_ref_D") == pytest.approx([0, 400, 0])
+    assert unit.get("peak")[0] != fmu("transposition_guidance").get("peak")[0]
+
+
+# ---- the reference
+
+
+def test_rates_and_accelerations_are_differences_of_the_attitude(flown):
+    """The slope of the acceleration jumps at the nodes, every 60 s."""
+    plan, h = flown(1.0), 1.0
+    C_DN = [C_SO_of(q) @ C_NO(t).T for q, t in zip(plan["q_DH"], plan["t"], strict=True)]
+    C_DN = np.array(C_DN)
+    spin = -np.einsum("kij,klj->kil", C_DN[2:] - C_DN[:-2], C_DN[1:-1]) / (2 * h)
+    w = np.array([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]]).T
+    assert plan["omega_DN_D"][1:-1] == pytest.approx(w, abs=5e-8)
+    dw = (plan["omega_DN_D"][2:] - plan["omega_DN_D"][:-2]) / (2 * h)
+    smooth = plan["t"][1:-1] % 60 != 0
+    assert plan["alpha_DN_D"][1:-1][smooth] == pytest.approx(dw[smooth], abs=1e-9)
+    assert np.abs(plan["omega_DN_D"][:, 0]).max() > 1e-4  # far above the tolerances
+    assert np.abs(plan["alpha_DN_D"]).max() > 1e-7
+
+
+def balance(plan, model, torque):
+    """Largest gap between the change of total momentum and the impulse, over spans of 60 s."""
+    arm = [quintic(t)[:2] for t in plan["t"]]
+    H, tau = [], []
+    for k, t in enumerate(plan["t"]):
+        C_SO = C_SO_of(plan["q_DH"][k])
+        C_NS = C_NO(t) @ C_SO.T
+        carried = model.momentum(plan["omega_DN_D"][k], *arm[k])
+        H.append(C_NS @ (carried + plan["h_ref_D"][k]))
+        tau.append(C_NS @ torque(C_SO, arm[k][0]))
+    H, tau, n = np.array(H), np.array(tau), 12
+    starts = range(0, len(H) - n, n)
+    gaps = [H[k + n] - H[k] - simpson(tau[k : k + n + 1], dx=5.0, axis=0) for k in starts]
+    return np.linalg.norm(gaps, axis=1).max()
+
+
+def test_predicted_momentum_balances_the_torques_on_point_masses(flown):
+    """Tolerance: Simpson's rule across the kinks of faces that turn into the flow."""
+    model, plan = Assembly(), flown(5.0)
+    assert balance(plan, model, model.torque) < 0.02
+
+
+def test_wrong_terms_do_not_balance(flown):
+    model, plan = Assembly(), flown(5.0)
+    prefix = 3 * N_ORBIT**2  # printed before the aerodynamic torque
+
+    def printed_air(C_SO, angle):
+        return model.gravity_torque(C_SO, angle) + prefix * model.aero_torque(C_SO, angle)
+
+    assert balance(plan, model, printed_air) > 0.2
+    assert balance(plan, model, model.aero_torque) > 1
+    assert balance(plan, Assembly(hinge=(9.6, 0, 0.1)), model.torque) > 1
+
+
+def test_rate_of_momentum_is_its_mean_over_the_coming_sample(flown):
+    plan = flown(5.0)
+    steps = np.diff(plan["h_ref_D"], axis=0) / 5.0
+    assert plan["dh_ref_D"][:-1] == pytest.approx(steps, abs=1e-9)
+
+
+def test_without_a_sample_period_the_rate_is_the_derivative(fmu):
+    unit = fmu("transposition_guidance")
+    unit.step(1000.0)
+    rows = []
+    for h in (0.5, 0.5, 0.5):
+        rows.append((unit.get("h_ref_D"), unit.get("dh_ref_D")))
+        unit.step(h)
+    # outputs are of the sample at the beginning of the step
+    derivative = (rows[2][0] - rows[1][0]) / 0.5
+    assert derivative == pytest.approx((rows[1][1] + rows[2][1]) / 2, abs=2e-5)
+
+
+# ---- the patent's scheme
+
+
+def test_patents_scheme_with_its_second_difference_corrected_finds_a_plan_but_errs_in_momentum(fmu):
+    unit = fmu("transposition_guidance", {"scheme": 1})
+    assert unit.get("status") == 0
+    believed = unit.get("peak")[int(unit.get("iterations"))]
+    assert believed < 0.9 * 1500
+    assert abs(unit.get("momentum_max") - believed) > 20  # explicit Euler steps of 60 s
+
+
+def test_second_difference_as_printed_believes_in_a_plan_that_saturates(fmu):
+    unit = fmu("transposition_guidance", {"scheme": 2})
+    assert unit.get("peak")[int(unit.get("iterations"))] < 0.9 * 1500
+    assert unit.get("momentum_max") > 2 * 1500
+
+
+# ---- what cannot be done
+
+
+@pytest.mark.parametrize(
+    ("parameters", "status"),
+    [
+        ({"H_sat": 500}, 3),
+        ({"rotation_max": 0.1}, 3),
+        ({"iterations_max": 1}, 2),
+        ({"alpha": 1e-6, "iterations_max": 5}, 2),
+    ],
+)
+def test_an_impossible_task_ends_in_the_flight_attitude_with_a_status(fmu, parameters, status):
+    unit = fmu("transposition_guidance", parameters | {"sample_period": 1.0})
+    assert unit.get("status") == status
+    assert unit.get("no_plan") == 1
+    assert unit.get("rotation_largest") == 0
+    unit.step(2000.0)
+    assert unit.get("q_DH") == pytest.approx(Q_FLIGHT, abs=1e-15)
+    assert not unit.get("alpha_DN_D").any()
+
+
+def test_an_impossible_task_is_said_in_the_log(tmp_path):
+    model = Fmu(archive("transposition_guidance"), tmp_path)
+    with Instance(model) as instance:
+        instance.start({"rotation_max": 0.1})
+        texts = [m.text for m in instance.host.messages if m.category == "logStatusWarning"]
+    assert len(texts) == 1
+    assert "no_plan" in texts[0]
+    assert "no history keeps the momentum below the limit" in texts[0]
+
+
+def test_flight_attitude_can_be_asked_for(fmu):
+    unit = fmu("transposition_guidance", {"use_plan": 0})
+    assert (unit.get("status"), unit.get("no_plan"), unit.get("iterations")) == (1, 0, 0)
+    assert unit.get("momentum_max") > 2 * 1500
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"nodes": 7}, "nodes = 7: must be a whole number from 8 to 120"),
+        ({"nodes": 90.5}, "nodes = 90.5: must be a whole number from 8 to 120"),
+        ({"nodes": 121}, "nodes = 121: must be a whole number from 8 to 120"),
+        ({"window": 3599}, "window = 3599: must not end before the swing does"),
+        ({"swing_start": -1}, "swing_start = -1: must not be before window_start"),
+        ({"H_sat": 0}, "H_sat = 0: must be > 0"),
+        ({"H_sat": -5}, "H_sat = -5: must be > 0"),
+        ({"m1": 0}, "m1 = 0: must be > 0"),
+        ({"J0": np.diag((1, 1, 3))}, "J0 = 3: must keep the triangle rule"),
+        ({"momentum_share": 1.1}, "momentum_share = 1.1: must be at most 1"),
+        ({"rotation_max": 3.1}, "rotation_max = 3.1: must be below 175 deg"),
+        ({"scheme": 3}, "scheme = 3: must be 0, 1 or 2"),
+        ({"iterations_max": 31}, "iterations_max = 31: must be a whole number from 0 to 30"),
+    ],
+)
+def test_refused(tmp_path, parameters, message):
+    assert message in refusal("transposition_guidance", parameters, tmp_path)
+
+
+# ---- cost
+
+
+def test_planning_takes_less_than_two_seconds_and_an_instance_is_small(fmu, tmp_path):
+    begin = time.perf_counter()
+    fmu("transposition_guidance")
+    assert time.perf_counter() - begin < 2.0
+    model = Fmu(archive("transposition_guidance"), tmp_path)
+    with Instance(model) as instance:
+        instance.start()
+        assert len(instance.serialize(instance.save())) < 32768
