@@ -225,7 +225,13 @@ def fly(
 
     atol = np.array([1e-15] * 4 + [1e-9] * 3)
     found = solve_ivp(
-        f, (t0, t1), np.concatenate((q_SN, H_N)), "DOP853", rtol=1e-13, atol=atol, first_step=t1 - t0
+        f,
+        (t0, t1),
+        np.concatenate((q_SN, H_N)),
+        "DOP853",
+        rtol=1e-13,
+        atol=atol,
+        first_step=t1 - t0,
     )
     q = found.y[:4, -1]
     return q / np.sqrt(q @ q), found.y[4:, -1]

@@ -113,7 +113,9 @@ def reference(n: float, curve: CubicSpline, t: Array) -> Motion:
     t = np.asarray(t, float)
     vector = [curve(t, k) for k in range(3)]
     scalar = scalar_part(*vector)
-    quaternion = [np.concatenate((s[..., None], v), -1) for s, v in zip(scalar, vector, strict=True)]
+    quaternion = [
+        np.concatenate((s[..., None], v), -1) for s, v in zip(scalar, vector, strict=True)
+    ]
     C, D, E = product(dcm_jet(*quaternion), orbit_jet(n, t))
     transposed = np.swapaxes(C, -1, -2)
     alpha = vees(-E @ transposed - D @ np.swapaxes(D, -1, -2))
@@ -144,18 +146,40 @@ class Planner:
         torques (trapezoidal rule), does not leave to the motion of the points.
         """
         t = self.grid if grid is None else grid
+        tau_N = self.torque_N(nodes, t)
+        return self.left(nodes, t, np.diff(t)[:, None] * (tau_N[1:] + tau_N[:-1]) / 2)
+
+    def left(self, nodes: Array, t: Array, gain: Array) -> Array:
+        """What the total, which gains that much (N axes) between the instants, leaves for the gyros,
+        S axes.
+        """
+        motion, own = self.own(nodes, t)
+        gained = np.concatenate((np.zeros((1, 3)), np.cumsum(gain, 0)))
+        H_N = motion.C[0].T @ (own[0] + self.h_0) + gained
+        return np.einsum("kij,kj->ki", motion.C, H_N) - own
+
+    def predicted(self, nodes: Array, period: float = 1.0) -> Array:
+        """The same at multiples of a period, the torques integrated by Gauss' rule of three points
+        in every period.
+        """
+        t = np.linspace(0.0, self.p.stop, round(self.p.stop / period) + 1)
+        roots, weights = np.polynomial.legendre.leggauss(3)
+        between = (t[:-1, None] + period / 2 * (1 + roots)).ravel()
+        torque = self.torque_N(nodes, between).reshape(-1, 3, 3)
+        return self.left(nodes, t, period / 2 * np.einsum("g,kgi->ki", weights, torque))
+
+    def own(self, nodes: Array, t: Array) -> tuple[Motion, Array]:
+        """Reference, and momentum of the points that move with it, S axes."""
         alpha, dalpha, _ = self.a.swing_angle(t)
         motion = reference(self.a.n, self.curve(nodes), t)
         x, by_angle = self.a.moved(alpha)
         turning = np.cross(motion.omega[:, None, :], x)
-        own = momentum(self.a.masses, x, by_angle * dalpha[:, None, None] + turning)
-        C_SO = motion.C @ np.swapaxes(orbital_axes(self.a.n, t), -1, -2)
-        tau_N = np.einsum("kij,ki->kj", motion.C, self.a.torque(C_SO, alpha))
-        gain = np.diff(t)[:, None] * (tau_N[1:] + tau_N[:-1]) / 2
-        H_N = motion.C[0].T @ (own[0] + self.h_0) + np.concatenate(
-            (np.zeros((1, 3)), np.cumsum(gain, 0))
-        )
-        return np.einsum("kij,kj->ki", motion.C, H_N) - own
+        return motion, momentum(self.a.masses, x, by_angle * dalpha[:, None, None] + turning)
+
+    def torque_N(self, nodes: Array, t: Array) -> Array:
+        C = reference(self.a.n, self.curve(nodes), t).C
+        C_SO = C @ np.swapaxes(orbital_axes(self.a.n, t), -1, -2)
+        return np.einsum("kij,ki->kj", C, self.a.torque(C_SO, self.a.swing_angle(t)[0]))
 
     def whole(self, free: Array) -> Array:
         """Nodes 0 and N - 1, N are at zero."""
@@ -179,7 +203,9 @@ class Planner:
         """
         h, J = self.at_nodes(free), self.jacobian(free)
         count = len(free) // 3
-        second = np.diff(np.eye(count + 2), 2, axis=0)[:, 1:-1] / (self.p.stop / len(self.t[1:])) ** 2
+        second = (
+            np.diff(np.eye(count + 2), 2, axis=0)[:, 1:-1] / (self.p.stop / len(self.t[1:])) ** 2
+        )
         rough = np.sqrt(self.p.smoothing) * np.kron(second, np.eye(3))
         size = np.linalg.norm(h.reshape(-1, 3), axis=1)
         root = np.repeat((size / size.max()) ** (self.p.weight_power / 2), 3)
@@ -210,6 +236,32 @@ class Command(NamedTuple):
     d_omega: Array
 
 
+class Aim(NamedTuple):
+    """Reference at a sample; h, hdot: momentum of the plan in its axes, and its mean rate until the
+    next sample, if the law is to use it.
+    """
+
+    motion: Motion
+    h: Array | None = None
+    hdot: Array | None = None
+
+
+@dataclass(frozen=True)
+class Guide:
+    """The planned history as the law sees it; h: at multiples of the period, if it is to be used."""
+
+    n: float
+    curve: CubicSpline
+    period: float = 1.0
+    h: Array | None = None
+
+    def aim(self, t: float) -> Aim:
+        motion, k = reference(self.n, self.curve, t), round(t / self.period)
+        if self.h is None or k + 1 >= len(self.h):
+            return Aim(motion)
+        return Aim(motion, self.h[k], (self.h[k + 1] - self.h[k]) / self.period)
+
+
 @dataclass(frozen=True)
 class Tracking:
     """The corrected law; a: the assembly as the flight software knows it."""
@@ -218,21 +270,30 @@ class Tracking:
     k1: float = 0.036
     k2: float = 8e-4
 
-    def command(self, t: float, q_SN: Array, omega: Array, h_S: Array, ref: Motion) -> Command:
-        """What the gyros must take up for the wanted angular acceleration: torques less the moment
-        of the accelerations of all points, less omega x h.
+    def command(self, t: float, q_SN: Array, omega: Array, h_S: Array, ref: Aim) -> Command:
+        """What the gyros must take up for the wanted angular acceleration, and what the plan takes
+        up on average until the next sample more than at the instant.
         """
-        a = self.a
-        C_SN, C_ON = dcm(q_SN), orbital_axes(a.n, t)
-        C_e = C_SN @ ref.C.T
-        q_SO = multiply(conjugate(orbital_attitude(a.n, t)), q_SN)
-        q_e = positive(multiply(conjugate(ref.q_SO), q_SO))
-        d_omega = omega - C_e @ ref.omega
-        wanted = C_e @ ref.alpha - np.cross(d_omega, C_e @ ref.omega)
+        C_SN = dcm(q_SN)
+        C_e = C_SN @ ref.motion.C.T
+        q_e = positive(multiply(conjugate(ref.motion.q_SO), self.relative(t, q_SN)))
+        d_omega = omega - C_e @ ref.motion.omega
+        wanted = C_e @ ref.motion.alpha - np.cross(d_omega, C_e @ ref.motion.omega)
         wanted = wanted - self.k1 * d_omega - self.k2 * q_e[1:]
-        alpha, _, _ = a.swing_angle(t)
-        tau = a.torque(C_SN @ C_ON.T, alpha)
-        return Command(tau - self.moment(t, omega, wanted) - np.cross(omega, h_S), q_e, d_omega)
+        hdot = self.taken(t, C_SN, omega, wanted, h_S)
+        if ref.hdot is not None:
+            m = ref.motion
+            hdot = hdot + C_e @ (ref.hdot - self.taken(t, m.C, m.omega, m.alpha, ref.h))
+        return Command(hdot, q_e, d_omega)
+
+    def relative(self, t: float, q_SN: Array) -> Array:
+        return multiply(conjugate(orbital_attitude(self.a.n, t)), q_SN)
+
+    def taken(self, t: float, C_SN: Array, w: Array, dw: Array, h_S: Array) -> Array:
+        """Torques less the moment of the accelerations of all points, less omega x h."""
+        C_SO = C_SN @ orbital_axes(self.a.n, t).T
+        tau = self.a.torque(C_SO, self.a.swing_angle(t)[0])
+        return tau - self.moment(t, w, dw) - np.cross(w, h_S)
 
     def moment(self, t: float, w: Array, dw: Array) -> Array:
         """Sum of m x cross acceleration of the points."""
@@ -324,34 +385,61 @@ class Loop:
     period: float = 1.0
 
 
-def fly(loop: Loop, curve: CubicSpline, stop: float) -> dict[str, Array]:
-    """Rows at the samples: states at t_k, and the commands that were computed there."""
-    a, c = loop.world, loop.cluster
-    q, h, d = np.array((1.0, 0, 0, 0)), np.zeros(3), np.radians(c.start) if c else np.zeros(6)
-    omega = np.array((0, -a.n, 0))
-    H = assembly.total_momentum(a, 0.0, q, omega, h)
+class Flight(NamedTuple):
+    """Instant of a flight: attitude, total momentum (N axes), momentum of ideal devices, gimbal
+    angles.
+    """
+
+    t: float
+    q_SN: Array
+    H_N: Array
+    h_S: Array
+    gimbals: Array
+
+
+def at_rest(loop: Loop) -> Flight:
+    """Flight attitude and the rate of the orbit at t = 0."""
+    q, omega = np.array((1.0, 0, 0, 0)), np.array((0, -loop.world.n, 0))
+    gimbals = np.radians(loop.cluster.start) if loop.cluster else np.zeros(6)
+    h = loop.cluster.momentum(gimbals) if loop.cluster else np.zeros(3)
+    H = assembly.total_momentum(loop.world, 0.0, q, omega, h)
+    return Flight(0.0, q, H, h, gimbals)
+
+
+def coasted(loop: Loop, x: Flight, hdot: Array, rates: Array) -> Flight:
+    """One sample later, with the rate of the momentum or the gimbal rates held."""
+    cluster, t1 = loop.cluster, x.t + loop.period
+
+    def gimbals(t: float) -> Array:
+        return x.gimbals + (t - x.t) * rates
+
+    def held(t: float) -> Array:
+        return cluster.momentum(gimbals(t)) if cluster else x.h_S + (t - x.t) * hdot
+
+    q, H = assembly.fly(loop.world, x.q_SN, x.H_N, held, x.t, t1)
+    return Flight(t1, q, H, held(t1), gimbals(t1))
+
+
+def fly(loop: Loop, guide: Guide, stop: float, x: Flight | None = None) -> dict[str, Array]:
+    """Rows at the samples up to a time: states at t_k, and the commands that were computed there."""
+    x = x or at_rest(loop)
     rows: dict[str, list[Array]] = {}
-    for k in range(round(stop / loop.period) + 1):
-        t = k * loop.period
-        h = c.momentum(d) if c else h
-        omega = assembly.rate_of(a, t, q, H, h)
-        command = loop.law.command(t, q, omega, h, reference(loop.law.a.n, curve, t))
-        rates = c.steer(t, d, command.hdot) if c else np.zeros(6)
-        for name, value in (("q_SN", q), ("omega", omega), ("h", h), ("H_N", H), ("d", d)):
+    for _ in range(round((stop - x.t) / loop.period) + 1):
+        omega = assembly.rate_of(loop.world, x.t, x.q_SN, x.H_N, x.h_S)
+        command = loop.law.command(x.t, x.q_SN, omega, x.h_S, guide.aim(x.t))
+        steer = loop.cluster.steer if loop.cluster else lambda *_: np.zeros(6)
+        rates = steer(x.t, x.gimbals, command.hdot)
+        row = {**x._asdict(), **command._asdict(), "omega": omega, "rates": rates}
+        for name, value in row.items():
             rows.setdefault(name, []).append(value)
-        for name, value in (("hdot", command.hdot), ("q_e", command.q_e), ("rates", rates)):
-            rows.setdefault(name, []).append(value)
-
-        def held(time: float, t=t, h=h, d=d, rates=rates, hdot=command.hdot) -> Array:
-            return c.momentum(d + (time - t) * rates) if c else h + (time - t) * hdot
-
-        q, H = assembly.fly(a, q, H, held, t, t + loop.period)
-        h, d = h + loop.period * command.hdot, d + loop.period * rates
+        x = coasted(loop, x, command.hdot, rates)
     return {name: np.array(values) for name, values in rows.items()}
 
 
 def inexact(a: Assembly, inertia: float = 1.03, density: float = 1.5) -> Assembly:
     """Masses and inertias, and the density of the air, off by these factors."""
-    scaled = {name: tuple(map(tuple, inertia * np.array(getattr(a, name)))) for name in ("J0", "J1")}
+    scaled = {
+        name: tuple(map(tuple, inertia * np.array(getattr(a, name)))) for name in ("J0", "J1")
+    }
     mass = (inertia * a.mass[0], inertia * a.mass[1])
     return replace(a, mass=mass, rho=density * a.rho, **scaled)
