@@ -1,0 +1,38 @@
+/* cholesky.h - dense symmetric positive definite systems, in place, without allocation. */
+#ifndef CHOLESKY_H
+#define CHOLESKY_H
+
+#include <math.h>
+
+/* A = L L^T, L in the lower triangle of a, by rows; `stride` numbers from row to row. 0 if A is not
+ * positive definite. */
+static inline int cholesky(double *a, int n, int stride)
+{
+    for (int j = 0; j < n; j++) {
+        double *row = a + j * stride;
+        for (int k = 0; k < j; k++) {
+            double *above = a + k * stride, sum = row[k];
+            for (int i = 0; i < k; i++) sum -= row[i] * above[i];
+            row[k] = sum / above[k];
+        }
+        double pivot = row[j];
+        for (int k = 0; k < j; k++) pivot -= row[k] * row[k];
+        if (!(pivot > 0)) return 0;
+        row[j] = sqrt(pivot);
+    }
+    return 1;
+}
+
+static inline void cholesky_solve(const double *l, int n, int stride, double *b) /* b := A^-1 b */
+{
+    for (int i = 0; i < n; i++) {
+        for (int k = 0; k < i; k++) b[i] -= l[i * stride + k] * b[k];
+        b[i] /= l[i * stride + i];
+    }
+    for (int i = n; i-- > 0;) {
+        b[i] /= l[i * stride + i];
+        for (int k = 0; k < i; k++) b[k] -= l[i * stride + k] * b[i];
+    }
+}
+
+#endif

@@ -1,0 +1,147 @@
+/* cmg_steering.c - gimbal rates of six gyros for a commanded rate of momentum: singularity-robust
+ * inverse with null motion.
+ *
+ *   d' = A^T (A A^T + lam E)^-1 h'/h_w + k_n (1 - A^+ A) grad m,   m = sqrt(det A A^T)
+ *   lam = lam_0 exp(-m),   E = [1 e3 e2; e3 1 e1; e2 e1 1],   e_j = 0.01 sin(pi t/2 + phi_j)
+ *   dm/dd_i = m dA_i . (A A^T)^-1 A_i,   dA_i = -s_i cos d_i - t_i sin d_i
+ *
+ * phi = 0, pi/2, pi. A^+ drops singular values below 1e-3 of the largest. All rates are scaled
+ * together if one exceeds the limit. Sampled: one sample reads the inputs once and holds the rates.
+ * Source: docs/models.md E.6. */
+#include "cmg_cluster.h"
+#include "fmu.h"
+#include "symmetric3.h"
+#include "time_grid.h"
+
+typedef struct {
+    double use_cluster, h_w, gimbal_rate_max, lambda_0, k_null, sample_period;
+} Parameters;
+typedef struct {
+    vec3 hdot_cmd_S;
+    double gimbal_angle[GYROS];
+} Input;
+typedef struct { double none; } State;
+typedef struct {
+    double gimbal_rate_cmd[GYROS], singularity, damping, rate_limited;
+    vec3 hdot_missing_S;
+} Output;
+typedef struct {
+    Parameters p;
+    Input u;
+    State x;
+    Output y;
+} Model;
+
+static const Model start = {
+    .p = {.use_cluster = 1,
+          .h_w = 350,
+          .gimbal_rate_max = 0.1,
+          .lambda_0 = 0.01,
+          .k_null = 0.02,
+          .sample_period = 1},
+    .u = {.gimbal_angle = {0.9424777960769379, -1.8849555921538759, 2.5132741228718345, 0,
+                           -2.5132741228718345, 1.8849555921538759}},
+};
+
+static const Variable variables[] = {
+    SWITCH(use_cluster, "1: steer; 0: the gimbals rest"),
+    POSITIVE(h_w, "N.m.s", "momentum of the wheel of one gyro"),
+    POSITIVE(gimbal_rate_max, "rad/s", "largest gimbal rate"),
+    NONNEGATIVE(lambda_0, "1", "damping at the singularity"),
+    NONNEGATIVE(k_null, "rad2/s", "gain of the null motion"),
+    NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call"),
+
+    INPUT(hdot_cmd_S, "N.m", "wanted rate of change of the momentum, body axes"),
+    INPUT(gimbal_angle, "rad", "gimbal angles"),
+
+    OUTPUT(gimbal_rate_cmd, "rad/s", "gimbal rates"),
+    NONNEGATIVE_OUTPUT(singularity, "1", "sqrt(det A A^T) of the cluster, 0: singular"),
+    NONNEGATIVE_OUTPUT(damping, "1", "lam, damping of the inverse"),
+    FLAG(rate_limited, "1: the rates are scaled down to the limit"),
+    OUTPUT(hdot_missing_S, "N.m", "part of the wanted rate of momentum that the gimbal rates leave "
+                                  "out, body axes"),
+};
+
+static void check(const Parameters *p, Problems *problems)
+{
+    (void)p;
+    (void)problems;
+}
+
+typedef struct { vec3 A[GYROS], dA[GYROS]; } Columns;
+
+static Columns columns_at(const double d[GYROS])
+{
+    Columns c;
+    for (int i = 0; i < GYROS; i++) {
+        c.A[i] = torque_axis(gyro(i), d[i]);
+        c.dA[i] = neg(spin_axis(gyro(i), d[i]));
+    }
+    return c;
+}
+
+static mat3 dither(double t) /* E */
+{
+    double w = 1.5707963267948966 * t;
+    double e1 = 0.01 * sin(w), e2 = 0.01 * cos(w), e3 = -0.01 * sin(w);
+    return rows(vec(1, e3, e2), vec(e3, 1, e1), vec(e2, e1, 1));
+}
+
+/* grad m less its part that moves the momentum */
+static void null_motion(const Columns *c, mat3 AAt, double m, double rate[GYROS])
+{
+    double gradient[GYROS];
+    vec3 moved = vec(0, 0, 0);
+    for (int i = 0; i < GYROS; i++) {
+        gradient[i] = m > 1e-9 ? m * dot(c->dA[i], solve(AAt, c->A[i])) : 0;
+        moved = add(moved, scale(gradient[i], c->A[i]));
+    }
+    vec3 back = mul(pseudo_inverse(AAt, 1e-6), moved); /* squares of the singular values */
+    for (int i = 0; i < GYROS; i++) rate[i] = gradient[i] - dot(c->A[i], back);
+}
+
+static double largest_rate(const double rate[GYROS])
+{
+    double largest = 0;
+    for (int i = 0; i < GYROS; i++) largest = fmax(largest, fabs(rate[i]));
+    return largest;
+}
+
+static void publish(const Parameters *p, const Input *u, const double rate[GYROS], Output *y)
+{
+    double largest = largest_rate(rate), limit = p->gimbal_rate_max;
+    y->rate_limited = largest > limit;
+    for (int i = 0; i < GYROS; i++)
+        y->gimbal_rate_cmd[i] = y->rate_limited != 0 ? rate[i] * (limit / largest) : rate[i];
+    y->hdot_missing_S =
+        sub(u->hdot_cmd_S, cluster_rate(p->h_w, u->gimbal_angle, y->gimbal_rate_cmd));
+}
+
+static void steer(const Parameters *p, const Input *u, Output *y, double t)
+{
+    Columns c = columns_at(u->gimbal_angle);
+    mat3 AAt = A_A_transposed(u->gimbal_angle);
+    double rate[GYROS];
+    y->singularity = singularity_measure(u->gimbal_angle);
+    y->damping = p->lambda_0 * exponential(-y->singularity);
+    vec3 wanted = solve(plus(AAt, scaled(y->damping, dither(t))), scale(1 / p->h_w, u->hdot_cmd_S));
+    null_motion(&c, AAt, y->singularity, rate);
+    for (int i = 0; i < GYROS; i++)
+        rate[i] = p->use_cluster * (dot(c.A[i], wanted) + p->k_null * rate[i]);
+    publish(p, u, rate, y);
+}
+
+static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    (void)x;
+    steer(p, u, y, t);
+}
+
+static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
+{
+    (void)x;
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
+        steer(p, u, y, s.t);
+}
+
+FMU_MODEL("cmg_steering", "Singularity-robust steering of six control moment gyros");

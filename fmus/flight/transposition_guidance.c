@@ -1,0 +1,276 @@
+/* transposition_guidance.c - attitude reference along which a docked assembly swings its module
+ * without saturating its gyros.
+ *
+ * The attitude history is planned in `initialize` (transposition_plan.h) from parameters alone; the
+ * state holds its nodes and the total momentum at the nodes. Published at a sample: attitude, rate
+ * and acceleration of the history, the momentum h that the gyros will have, and its mean rate over
+ * the coming sample,
+ *
+ *   h = C_DN H_N - (J_A omega + h_m),   H_N = H_N(t_k) + integral(C_ND tau) from node t_k,
+ *   dh = (h(t+T) - h(t))/T,
+ *
+ * the integral by two-point Gauss quadrature on a sixteenth of the grid, so that a controller with
+ * the same model meets h to 1e-6 of saturation. Outside the window the reference is the flight
+ * attitude and h is held. A task that cannot be done ends in the flight attitude, with a status and
+ * an alarm. Source: patent CN106020225A, corrected (docs/models.md E). */
+#include "assembly_rows.h"
+#include "time_grid.h"
+#include "transposition_plan.h"
+
+typedef struct {
+    Assembly assembly;
+    Swing swing;
+    vec3 h_0_S;
+    double window_start, window, nodes, H_sat, momentum_share, rotation_max;
+    double use_plan, scheme, alpha, lambda, weight, iterations_max, sample_period;
+} Parameters;
+typedef struct { double none; } Input;
+typedef struct {
+    History history;
+    vec3 H_N[MAX_NODES + 1], h_end; /* total momentum at the nodes; h_cmg after the window */
+} State;
+typedef struct {
+    AttitudeReference ref;
+    vec3 eps_ref;
+    double rotation_ref, status, no_plan, iterations, momentum_max, rotation_largest;
+    double peak[MAX_ITERATIONS + 1], rotation[MAX_ITERATIONS + 1];
+} Output;
+typedef struct {
+    Parameters p;
+    Input u;
+    State x;
+    Output y;
+} Model;
+
+static const Model start = {
+    .p = {.assembly = ASSEMBLY_START,
+          .swing = SWING_START,
+          .window = 5400,
+          .nodes = 90,
+          .H_sat = 1500,
+          .momentum_share = 0.9,
+          .rotation_max = 0.6108652381980153,
+          .use_plan = 1,
+          .alpha = 0.5,
+          .lambda = 1e20,
+          .iterations_max = MAX_ITERATIONS,
+          .sample_period = 1},
+};
+
+static const Variable variables[] = {
+    ASSEMBLY_ROWS(assembly),
+    SWING_ROWS(swing),
+    PARAMETER(h_0_S, "N.m.s", "momentum of the gyros at the start of the window, body axes"),
+    PARAMETER(window_start, "s", "start of the window"),
+    POSITIVE(window, "s", "length of the window; the swing lies within"),
+    POSITIVE(nodes, "1", "intervals between the nodes of the history, a whole number, 8 to 120"),
+    POSITIVE(H_sat, "N.m.s", "momentum at which the gyros saturate"),
+    POSITIVE(momentum_share, "1", "part of H_sat below which the plan stays, at most 1"),
+    POSITIVE(rotation_max, "rad", "largest rotation from the flight attitude, below 175 deg"),
+    SWITCH(use_plan, "1: plan; 0: flight attitude all the time"),
+    NONNEGATIVE(scheme, "1",
+                "discretisation of the plan; 0: spline, 1: differences of the patent with its "
+                "second difference corrected, 2: as printed"),
+    POSITIVE(alpha, "1", "part of the computed step that is taken"),
+    NONNEGATIVE(lambda, "N2.m2.s6", "weight on the second differences of a step"),
+    NONNEGATIVE(weight, "1", "power of |h|/max |h| in the weight of a node, whole number up to 8"),
+    NONNEGATIVE(iterations_max, "1", "largest number of steps, whole number up to 30"),
+    NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call"),
+
+    ATTITUDE_REFERENCE_ROWS(OUTPUT_ROW, y, ref),
+    OUTPUT(eps_ref, "1",
+           "reference attitude relative to the flight attitude, vector part of the quaternion"),
+    ANGLE_OUTPUT(rotation_ref, "angle of the reference rotation from the flight attitude"),
+    NONNEGATIVE_OUTPUT(status, "1",
+                       "0: planned; 1: flight attitude asked for; 2: not below the limit; 3: "
+                       "rotation would exceed rotation_max; 4: no memory"),
+    ALARM(no_plan, "1: no history keeps the momentum below the limit, the reference is the flight "
+                   "attitude; see status"),
+    NONNEGATIVE_OUTPUT(iterations, "1", "steps that the plan took"),
+    NONNEGATIVE_OUTPUT(momentum_max, "N.m.s", "largest predicted momentum of the gyros"),
+    ANGLE_OUTPUT(rotation_largest, "largest rotation of the reference from the flight attitude"),
+    NONNEGATIVE_OUTPUT(peak, "N.m.s", "largest momentum before every step of the plan, and after"),
+    NONNEGATIVE_OUTPUT(rotation, "rad", "largest rotation before every step of the plan, and after"),
+};
+
+static void check_whole(Problems *problems, const char *name, double value, double low, double high,
+                        const char *rule)
+{
+    if (value != nearbyint(value) || value < low || value > high)
+        refuse(problems, name, value, rule);
+}
+
+static void check_window(const Parameters *p, Problems *problems)
+{
+    const Swing *s = &p->swing;
+    if (s->start < p->window_start)
+        refuse(problems, "swing_start", s->start, "must not be before window_start");
+    if (s->start + s->duration > p->window_start + p->window)
+        refuse(problems, "window", p->window, "must not end before the swing does");
+}
+
+static void check(const Parameters *p, Problems *problems)
+{
+    check_assembly(problems, &p->assembly);
+    check_window(p, problems);
+    check_whole(problems, "nodes", p->nodes, 8, MAX_NODES, "must be a whole number from 8 to 120");
+    check_whole(problems, "scheme", p->scheme, 0, 2, "must be 0, 1 or 2");
+    check_whole(problems, "weight", p->weight, 0, 8, "must be a whole number from 0 to 8");
+    check_whole(problems, "iterations_max", p->iterations_max, 0, MAX_ITERATIONS,
+                "must be a whole number from 0 to 30");
+    if (p->momentum_share > 1)
+        refuse(problems, "momentum_share", p->momentum_share, "must be at most 1");
+    if (p->rotation_max > 3.05)
+        refuse(problems, "rotation_max", p->rotation_max, "must be below 175 deg");
+    if (norm(p->h_0_S) > p->H_sat)
+        refuse(problems, "h_0_S", norm(p->h_0_S), "must not be larger than H_sat");
+}
+
+/* ---- predicted momentum ---- */
+static Configuration configuration_at(const Parameters *p, double t)
+{
+    return configuration(&p->assembly, arm_at(&p->swing, t));
+}
+
+static vec3 torque_N_at(const Parameters *p, const State *x, double t)
+{
+    Configuration c = configuration_at(p, t);
+    mat3 C_So = turning(&p->assembly, history_at(&x->history, t)).C_So;
+    vec3 torque = environment_torque(&p->assembly, &c, C_So);
+    return tmul(dcm_of_quat(q_oN(&p->assembly, t)), tmul(C_So, torque));
+}
+
+enum { QUADRATURE = 16 }; /* steps from node to node */
+
+static vec3 impulse_N(const Parameters *p, const State *x, double from, double to)
+{
+    double count = ceil(QUADRATURE * (to - from) / x->history.dt - 1e-6), h = (to - from) / count;
+    double off = h / 2 / sqrt(3.0);
+    vec3 sum = vec(0, 0, 0);
+    for (int i = 0; i < count; i++) {
+        double middle = from + (i + 0.5) * h;
+        sum = sum3(sum, torque_N_at(p, x, middle - off), torque_N_at(p, x, middle + off));
+    }
+    return scale(h / 2, sum);
+}
+
+static vec3 momentum_D(const Parameters *p, const State *x, vec3 H_N, double t)
+{
+    Configuration c = configuration_at(p, t);
+    Turning s = turning(&p->assembly, history_at(&x->history, t));
+    mat3 C_DN = matmul(s.C_So, dcm_of_quat(q_oN(&p->assembly, t)));
+    return sub(mul(C_DN, H_N), carried_momentum(&c, s.omega));
+}
+
+static double node_time(const History *y, int k) { return y->t_0 + k * y->dt; }
+static double window_end(const History *y) { return node_time(y, intervals(y)); }
+
+static vec3 predicted(const Parameters *p, const State *x, double t)
+{
+    const History *y = &x->history;
+    if (t <= y->t_0) return p->h_0_S;
+    if (t >= window_end(y)) return x->h_end;
+    int k = (int)floor((t - y->t_0) / y->dt);
+    double node = node_time(y, k);
+    vec3 H_N = t > node ? add(x->H_N[k], impulse_N(p, x, node, t)) : x->H_N[k];
+    return momentum_D(p, x, H_N, t);
+}
+
+/* H_N at the nodes, momentum after the window; the largest momentum on the grid of the plan */
+static double predict(const Parameters *p, State *x)
+{
+    const History *y = &x->history;
+    double part = y->dt / FINE, largest = norm(p->h_0_S);
+    Configuration c = configuration_at(p, y->t_0);
+    Turning s = turning(&p->assembly, history_at(y, y->t_0));
+    mat3 C_DN = matmul(s.C_So, dcm_of_quat(q_oN(&p->assembly, y->t_0)));
+    vec3 H_N = tmul(C_DN, add(carried_momentum(&c, s.omega), p->h_0_S));
+    x->H_N[0] = H_N;
+    for (int m = 1; m <= FINE * intervals(y); m++) {
+        double from = y->t_0 + (m - 1) * part, to = y->t_0 + m * part;
+        H_N = add(H_N, impulse_N(p, x, from, to));
+        x->h_end = momentum_D(p, x, H_N, to);
+        largest = fmax(largest, norm(x->h_end));
+        if (m % FINE == 0) x->H_N[m / FINE] = H_N;
+    }
+    return largest;
+}
+
+/* ---- reference ---- */
+static vec3 rate_of_momentum(const Parameters *p, const State *x, const Turning *s, vec3 h,
+                             double t)
+{
+    double T = p->sample_period;
+    if (T > 0 && t >= x->history.t_0 && reached(window_end(&x->history), t + T))
+        return scale(1 / T, sub(predicted(p, x, t + T), h));
+    Configuration c = configuration_at(p, t);
+    return momentum_rate(&c, s->omega, s->domega, h,
+                         environment_torque(&p->assembly, &c, s->C_So));
+}
+
+static void guide(const Parameters *p, const State *x, Output *y, double t)
+{
+    Motion eps = history_at(&x->history, t);
+    Turning s = turning(&p->assembly, eps);
+    y->ref.q = q_SH_of_q_So(s.q_So);
+    y->ref.omega = s.omega;
+    y->ref.alpha = s.domega;
+    y->ref.h = predicted(p, x, t);
+    y->ref.dh = rate_of_momentum(p, x, &s, y->ref.h, t);
+    y->eps_ref = eps.x;
+    y->rotation_ref = rotation_of(eps.x);
+}
+
+static double largest_rotation(const History *y)
+{
+    double largest = 0;
+    for (int m = 0; m <= FINE * intervals(y); m++)
+        largest = fmax(largest, rotation_of(fine_motion(y, m).x));
+    return largest;
+}
+
+static Result planned(const Parameters *p, History *y)
+{
+    Task task = {&p->assembly,
+                 &p->swing,
+                 p->h_0_S,
+                 p->momentum_share * p->H_sat,
+                 p->rotation_max,
+                 p->alpha,
+                 p->lambda,
+                 p->weight,
+                 (int)p->iterations_max,
+                 (Scheme)(int)p->scheme};
+    if (p->use_plan != 0) return plan(&task, y);
+    stay_in_flight_attitude(y);
+    return (Result){.status = FLIGHT_ATTITUDE};
+}
+
+static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    (void)u;
+    x->history.n = p->nodes;
+    x->history.t_0 = p->window_start;
+    x->history.dt = p->window / p->nodes;
+    Result r = planned(p, &x->history);
+    y->status = r.status;
+    y->no_plan = r.status > FLIGHT_ATTITUDE;
+    y->iterations = r.iterations;
+    for (int i = 0; i <= r.iterations; i++) {
+        y->peak[i] = r.peak[i];
+        y->rotation[i] = r.rotation[i];
+    }
+    y->momentum_max = predict(p, x);
+    y->rotation_largest = largest_rotation(&x->history);
+    guide(p, x, y, t);
+}
+
+static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
+{
+    (void)u;
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
+        guide(p, x, y, s.t);
+}
+
+FMU_MODEL("transposition_guidance",
+          "Attitude history of a docked assembly that keeps its gyros below saturation");

@@ -1,0 +1,278 @@
+/* assembly.c - large docked assembly while its module is swung: attitude on a circular orbit under
+ * gravity gradient and drag, driven by the momentum of control moment gyros.
+ *
+ *   J_A omega_0' = tau_gg + tau_aero - J_A' omega_0 - h_m' - h_cmg' - omega_0 x (J_A omega_0 + h_m + h_cmg)
+ *   q_SN' = q_SN (x) [0, omega_0]/2
+ *
+ * Model, axes and attitude zero: assembly.h. The gyros are either ideal, h_cmg' = hdot_cmd_S in body
+ * axes, or the cluster of cmg_cluster.h with gimbal rates gimbal_rate_cmd, cut to their limit.
+ * Saturation: an internal step takes the ideal device to h + h' dt, or to the point of the sphere
+ * |h| = H_sat nearest to it; the torque on the structure is that of the momentum which it has really
+ * taken, so that the total momentum is kept. The cluster cannot leave its envelope by itself.
+ * Classical Runge-Kutta on the grid k * max_step. Source: docs/models.md E. */
+#include "assembly_rows.h"
+#include "cmg_cluster.h"
+#include "rk4.h"
+#include "time_grid.h"
+
+typedef struct {
+    Assembly assembly;
+    Swing swing;
+    vec3 eps_0, omega_SH_S_0, h_0_S;
+    double use_cluster, H_sat, h_w, gimbal_angle_0[GYROS], gimbal_rate_max;
+    double use_gravity_gradient, use_aero, max_step;
+} Parameters;
+typedef struct {
+    vec3 hdot_cmd_S;
+    double gimbal_rate_cmd[GYROS];
+} Input;
+typedef struct {
+    quat q; /* q_SN */
+    vec3 omega, h;
+    double gimbal_angle[GYROS];
+} State;
+typedef struct {
+    quat q_SH;
+    vec3 omega_SN_S, omega_SH_S;
+    quat q_SN;
+    vec3 eps;
+    double rotation;
+    vec3 h_cmg_S;
+    double h_cmg, momentum_share, saturated, gimbal_angle[GYROS], gimbal_rate[GYROS], singularity;
+    Arm arm;
+    vec3 M_gravity_S, M_aero_S, h_total_N;
+    mat3 J_A;
+} Output;
+typedef struct {
+    Parameters p;
+    Input u;
+    State x;
+    Output y;
+} Model;
+
+static const Model start = {
+    .p = {.assembly = ASSEMBLY_START,
+          .swing = SWING_START,
+          .H_sat = 1500,
+          .h_w = 350,
+          .gimbal_angle_0 = {0.9424777960769379, -1.8849555921538759, 2.5132741228718345, 0,
+                             -2.5132741228718345, 1.8849555921538759},
+          .gimbal_rate_max = 0.1,
+          .use_gravity_gradient = 1,
+          .use_aero = 1,
+          .max_step = 0.5},
+};
+
+static const Variable variables[] = {
+    ASSEMBLY_ROWS(assembly),
+    SWING_ROWS(swing),
+    PARAMETER(eps_0, "1",
+              "attitude at the start relative to the flight attitude, vector part of the "
+              "quaternion"),
+    PARAMETER(omega_SH_S_0, "rad/s", "angular velocity relative to H at the start, body axes"),
+    PARAMETER(h_0_S, "N.m.s", "momentum of the ideal device at the start, body axes"),
+    SWITCH(use_cluster, "1: cluster of six gyros, driven by gimbal_rate_cmd; 0: ideal device, "
+                        "driven by hdot_cmd_S"),
+    POSITIVE(H_sat, "N.m.s", "largest momentum of the ideal device"),
+    POSITIVE(h_w, "N.m.s", "momentum of the wheel of one gyro"),
+    PARAMETER(gimbal_angle_0, "rad", "gimbal angles at the start"),
+    POSITIVE(gimbal_rate_max, "rad/s", "largest gimbal rate"),
+    SWITCH(use_gravity_gradient, "1: gravity gradient acts"),
+    SWITCH(use_aero, "1: drag acts on the surfaces"),
+    POSITIVE(max_step, "s", "internal integration step"),
+
+    INPUT(hdot_cmd_S, "N.m", "rate of change of the momentum of the ideal device, body axes"),
+    INPUT(gimbal_rate_cmd, "rad/s", "gimbal rates of the cluster"),
+
+    OUTPUT(q_SH, "1",
+           "attitude of the base relative to H, scalar first; (1,-1,-1,1)/2 is the flight "
+           "attitude"),
+    OUTPUT(omega_SN_S, "rad/s", "angular velocity of the base relative to N, body axes"),
+    OUTPUT(omega_SH_S, "rad/s", "angular velocity of the base relative to H, body axes"),
+    OUTPUT(q_SN, "1", "attitude of the base relative to N = H at t = 0, scalar first"),
+    OUTPUT(eps, "1", "attitude relative to the flight attitude, vector part of the quaternion"),
+    ANGLE_OUTPUT(rotation, "angle of the rotation from the flight attitude"),
+    OUTPUT(h_cmg_S, "N.m.s", "momentum of the gyros, body axes"),
+    NONNEGATIVE_OUTPUT(h_cmg, "N.m.s", "its magnitude"),
+    NONNEGATIVE_OUTPUT(momentum_share, "1",
+                       "momentum of the gyros as a part of the largest in its direction"),
+    ALARM(saturated, "1: the gyros have less momentum left than was asked for"),
+    OUTPUT(gimbal_angle, "rad", "gimbal angles"),
+    OUTPUT(gimbal_rate, "rad/s", "gimbal rates"),
+    NONNEGATIVE_OUTPUT(singularity, "1", "sqrt(det A A^T) of the cluster, 0: singular"),
+    ROW_AS(OUTPUT_ROW, y, "arm_angle", arm.angle, 1, "rad", "angle of the arm", ANY_VALUE),
+    ROW_AS(OUTPUT_ROW, y, "arm_rate", arm.rate, 1, "rad/s", "its rate", ANY_VALUE),
+    ROW_AS(OUTPUT_ROW, y, "arm_accel", arm.accel, 1, "rad/s2", "its acceleration", ANY_VALUE),
+    OUTPUT(M_gravity_S, "N.m", "gravity-gradient torque, body axes"),
+    OUTPUT(M_aero_S, "N.m", "aerodynamic torque, body axes"),
+    OUTPUT(h_total_N, "N.m.s", "total momentum about the centre of mass of the assembly, N axes"),
+    ROW_AS(OUTPUT_ROW, y, "J_A", J_A, 3, "kg.m2", "inertia of the assembly, base axes", ANY_VALUE),
+};
+
+static void check(const Parameters *p, Problems *problems)
+{
+    check_assembly(problems, &p->assembly);
+    if (norm(p->eps_0) > 1)
+        refuse(problems, "eps_0", norm(p->eps_0), "must not be longer than 1");
+    if (norm(p->h_0_S) > p->H_sat)
+        refuse(problems, "h_0_S", norm(p->h_0_S), "must not be larger than H_sat");
+}
+
+/* ---- torques ---- */
+typedef struct { vec3 gravity, aero; } Torques;
+
+static Torques torques(const Parameters *p, const Configuration *c, mat3 C_So)
+{
+    return (Torques){scale(p->use_gravity_gradient, gravity_torque(&p->assembly, c, C_So)),
+                     scale(p->use_aero, aero_torque(&p->assembly, c, C_So))};
+}
+
+static quat q_So_at(const Parameters *p, quat q_SN, double t)
+{
+    return canonical(product(conjugate(q_oN(&p->assembly, t)), q_SN));
+}
+
+/* ---- the gyros over one internal step ---- */
+typedef struct {
+    double use_cluster, h_w;
+    vec3 h, dh; /* ideal: h + dh tau, tau from the start of the step */
+    double saturated, angle[GYROS], rate[GYROS];
+} Drive;
+
+typedef struct { vec3 h, dh; } Momentum;
+
+static Momentum momentum_at(const Drive *d, double tau)
+{
+    double angle[GYROS];
+    if (d->use_cluster == 0) return (Momentum){add(d->h, scale(tau, d->dh)), d->dh};
+    for (int i = 0; i < GYROS; i++) angle[i] = d->angle[i] + tau * d->rate[i];
+    return (Momentum){cluster_momentum(d->h_w, angle), cluster_rate(d->h_w, angle, d->rate)};
+}
+
+static double gimbal_rate(const Parameters *p, const Input *u, int i)
+{
+    return p->use_cluster != 0 ? limited(u->gimbal_rate_cmd[i], p->gimbal_rate_max) : 0;
+}
+
+static Drive drive_over(const Parameters *p, const Input *u, const State *x, double h)
+{
+    Drive d = {.use_cluster = p->use_cluster, .h_w = p->h_w, .h = x->h, .dh = u->hdot_cmd_S};
+    vec3 wanted = add(x->h, scale(h, u->hdot_cmd_S));
+    double size = norm(wanted);
+    d.saturated = p->use_cluster == 0 && size > p->H_sat;
+    if (d.saturated != 0) d.dh = scale(1 / h, sub(scale(p->H_sat / size, wanted), x->h));
+    for (int i = 0; i < GYROS; i++) {
+        d.angle[i] = x->gimbal_angle[i];
+        d.rate[i] = gimbal_rate(p, u, i);
+    }
+    return d;
+}
+
+static void advance_gyros(const Drive *d, double h, State *x)
+{
+    x->h = momentum_at(d, h).h;
+    for (int i = 0; i < GYROS; i++) x->gimbal_angle[i] += h * d->rate[i];
+}
+
+/* ---- motion ---- */
+typedef struct {
+    const Parameters *p;
+    const Drive *drive;
+    double t_0, inside; /* start of the internal step, and an instant within */
+} Context;
+
+typedef struct {
+    quat q;
+    vec3 omega;
+} Motion7;
+
+static void derivative(const void *context, double t, const double *from, double *to)
+{
+    const Context *c = context;
+    const Motion7 *x = (const Motion7 *)(const void *)from;
+    Configuration now = configuration(&c->p->assembly, arm_in_step(&c->p->swing, t, c->inside));
+    Momentum gyros = momentum_at(c->drive, t - c->t_0);
+    Torques torque = torques(c->p, &now, dcm_of_quat(q_So_at(c->p, x->q, t)));
+
+    quat dq = product(x->q, (quat){0, x->omega.x, x->omega.y, x->omega.z});
+    *(Motion7 *)(void *)to =
+        (Motion7){{dq.w / 2, dq.x / 2, dq.y / 2, dq.z / 2},
+                  acceleration(&now, x->omega, gyros.h, gyros.dh, add(torque.gravity, torque.aero))};
+}
+
+/* ---- outputs ---- */
+static double largest_momentum(const Parameters *p, vec3 h)
+{
+    if (p->use_cluster == 0) return p->H_sat;
+    return envelope(p->h_w, norm(h) > 0 ? unit(h) : vec(0, 0, 1));
+}
+
+enum { NEARLY_ALL_PERCENT = 98 }; /* beyond, the cluster is called saturated */
+
+static void publish_gyros(const Parameters *p, const Input *u, const State *x, double saturated,
+                          Output *y)
+{
+    y->h_cmg_S = x->h;
+    y->h_cmg = norm(x->h);
+    y->momentum_share = y->h_cmg / largest_momentum(p, x->h);
+    y->saturated = p->use_cluster != 0 ? y->momentum_share > NEARLY_ALL_PERCENT / 100.0 : saturated;
+    for (int i = 0; i < GYROS; i++) {
+        y->gimbal_angle[i] = x->gimbal_angle[i];
+        y->gimbal_rate[i] = gimbal_rate(p, u, i);
+    }
+    y->singularity = singularity_measure(x->gimbal_angle);
+}
+
+static void publish(const Parameters *p, const State *x, double t, double inside, Output *y)
+{
+    quat q_So = q_So_at(p, x->q, t);
+    mat3 C_So = dcm_of_quat(q_So);
+    y->arm = arm_in_step(&p->swing, t, inside);
+    Configuration now = configuration(&p->assembly, y->arm);
+    Torques torque = torques(p, &now, C_So);
+
+    y->q_SH = q_SH_of_q_So(q_So);
+    y->q_SN = x->q;
+    y->omega_SN_S = x->omega;
+    y->omega_SH_S = sub(x->omega, mul(C_So, orbital_rate_o(&p->assembly)));
+    y->eps = vector_part(q_So);
+    y->rotation = 2 * arc(norm(y->eps), q_So.w);
+    y->M_gravity_S = torque.gravity;
+    y->M_aero_S = torque.aero;
+    y->h_total_N = tmul(dcm_of_quat(x->q), add(carried_momentum(&now, x->omega), x->h));
+    y->J_A = now.J;
+}
+
+static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    const Assembly *a = &p->assembly;
+    double e = dot(p->eps_0, p->eps_0);
+    quat q_So = {sqrt(fmax(0, 1 - e)), p->eps_0.x, p->eps_0.y, p->eps_0.z};
+    x->q = canonical(product(q_oN(a, t), q_So));
+    x->omega = add(mul(dcm_of_quat(canonical(q_So)), orbital_rate_o(a)), p->omega_SH_S_0);
+    for (int i = 0; i < GYROS; i++) x->gimbal_angle[i] = p->gimbal_angle_0[i];
+    x->h = p->use_cluster != 0 ? cluster_momentum(p->h_w, x->gimbal_angle) : p->h_0_S;
+    publish_gyros(p, u, x, 0, y);
+    publish(p, x, t, t, y);
+}
+
+static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
+{
+    double saturated = 0, inside = t, end = t + h;
+    for (Substep s = first_substep(t, h, p->max_step); s.h > 0; s = next_substep(s)) {
+        Drive drive = drive_over(p, u, x, s.h);
+        Motion7 motion = {x->q, x->omega};
+        inside = s.t + s.h / 2;
+        const Context context = {p, &drive, s.t, inside};
+        rk4(derivative, &context, s.t, s.h, &motion.q.w, sizeof motion / sizeof(double));
+        x->q = canonical(motion.q);
+        x->omega = motion.omega;
+        advance_gyros(&drive, s.h, x);
+        saturated = drive.saturated;
+        end = s.next;
+    }
+    publish_gyros(p, u, x, saturated, y);
+    publish(p, x, end, inside, y);
+}
+
+FMU_MODEL("assembly", "Large docked assembly with a swinging module and control moment gyros");
