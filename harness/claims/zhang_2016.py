@@ -1,5 +1,4 @@
-"""Claims of the patent of Zhang et al. 2016 on the transposition of a large assembly (docs/models.md
-E).
+"""Claims of the patent of Zhang et al. 2016 on the transposition of an assembly (docs/models.md E).
 
 The patent has no numbers at all; the bands say what we take its claims to mean.
 """
@@ -64,7 +63,7 @@ CLAIMS = (
         where="abstract",
         needs=(SHARE, MOMENTUM),
         measure=measures.peak_share,
-        figure="at most {0:.3f} of what they hold; largest momentum {1:.0f} N m s, largest part at {2:.0f} s",
+        figure="at most {0:.3f} of what they hold, at {2:.0f} s; largest momentum {1:.0f} N m s",
         unit="",
         reproduced=at_most(0.98),
         partly=at_most(1.0 - 1e-9),
@@ -139,8 +138,9 @@ CLAIMS = (
 )
 
 PAPER = Paper(
-    title="Zhang J., Zhang Zh., Liu Ch., Lin H., Dong W., He Y.: Transposition control method for a large "
-    "assembly. Patent application CN106020225A, Beijing Institute of Control Engineering, 2016",
+    title="Zhang J., Zhang Zh., Liu Ch., Lin H., Dong W., He Y.: Transposition control method for "
+    "a large assembly. Patent application CN106020225A, Beijing Institute of Control Engineering, "
+    "2016",
     needs=(SHARE, ROTATION, REFERENCE),
     claims=CLAIMS,
     conditions=(

@@ -146,17 +146,9 @@ class Planner:
         torques (trapezoidal rule), does not leave to the motion of the points.
         """
         t = self.grid if grid is None else grid
-        tau_N = self.torque_N(nodes, t)
-        return self.left(nodes, t, np.diff(t)[:, None] * (tau_N[1:] + tau_N[:-1]) / 2)
-
-    def left(self, nodes: Array, t: Array, gain: Array) -> Array:
-        """What the total, which gains that much (N axes) between the instants, leaves for the gyros,
-        S axes.
-        """
         motion, own = self.own(nodes, t)
-        gained = np.concatenate((np.zeros((1, 3)), np.cumsum(gain, 0)))
-        H_N = motion.C[0].T @ (own[0] + self.h_0) + gained
-        return np.einsum("kij,kj->ki", motion.C, H_N) - own
+        tau_N = self.torque_N(motion.C, t)
+        return left(motion, own, self.h_0, np.diff(t)[:, None] * (tau_N[1:] + tau_N[:-1]) / 2)
 
     def predicted(self, nodes: Array, period: float = 1.0) -> Array:
         """The same at multiples of a period, the torques integrated by Gauss' rule of three points
@@ -165,8 +157,10 @@ class Planner:
         t = np.linspace(0.0, self.p.stop, round(self.p.stop / period) + 1)
         roots, weights = np.polynomial.legendre.leggauss(3)
         between = (t[:-1, None] + period / 2 * (1 + roots)).ravel()
-        torque = self.torque_N(nodes, between).reshape(-1, 3, 3)
-        return self.left(nodes, t, period / 2 * np.einsum("g,kgi->ki", weights, torque))
+        C = reference(self.a.n, self.curve(nodes), between).C
+        tau_N = self.torque_N(C, between).reshape(-1, 3, 3)
+        gain = period / 2 * np.einsum("g,kgi->ki", weights, tau_N)
+        return left(*self.own(nodes, t), self.h_0, gain)
 
     def own(self, nodes: Array, t: Array) -> tuple[Motion, Array]:
         """Reference, and momentum of the points that move with it, S axes."""
@@ -176,10 +170,9 @@ class Planner:
         turning = np.cross(motion.omega[:, None, :], x)
         return motion, momentum(self.a.masses, x, by_angle * dalpha[:, None, None] + turning)
 
-    def torque_N(self, nodes: Array, t: Array) -> Array:
-        C = reference(self.a.n, self.curve(nodes), t).C
-        C_SO = C @ np.swapaxes(orbital_axes(self.a.n, t), -1, -2)
-        return np.einsum("kij,ki->kj", C, self.a.torque(C_SO, self.a.swing_angle(t)[0]))
+    def torque_N(self, C_SN: Array, t: Array) -> Array:
+        C_SO = C_SN @ np.swapaxes(orbital_axes(self.a.n, t), -1, -2)
+        return np.einsum("kij,ki->kj", C_SN, self.a.torque(C_SO, self.a.swing_angle(t)[0]))
 
     def whole(self, free: Array) -> Array:
         """Nodes 0 and N - 1, N are at zero."""
@@ -202,13 +195,14 @@ class Planner:
         equations: rows of the weighted history, rows of the second differences of the step.
         """
         h, J = self.at_nodes(free), self.jacobian(free)
+        peak = np.linalg.norm(self.history(self.whole(free)), axis=1).max()
         count = len(free) // 3
         second = (
             np.diff(np.eye(count + 2), 2, axis=0)[:, 1:-1] / (self.p.stop / len(self.t[1:])) ** 2
         )
         rough = np.sqrt(self.p.smoothing) * np.kron(second, np.eye(3))
         size = np.linalg.norm(h.reshape(-1, 3), axis=1)
-        root = np.repeat((size / size.max()) ** (self.p.weight_power / 2), 3)
+        root = np.repeat((size / peak) ** (self.p.weight_power / 2), 3)
         A = np.vstack((root[:, None] * J, rough))
         b = np.concatenate((root * h, np.zeros(len(rough))))
         return free - self.p.step * np.linalg.lstsq(A, b, rcond=None)[0]
@@ -225,6 +219,15 @@ class Planner:
             if peaks[-1] < self.p.margin * self.p.H_sat or len(peaks) > self.p.largest:
                 return Plan(nodes, peaks, rotations)
             free = self.improved(free)
+
+
+def left(motion: Motion, own: Array, h_0: Array, gain: Array) -> Array:
+    """What the total, which gains that much (N axes) between the instants, leaves for the gyros, S
+    axes.
+    """
+    gained = np.concatenate((np.zeros((1, 3)), np.cumsum(gain, 0)))
+    H_N = motion.C[0].T @ (own[0] + h_0) + gained
+    return np.einsum("kij,kj->ki", motion.C, H_N) - own
 
 
 # ---- tracking
@@ -309,6 +312,24 @@ class Tracking:
         Half a turn further on it is the opposite.
         """
         return (self.a.points(alpha + np.pi) - self.a.points(alpha)) / 2
+
+
+@dataclass(frozen=True)
+class Printed(Tracking):
+    """The law as printed; k2 [N m]."""
+
+    k2: float = 3000.0
+
+    def command(self, t: float, q_SN: Array, omega: Array, h_S: Array, ref: Aim) -> Command:
+        plain = super().command(t, q_SN, omega, h_S, ref)
+        damping = self.inertia(t) @ (omega - np.array((0, -self.a.n, 0)))
+        eps = positive(self.relative(t, q_SN))[1:]
+        return plain._replace(
+            hdot=self.k1 * damping + self.k2 * (eps - positive(ref.motion.q_SO)[1:])
+        )
+
+    def inertia(self, t: float) -> Array:
+        return self.a.inertia(self.a.points(self.a.swing_angle(t)[0]))
 
 
 def orbital_attitude(n: float, t: float) -> Array:
