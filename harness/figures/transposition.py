@@ -117,22 +117,29 @@ def _placed(result: Result) -> Iterator[tuple[float, Array, Array]]:
 
 def _bodies(canvas: Axes, result: Result) -> None:
     """Base and module at several times; the planet is below, flight goes to the right."""
-    from mpl_toolkits.mplot3d.art3d import Line3DCollection
+    from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-untyped]
 
     shown = list(_placed(result))
-    reach = max(float(np.abs(part).max()) for _, *parts in shown for part in parts)
+    ends = np.concatenate([part.reshape(-1, 3) for _, *parts in shown for part in parts])
+    low, high = ends.min(axis=0), ends.max(axis=0)
     for k, (time, *parts) in enumerate(shown, start=1):
         axes = canvas.add_subplot(2, SNAPSHOTS // 2, k, projection="3d")
         for part, colour, label in zip(parts, ("C0", "C1"), ("base", "module"), strict=True):
             axes.add_collection3d(
-                Line3DCollection(part, colors=colour, linewidths=0.8, label=label)
+                Line3DCollection(part, colors=colour, linewidths=0.9, label=label)
             )
-        limits = (-reach / 2, reach)
-        axes.set(xlim=limits, ylim=limits, zlim=limits, title=f"{time:.0f} s", box_aspect=(1, 1, 1))
-        axes.set(xlabel="flight [m]", ylabel="minus normal [m]", zlabel="nadir [m]")
+        axes.set(
+            xlim=(low[0], high[0]),
+            ylim=(high[1], low[1]),
+            zlim=(high[2], low[2]),
+            title=f"{time:.0f} s",
+            xlabel="flight [m]",
+            ylabel="- normal [m]",
+            zlabel="nadir [m]",
+        )
+        axes.set_box_aspect(high - low, zoom=0.8)
+        axes.locator_params(nbins=4)
         axes.view_init(elev=25, azim=-60)
-        axes.invert_zaxis()
-        axes.invert_yaxis()
     axes.legend(fontsize="small")
 
 
@@ -148,9 +155,9 @@ def _iterations(canvas: Axes, result: Result) -> None:
     count = int(result[ITERATIONS][0]) + 1
     left, right = canvas.add_subplot(1, 2, 1), canvas.add_subplot(1, 2, 2)
     left.bar(range(count), result["guidance.peak"][0, :count])
-    limits = {"saturation": 1.0, "limit of the plan": result.parameter(MARGIN)}
+    limits = {"saturation": 1.0, "limit of the plan": float(result.parameter(MARGIN))}
     for (label, share), style in zip(limits.items(), ("-", "--"), strict=True):
-        level = share * result.parameter(SATURATION)
+        level = float(share * result.parameter(SATURATION))
         left.axhline(level, color="k", linestyle=style, linewidth=1, label=label)
     left.set(xlabel="step of the plan", ylabel="largest momentum [N m s]")
     left.legend(fontsize="small")

@@ -111,7 +111,11 @@ def scalar_part(e: Array, de: Array, dde: Array) -> tuple[Array, Array, Array]:
 def reference(n: float, curve: CubicSpline, t: Array) -> Motion:
     """Attitude history whose vector part relative to the orbital frame is the curve."""
     t = np.asarray(t, float)
-    vector = [curve(t, k) for k in range(3)]
+    return moving(n, t, tuple(curve(t, k) for k in range(3)))
+
+
+def moving(n: float, t: Array, vector: tuple[Array, Array, Array]) -> Motion:
+    """Motion of which the vector part of the quaternion and two derivatives are known."""
     scalar = scalar_part(*vector)
     quaternion = [
         np.concatenate((s[..., None], v), -1) for s, v in zip(scalar, vector, strict=True)
@@ -335,6 +339,32 @@ class Printed(Tracking):
 def orbital_attitude(n: float, t: float) -> Array:
     """q_ON: O turns against its y axis."""
     return np.array((np.cos(n * t / 2), 0.0, -np.sin(n * t / 2), 0.0))
+
+
+# ---- the patent's own discretisation
+
+
+@dataclass(frozen=True)
+class PatentPlanner(Planner):
+    """Forward and second differences of the nodes, explicit Euler for the momentum; printed: the
+    second difference with the signs of the patent.
+    """
+
+    printed: bool = False
+
+    def history(self, nodes: Array, grid: Array | None = None) -> Array:
+        dt, law = self.t[1], Tracking(self.a)
+        before, after = np.vstack((nodes[:1], nodes[:-2])), nodes[1:]
+        now = nodes[:-1]
+        bend = after + 2 * now - before if self.printed else after - 2 * now + before
+        motion = moving(self.a.n, self.t[:-1], (now, (after - now) / dt, bend / dt**2))
+        h = [np.array(self.h_0)]
+        for t, C, w, dw in zip(self.t, motion.C, motion.omega, motion.alpha, strict=False):
+            h.append(h[-1] + dt * law.taken(t, C, w, dw, h[-1]))
+        return np.array(h)
+
+    def at_nodes(self, free: Array) -> Array:
+        return self.history(self.whole(free))[1:].ravel()
 
 
 # ---- gyros

@@ -19,6 +19,7 @@ from ..reference.transposition import (
     Flight,
     Guide,
     Loop,
+    PatentPlanner,
     Planner,
     Planning,
     Printed,
@@ -108,6 +109,28 @@ def test_the_plan_of_the_scenario_is_that_of_the_point_masses():
     assert plan.iterations == result["guidance.iterations"][0]
     assert peaks(result) == pytest.approx(np.array(plan.peaks), rel=1e-5)
     assert nodes(result) == pytest.approx(plan.nodes, abs=1e-6)
+
+
+@pytest.mark.parametrize("scheme", [1, 2])
+def test_the_differences_of_the_patent_are_those_of_the_point_masses(scheme):
+    """1: second difference corrected, 2: as printed."""
+    known = {f"{part}__rho": 0.0 for part in ("guidance", "controller", "assembly")}
+    few = {"guidance__iterations_max": 1, "guidance__rotation_max": 3.0, "guidance__nodes": 30}
+    result = flight(**known, **few, guidance__scheme=scheme)
+    planning = Planning(intervals=30, largest=1, limit=3.0)
+    patent = PatentPlanner(replace(Assembly(), rho=0.0), planning, printed=scheme == 2)
+    assert peaks(result) == pytest.approx(np.array(patent.plan().peaks), rel=1e-8)
+
+
+def test_the_second_difference_as_printed_misses_the_momentum_by_far():
+    """Along the planned history; corrected, it errs by what Euler steps of 60 s cost."""
+    plan, h = nodes(flight()), planner().history(nodes(flight()))[::4]
+    off = [
+        np.linalg.norm(PatentPlanner(printed=printed).history(plan) - h, axis=1).max() / H_SAT
+        for printed in (False, True)
+    ]
+    assert off[0] < 0.5
+    assert off[1] > 10
 
 
 def test_reference_rates_and_momentum_are_those_of_the_planned_attitude():
