@@ -55,8 +55,9 @@ static const Variable variables[] = {
     NONNEGATIVE(k1, "1/s", "gain on the angular velocity, 2 zeta omega_c"),
     NONNEGATIVE(k2, "1/s2", "gain on the attitude, 2 omega_c^2"),
     NONNEGATIVE(k2_printed, "N.m", "gain on the attitude in the law as printed"),
-    SWITCH(use_plan_rate, "1: feed-forward for the mean of the coming sample, from the plan; 0: for "
-                          "the sample instant, from the model alone"),
+    SWITCH(use_plan_rate,
+           "1: feed-forward for the mean of the coming sample, from the plan; 0: for "
+           "the sample instant, from the model alone"),
     NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call"),
 
     INPUT(q_SH, "1", "attitude of the base relative to H, scalar first"),
@@ -123,8 +124,7 @@ static vec3 corrected_law(const Parameters *p, const Input *u, const Configurati
     return add(feed_forward(p, u, c, e), feedback);
 }
 
-static vec3 printed_law(const Parameters *p, const Input *u, const Configuration *c,
-                        const Error *e)
+static vec3 printed_law(const Parameters *p, const Input *u, const Configuration *c, const Error *e)
 {
     vec3 rate = sub(u->omega_SN_S, orbital_rate_o(&p->assembly));
     vec3 attitude = sub(vector_part(e->q_So), vector_part(e->q_Do));

@@ -58,8 +58,9 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(singularity, "1", "sqrt(det A A^T) of the cluster, 0: singular"),
     NONNEGATIVE_OUTPUT(damping, "1", "lam, damping of the inverse"),
     FLAG(rate_limited, "1: the rates are scaled down to the limit"),
-    OUTPUT(hdot_missing_S, "N.m", "part of the wanted rate of momentum that the gimbal rates leave "
-                                  "out, body axes"),
+    OUTPUT(hdot_missing_S, "N.m",
+           "part of the wanted rate of momentum that the gimbal rates leave "
+           "out, body axes"),
 };
 
 static void check(const Parameters *p, Problems *problems)

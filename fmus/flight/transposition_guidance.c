@@ -90,7 +90,8 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(momentum_max, "N.m.s", "largest predicted momentum of the gyros"),
     ANGLE_OUTPUT(rotation_largest, "largest rotation of the reference from the flight attitude"),
     NONNEGATIVE_OUTPUT(peak, "N.m.s", "largest momentum before every step of the plan, and after"),
-    NONNEGATIVE_OUTPUT(rotation, "rad", "largest rotation before every step of the plan, and after"),
+    NONNEGATIVE_OUTPUT(rotation, "rad",
+                       "largest rotation before every step of the plan, and after"),
 };
 
 static void check_whole(Problems *problems, const char *name, double value, double low, double high,
@@ -144,8 +145,8 @@ enum { QUADRATURE = 16 }; /* steps from node to node */
 
 static vec3 impulse_N(const Parameters *p, const State *x, double from, double to)
 {
-    double count = ceil(QUADRATURE * (to - from) / x->history.dt - 1e-6), h = (to - from) / count;
-    double off = h / 2 / sqrt(3.0);
+    double count = fmax(1, ceil(QUADRATURE * (to - from) / x->history.dt - 1e-6));
+    double h = (to - from) / count, off = h / 2 / sqrt(3.0);
     vec3 sum = vec(0, 0, 0);
     for (int i = 0; i < count; i++) {
         double middle = from + (i + 0.5) * h;
@@ -204,8 +205,7 @@ static vec3 rate_of_momentum(const Parameters *p, const State *x, const Turning 
     if (T > 0 && t >= x->history.t_0 && reached(window_end(&x->history), t + T))
         return scale(1 / T, sub(predicted(p, x, t + T), h));
     Configuration c = configuration_at(p, t);
-    return momentum_rate(&c, s->omega, s->domega, h,
-                         environment_torque(&p->assembly, &c, s->C_So));
+    return momentum_rate(&c, s->omega, s->domega, h, environment_torque(&p->assembly, &c, s->C_So));
 }
 
 static void guide(const Parameters *p, const State *x, Output *y, double t)
@@ -231,16 +231,9 @@ static double largest_rotation(const History *y)
 
 static Result planned(const Parameters *p, History *y)
 {
-    Task task = {&p->assembly,
-                 &p->swing,
-                 p->h_0_S,
-                 p->momentum_share * p->H_sat,
-                 p->rotation_max,
-                 p->alpha,
-                 p->lambda,
-                 p->weight,
-                 (int)p->iterations_max,
-                 (Scheme)(int)p->scheme};
+    Task task = {
+        &p->assembly, &p->swing, p->h_0_S,  p->momentum_share * p->H_sat, p->rotation_max,
+        p->alpha,     p->lambda, p->weight, (int)p->iterations_max,       (Scheme)(int)p->scheme};
     if (p->use_plan != 0) return plan(&task, y);
     stay_in_flight_attitude(y);
     return (Result){.status = FLIGHT_ATTITUDE};

@@ -40,8 +40,8 @@ typedef struct {
     const Assembly *assembly;
     const Swing *swing;
     vec3 h_0_S;
-    double limit, rotation_max;    /* N m s, rad */
-    double alpha, lambda, weight;  /* weight: power of |h|/max in W */
+    double limit, rotation_max;   /* N m s, rad */
+    double alpha, lambda, weight; /* weight: power of |h|/max in W */
     int max_iterations;
     Scheme scheme;
 } Task;
@@ -218,9 +218,9 @@ static inline void spline_jacobian(const Task *task, const History *y, Workspace
     for (int m = 1; m <= FINE * intervals(y); m++) {
         mat3 here = torque_by_eps(task, w, m, fine_motion(y, m).x);
         for (int j = 0; j < intervals(y) - 2; j++)
-            w->sum[j] = plus(w->sum[j], scaled(y->dt / FINE / 2,
-                                               plus(scaled(w->value[m - 1][j], before),
-                                                    scaled(w->value[m][j], here))));
+            w->sum[j] =
+                plus(w->sum[j], scaled(y->dt / FINE / 2, plus(scaled(w->value[m - 1][j], before),
+                                                              scaled(w->value[m][j], here))));
         if (m % FINE == 0) jacobian_row(task, y, w, m / FINE);
         before = here;
     }
@@ -228,8 +228,8 @@ static inline void spline_jacobian(const Task *task, const History *y, Workspace
 
 /* ---- the patent's differences: eps' = (e_{k+1} - e_k)/dt, eps'' = (e_{k+1} - 2 e_k + e_{k-1})/dt^2,
  * printed with + 2 e_k; h_{k+1} = h_k + dt h'(e_{k-1}, e_k, e_{k+1}, h_k) ---- */
-static inline vec3 patent_rate(const Task *task, const Configuration *c, double dt,
-                               const vec3 e[3], vec3 h)
+static inline vec3 patent_rate(const Task *task, const Configuration *c, double dt, const vec3 e[3],
+                               vec3 h)
 {
     double middle = task->scheme == SCHEME_AS_PRINTED ? 2 : -2;
     vec3 dd = scale(1 / (dt * dt), sum3(e[2], scale(middle, e[1]),
@@ -305,7 +305,8 @@ static inline double largest_momentum(const Task *task, const History *y, const 
 static inline double largest_eps(const History *y) /* of spline and nodes */
 {
     double largest = 0;
-    for (int m = 0; m <= FINE * intervals(y); m++) largest = fmax(largest, norm(fine_motion(y, m).x));
+    for (int m = 0; m <= FINE * intervals(y); m++)
+        largest = fmax(largest, norm(fine_motion(y, m).x));
     return largest;
 }
 
@@ -369,7 +370,8 @@ static inline Result iterate(const Task *task, History *y, Workspace *w)
     for (;; r.iterations++) {
         double eps = largest_eps(y);
         r.rotation[r.iterations] = eps < 1 ? 2 * arc(eps, sqrt(1 - eps * eps)) : 2 * arc(1, 0);
-        if (!(r.rotation[r.iterations] <= task->rotation_max)) return r.status = ROTATION_TOO_LARGE, r;
+        if (!(r.rotation[r.iterations] <= task->rotation_max))
+            return r.status = ROTATION_TOO_LARGE, r;
         (spline ? integrate : patent_history)(task, y, w);
         double largest = r.peak[r.iterations] = largest_momentum(task, y, w);
         if (largest < task->limit) return r.status = PLANNED, r;

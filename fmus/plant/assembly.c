@@ -2,7 +2,7 @@
  * gravity gradient and drag, driven by the momentum of control moment gyros.
  *
  *   J_A omega_0' = tau_gg + tau_aero - J_A' omega_0 - h_m' - h_cmg' - omega_0 x (J_A omega_0 + h_m + h_cmg)
- *   q_SN' = q_SN (x) [0, omega_0]/2
+ *   q_So' = q_So (x) [0, omega_0 - C_So omega_orb]/2
  *
  * Model, axes and attitude zero: assembly.h. The gyros are either ideal, h_cmg' = hdot_cmd_S in body
  * axes, or the cluster of cmg_cluster.h with gimbal rates gimbal_rate_cmd, cut to their limit.
@@ -27,7 +27,7 @@ typedef struct {
     double gimbal_rate_cmd[GYROS];
 } Input;
 typedef struct {
-    quat q; /* q_SN */
+    quat q; /* q_So */
     vec3 omega, h;
     double gimbal_angle[GYROS];
 } State;
@@ -112,8 +112,7 @@ static const Variable variables[] = {
 static void check(const Parameters *p, Problems *problems)
 {
     check_assembly(problems, &p->assembly);
-    if (norm(p->eps_0) > 1)
-        refuse(problems, "eps_0", norm(p->eps_0), "must not be longer than 1");
+    if (norm(p->eps_0) > 1) refuse(problems, "eps_0", norm(p->eps_0), "must not be longer than 1");
     if (norm(p->h_0_S) > p->H_sat)
         refuse(problems, "h_0_S", norm(p->h_0_S), "must not be larger than H_sat");
 }
@@ -127,9 +126,9 @@ static Torques torques(const Parameters *p, const Configuration *c, mat3 C_So)
                      scale(p->use_aero, aero_torque(&p->assembly, c, C_So))};
 }
 
-static quat q_So_at(const Parameters *p, quat q_SN, double t)
+static vec3 rate_relative_to_H(const Parameters *p, mat3 C_So, vec3 omega)
 {
-    return canonical(product(conjugate(q_oN(&p->assembly, t)), q_SN));
+    return sub(omega, mul(C_So, orbital_rate_o(&p->assembly)));
 }
 
 /* ---- the gyros over one internal step ---- */
@@ -192,12 +191,14 @@ static void derivative(const void *context, double t, const double *from, double
     const Motion7 *x = (const Motion7 *)(const void *)from;
     Configuration now = configuration(&c->p->assembly, arm_in_step(&c->p->swing, t, c->inside));
     Momentum gyros = momentum_at(c->drive, t - c->t_0);
-    Torques torque = torques(c->p, &now, dcm_of_quat(q_So_at(c->p, x->q, t)));
+    mat3 C_So = dcm_of_quat(x->q);
+    Torques torque = torques(c->p, &now, C_So);
 
-    quat dq = product(x->q, (quat){0, x->omega.x, x->omega.y, x->omega.z});
-    *(Motion7 *)(void *)to =
-        (Motion7){{dq.w / 2, dq.x / 2, dq.y / 2, dq.z / 2},
-                  acceleration(&now, x->omega, gyros.h, gyros.dh, add(torque.gravity, torque.aero))};
+    vec3 w = rate_relative_to_H(c->p, C_So, x->omega);
+    quat dq = product(x->q, (quat){0, w.x, w.y, w.z});
+    *(Motion7 *)(void *)to = (Motion7){
+        {dq.w / 2, dq.x / 2, dq.y / 2, dq.z / 2},
+        acceleration(&now, x->omega, gyros.h, gyros.dh, add(torque.gravity, torque.aero))};
 }
 
 /* ---- outputs ---- */
@@ -225,21 +226,20 @@ static void publish_gyros(const Parameters *p, const Input *u, const State *x, d
 
 static void publish(const Parameters *p, const State *x, double t, double inside, Output *y)
 {
-    quat q_So = q_So_at(p, x->q, t);
-    mat3 C_So = dcm_of_quat(q_So);
+    mat3 C_So = dcm_of_quat(x->q);
     y->arm = arm_in_step(&p->swing, t, inside);
     Configuration now = configuration(&p->assembly, y->arm);
     Torques torque = torques(p, &now, C_So);
 
-    y->q_SH = q_SH_of_q_So(q_So);
-    y->q_SN = x->q;
+    y->q_SH = q_SH_of_q_So(x->q);
+    y->q_SN = canonical(product(q_HN(&p->assembly, t), y->q_SH));
     y->omega_SN_S = x->omega;
-    y->omega_SH_S = sub(x->omega, mul(C_So, orbital_rate_o(&p->assembly)));
-    y->eps = vector_part(q_So);
-    y->rotation = 2 * arc(norm(y->eps), q_So.w);
+    y->omega_SH_S = rate_relative_to_H(p, C_So, x->omega);
+    y->eps = vector_part(x->q);
+    y->rotation = 2 * arc(norm(y->eps), x->q.w);
     y->M_gravity_S = torque.gravity;
     y->M_aero_S = torque.aero;
-    y->h_total_N = tmul(dcm_of_quat(x->q), add(carried_momentum(&now, x->omega), x->h));
+    y->h_total_N = tmul(dcm_of_quat(y->q_SN), add(carried_momentum(&now, x->omega), x->h));
     y->J_A = now.J;
 }
 
@@ -247,9 +247,8 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 {
     const Assembly *a = &p->assembly;
     double e = dot(p->eps_0, p->eps_0);
-    quat q_So = {sqrt(fmax(0, 1 - e)), p->eps_0.x, p->eps_0.y, p->eps_0.z};
-    x->q = canonical(product(q_oN(a, t), q_So));
-    x->omega = add(mul(dcm_of_quat(canonical(q_So)), orbital_rate_o(a)), p->omega_SH_S_0);
+    x->q = canonical((quat){sqrt(fmax(0, 1 - e)), p->eps_0.x, p->eps_0.y, p->eps_0.z});
+    x->omega = add(mul(dcm_of_quat(x->q), orbital_rate_o(a)), p->omega_SH_S_0);
     for (int i = 0; i < GYROS; i++) x->gimbal_angle[i] = p->gimbal_angle_0[i];
     x->h = p->use_cluster != 0 ? cluster_momentum(p->h_w, x->gimbal_angle) : p->h_0_S;
     publish_gyros(p, u, x, 0, y);

@@ -155,6 +155,7 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c)
     if (!refresh(instance, "fmi2ExitInitializationMode")) return fmi2Error;
     instance->now.grid = finest_grid(instance->model);
     instance->now.phase = STEPPING;
+    report_alarms(instance, fmu_model.start, instance->model, instance->now.start);
     log_message(instance, fmi2OK, LOG_EVENTS, "initialized");
     return fmi2OK;
 }

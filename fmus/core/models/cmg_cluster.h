@@ -59,7 +59,8 @@ static inline mat3 A_A_transposed(const double d[GYROS])
     return sum;
 }
 
-static inline double singularity_measure(const double d[GYROS]) /* m = sqrt(det A A^T), 0: singular */
+static inline double
+singularity_measure(const double d[GYROS]) /* m = sqrt(det A A^T), 0: singular */
 {
     return sqrt(fmax(0, determinant(A_A_transposed(d))));
 }

@@ -13,12 +13,12 @@ typedef struct { double angle, rate, accel; } Arm; /* rad, rad/s, rad/s2 */
 
 #define SWING_START {.angle = 1.5707963267948966, .start = 600, .duration = 3000, .smooth = 1}
 
-#define SWING_ROWS(member)                                                                     \
-    PARAMETER_AS("swing_angle", member.angle, "rad", "angle of the arm after the swing"),      \
-        PARAMETER_AS("swing_start", member.start, "s", "start of the swing"),                  \
-        POSITIVE_AS("swing_duration", member.duration, "s", "duration of the swing"),          \
-        ROW_AS(PARAMETER_ROW, p, "swing_smooth", member.smooth, 1, "1",                        \
-               "1: quintic swing; 0: constant acceleration, then as much deceleration",        \
+#define SWING_ROWS(member)                                                                \
+    PARAMETER_AS("swing_angle", member.angle, "rad", "angle of the arm after the swing"), \
+        PARAMETER_AS("swing_start", member.start, "s", "start of the swing"),             \
+        POSITIVE_AS("swing_duration", member.duration, "s", "duration of the swing"),     \
+        ROW_AS(PARAMETER_ROW, p, "swing_smooth", member.smooth, 1, "1",                   \
+               "1: quintic swing; 0: constant acceleration, then as much deceleration",   \
                SWITCH_VALUE)
 
 /* `inside`: an instant within the integration step that asks, which says on which side of a jump in
