@@ -7,13 +7,15 @@ from __future__ import annotations
 from harness.claims import yin_2017
 from harness.claims.claim import Claim, Judgement, Paper, Verdict
 from harness.claims.kozlova_fomichev_2023 import PAPER as KOZLOVA_FOMICHEV_2023
+from harness.claims.zhang_2016 import PAPER as ZHANG_2016
 from harness.claims.zhu_yang_2009 import PAPER as ZHU_YANG_2009
 
-PAPERS: tuple[Paper, ...] = (ZHU_YANG_2009, KOZLOVA_FOMICHEV_2023, *yin_2017.PAPERS)
+PAPERS: tuple[Paper, ...] = (ZHU_YANG_2009, KOZLOVA_FOMICHEV_2023, *yin_2017.PAPERS, ZHANG_2016)
 
 __all__ = [
     "KOZLOVA_FOMICHEV_2023",
     "PAPERS",
+    "ZHANG_2016",
     "ZHU_YANG_2009",
     "Claim",
     "Judgement",

@@ -4,7 +4,14 @@ needs.
 
 from __future__ import annotations
 
-from harness.figures import overlay, ppc_tracking, relay_approach, space_robot, sync_approach
+from harness.figures import (
+    overlay,
+    ppc_tracking,
+    relay_approach,
+    space_robot,
+    sync_approach,
+    transposition,
+)
 from harness.figures.figure import Curve, Drawing, Figure, Overlay, Panel
 
 FIGURES: tuple[Figure | Drawing, ...] = (
@@ -12,7 +19,8 @@ FIGURES: tuple[Figure | Drawing, ...] = (
     *relay_approach.FIGURES,
     *ppc_tracking.FIGURES,
     *space_robot.FIGURES,
+    *transposition.FIGURES,
 )
-OVERLAYS: tuple[Figure | Overlay, ...] = overlay.FIGURES
+OVERLAYS: tuple[Figure | Overlay, ...] = (*overlay.FIGURES, *transposition.OVERLAYS)
 
 __all__ = ["FIGURES", "OVERLAYS", "Curve", "Drawing", "Figure", "Overlay", "Panel"]

@@ -1,0 +1,70 @@
+"""Figures of the transposition: which are drawn, and that they show the numbers of the result."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from harness.figures import FIGURES
+from harness.figures.transposition import tracking_error
+from harness.plots import overlay, paint, plot
+from harness.run import run
+
+from ..reference.assembly import turned
+from ..reference.attitude import conjugate, dcm, multiply
+
+NAMES = {"plan", "momentum", "assembly_attitude", "assembly_tracking", "gimbals", "bodies"}
+NAMES |= {"assembly_torques"}
+Q_OH = np.array((1.0, -1, -1, 1)) / 2
+
+
+@cache
+def flight(params="cluster"):
+    return run("transposition", params=params)
+
+
+def figure(name):
+    (found,) = (f for f in FIGURES if f.name == name and f.fits(flight()))
+    return paint(found, flight())
+
+
+def test_every_figure_is_drawn(tmp_path):
+    paths = plot(flight(), tmp_path)
+    assert {path.stem for path in paths} == NAMES
+    for path in paths:
+        ink = imread(path)[..., :3].min(axis=2) < 0.9
+        assert 0.003 < ink.mean() < 0.6, path.name
+
+
+def test_runs_are_drawn_into_one_figure(tmp_path):
+    runs = {params: flight(params) for params in ("cluster", "earth_pointing")}
+    assert [path.stem for path in overlay(runs, tmp_path)] == ["compared_momentum"]
+
+
+def test_tracking_error_is_that_of_the_controller():
+    """What the controller computed at a sample stands in the next row."""
+    result = flight()
+    expected = result["controller.attitude_error"][1:]
+    assert tracking_error(result)[:-1] == pytest.approx(expected, abs=1e-12)
+
+
+def test_bars_of_the_plan_are_its_peaks():
+    bars = [bar.get_height() for bar in figure("plan").axes[0].patches]
+    count = int(flight()["guidance.iterations"][0]) + 1
+    assert bars == list(flight()["guidance.peak"][0, :count])
+
+
+def test_bodies_stand_where_attitude_and_arm_put_them():
+    """Mean of the edges of either box: its centre in axes of flight, which the base turns about."""
+    result = flight()
+    rows = np.linspace(0, 5400, 6).round().astype(int)
+    for axes, row in zip(figure("bodies").axes, rows, strict=True):
+        q_SO = multiply(conjugate(Q_OH), result["assembly.q_SH"][row])
+        arm = turned(np.array((8.5, 0, 0.05)), result["assembly.arm_angle"][row])
+        expected = dcm(q_SO).T @ (np.array((9.5, 0, 0.1)) + arm)
+        base, module = (np.array(c._segments3d)[:12].mean(axis=(0, 1)) for c in axes.collections)
+        assert base == pytest.approx(np.zeros(3), abs=1e-12)
+        assert module == pytest.approx(expected, abs=1e-9)
