@@ -1,5 +1,5 @@
-"""Instructions of a macro step, counted by valgrind's callgrind: the same on a busy machine as on an
-idle one.
+"""Instructions of a macro step, counted by valgrind's callgrind: the same on a busy machine as on
+an idle one.
 
     python -m harness.bench.instructions SYSTEM CONTENDER STEPS
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from harness.claims.claim import Array, CannotJudgeError, final, parameter, scalar, since
-from harness.figures.derived import rotation_angle
-from harness.results import Result
+from harness.results.derived import rotation_angle
+from harness.results.result import Result
 
 ATTITUDE, RATE, MOMENTUM = "assembly.q_SH", "assembly.omega_SN_S", "assembly.h_cmg_S"
 SHARE, ROTATION, RELATIVE_RATE = (

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from harness.figures.derived import rotation_angle
 from harness.figures.figure import (
     Array,
     Axes,
@@ -20,7 +19,8 @@ from harness.figures.figure import (
     degrees,
     norm,
 )
-from harness.results import Result
+from harness.results.derived import rotation_angle
+from harness.results.result import Result
 
 MOMENTUM, SHARE, ATTITUDE, EPS = (
     "assembly.h_cmg_S",

@@ -86,7 +86,7 @@ def _pieces(transfer: Transfer | None) -> ctypes.Array[_Piece]:
     """The slots of a transfer as pieces of neighbours."""
     slots = transfer.slots if transfer else np.array([], dtype=np.uintp)
     runs = np.split(slots, np.flatnonzero(np.diff(slots) != 1) + 1) if len(slots) else []
-    return (_Piece * len(runs))(*((int(run[0]), len(run)) for run in runs))
+    return (_Piece * len(runs))(*(_Piece(int(run[0]), len(run)) for run in runs))
 
 
 class _Call(ctypes.Structure):

@@ -13,7 +13,7 @@ from scipy.integrate import simpson
 
 from tests.compliance.probe import Fmu, Instance
 
-from .assembly_cases import C_HO, N_ORBIT, Q_FLIGHT, Assembly, C_of, C_SO_of, quintic
+from .assembly_cases import C_HO, N_ORBIT, Q_FLIGHT, Assembly, C_SO_of, quintic
 from .driver import archive
 from .refusals import refusal
 

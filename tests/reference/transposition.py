@@ -255,7 +255,9 @@ class Aim(NamedTuple):
 
 @dataclass(frozen=True)
 class Guide:
-    """The planned history as the law sees it; h: at multiples of the period, if it is to be used."""
+    """The planned history as the law sees it; h: at multiples of the period, if it is to be
+    used.
+    """
 
     n: float
     curve: CubicSpline
@@ -472,7 +474,9 @@ def coasted(loop: Loop, x: Flight, hdot: Array, rates: Array) -> Flight:
 
 
 def fly(loop: Loop, guide: Guide, stop: float, x: Flight | None = None) -> dict[str, Array]:
-    """Rows at the samples up to a time: states at t_k, and the commands that were computed there."""
+    """Rows at the samples up to a time: states at t_k, and the commands that were computed
+    there.
+    """
     x = x or at_rest(loop)
     rows: dict[str, list[Array]] = {}
     for _ in range(round((stop - x.t) / loop.period) + 1):

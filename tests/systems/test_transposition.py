@@ -1,4 +1,6 @@
-"""transposition: plan, closed loop and momentum against point masses, and what the patent claims."""
+"""transposition: plan, closed loop and momentum against point masses, and what the patent
+claims.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +10,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from harness import run
 from harness.claims import ZHANG_2016, Verdict
-from harness.run import run
 
 from ..reference import transposition as reference
 from ..reference.assembly import Assembly, orbital_axes
@@ -135,7 +137,8 @@ def test_the_second_difference_as_printed_misses_the_momentum_by_far():
 
 def test_reference_rates_and_momentum_are_those_of_the_planned_attitude():
     """Attitude, its derivatives as of a differentiated matrix, momentum of the gyros by Gauss'
-    rule of three points in every second; edges of the boxes in the stream are left to the tolerance.
+    rule of three points in every second; edges of the boxes in the stream are left to the
+    tolerance.
     """
     result = flight()
     rows = slice(1, None, 7)

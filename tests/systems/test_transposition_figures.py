@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from harness import run
 from harness.figures import FIGURES
+from harness.figures.plots import overlay, paint, plot
 from harness.figures.transposition import tracking_error
-from harness.plots import overlay, paint, plot
-from harness.run import run
 
 from ..reference.assembly import turned
 from ..reference.attitude import conjugate, dcm, multiply
