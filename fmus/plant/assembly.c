@@ -269,7 +269,7 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
         x->omega = motion.omega;
         advance_gyros(&drive, s.h, x);
         saturated = drive.saturated;
-        end = s.next;
+        end = s.end.t;
     }
     publish_gyros(p, u, x, saturated, y);
     publish(p, x, end, inside, y);

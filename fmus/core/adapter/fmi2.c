@@ -160,7 +160,8 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c)
     if (!refresh(instance, "fmi2ExitInitializationMode")) return fmi2Error;
     instance->now.grid = finest_grid(instance->model);
     instance->now.phase = STEPPING;
-    report_alarms(instance, fmu_model.start, instance->model, instance->now.start);
+    memcpy(instance->good, tail_const(fmu_model.start), tail_size()); /* no alarm stood before */
+    report_alarms(instance, instance->now.start);
     log_message(instance, fmi2OK, LOG_EVENTS, "initialized");
     return fmi2OK;
 }
