@@ -54,15 +54,15 @@ typedef struct {
 typedef struct {
     double begun, seen, t, t_valid; /* t: of the last sample, t_valid: of the last valid state */
     Input last;                     /* valid one; seen: it was that of the last sample */
-    double margin[RULES], t_first[RULES];
+    double margin[RULES], least[RULES], t_first[RULES];
     double abort;
     vec3 dv_N;
 } State;
 typedef struct {
     double keep_out_margin, corridor_margin, speed_margin, passive_margin, plume_margin,
         navigation_margin;
-    double nearest, passive_entry, abort, violated[RULES], t_first[RULES], t_violation,
-        rule_violated;
+    double least_margin[RULES], nearest, passive_entry;
+    double abort, violated[RULES], t_first[RULES], t_violation, rule_violated;
     vec3 F_safe_S, dv_left_N;
 } Output;
 typedef struct {
@@ -148,6 +148,7 @@ static const Variable variables[] = {
     OUTPUT(passive_margin, "m", "least margin of the keep-out zone during the drift from here"),
     OUTPUT(plume_margin, "m", "least margin of the plume since the last sample"),
     OUTPUT(navigation_margin, "s", "time left until the target counts as lost"),
+    OUTPUT(least_margin, "1", "least margin of this rule since the start, in its unit"),
     OUTPUT(nearest, "1",
            "rule with the least margin over its own size: 1 keep-out, 2 corridor, 3 speed, 4 "
            "passive, 5 plume; 0: none applies"),
@@ -320,6 +321,7 @@ static Finding passive(const Interval *i, const State *x, Output *y)
 static void keep_first(State *x, int rule, Finding f)
 {
     x->margin[rule] = f.margin;
+    x->least[rule] = fmin(x->least[rule], f.margin);
     if (f.t != NEVER && x->t_first[rule] == NOT_YET) x->t_first[rule] = f.t;
 }
 
@@ -401,6 +403,7 @@ static void publish_first(const State *x, Output *y)
     y->rule_violated = 0;
     for (int rule = 0; rule < RULES; rule++) {
         double t = y->t_first[rule] = x->t_first[rule];
+        y->least_margin[rule] = x->least[rule];
         y->violated[rule] = t != NOT_YET;
         if (t == NOT_YET || (y->rule_violated && t >= y->t_violation)) continue;
         y->t_violation = t;
@@ -425,7 +428,8 @@ static void publish(const State *x, Output *y)
 static State begun(double t)
 {
     State x = {.begun = 1, .t = t, .t_valid = t};
-    for (int rule = 0; rule < RULES; rule++) x.margin[rule] = RESTING, x.t_first[rule] = NOT_YET;
+    for (int rule = 0; rule < RULES; rule++)
+        x.margin[rule] = x.least[rule] = RESTING, x.t_first[rule] = NOT_YET;
     return x;
 }
 
@@ -452,7 +456,8 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 {
     State first = {0}, none = {0}, nothing = begun(t);
     watch(p, u, &first, y, t, 0);
-    memcpy(nothing.margin, first.margin, sizeof nothing.margin);
+    memcpy(nothing.margin, first.margin, sizeof first.margin);
+    memcpy(nothing.least, first.least, sizeof first.least);
     publish(&nothing, y);
     y->F_safe_S = u->F_cmd_S;
     *x = none;

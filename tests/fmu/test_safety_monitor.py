@@ -277,8 +277,8 @@ def test_margins_on_a_drift_ellipse_are_never_above_those_of_dense_samples(fmu, 
     d = np.array((5.0, 3.0, 2.0))
     p = SPHERE | {"keep_out_half": d, "use_corridor": 1, "use_speed_limit": 1}
     start = [np.array(x) for x in ELLIPSES[name]]
-    _, rows = watch(fmu, p, lambda t: cw(*start, t), h, 3000)
-    fine = np.linspace(0, h, 201)
+    _, rows = watch(fmu, p, lambda t: cw(*start, t), h, 100 * h)
+    fine = np.linspace(0, h, 41)
     slack = h**4 / 384 * N**4 * 100 + 2e-9
     for k in range(1, len(rows)):
         dense = [cw(*start, (k - 1) * h + s) for s in fine]
@@ -290,7 +290,7 @@ def test_margins_on_a_drift_ellipse_are_never_above_those_of_dense_samples(fmu, 
             least = rows[k][margin]
             wave = slack if unit == 1 else h**2 * N**2 / 8 * 0.1 + 1e-8
             assert least <= min(values) + wave
-            assert least >= min(values) - RESOLUTION - wave - 2e-4 * np.ptp(values)
+            assert least >= min(values) - RESOLUTION - wave - np.ptp(values) / 40
 
 
 def test_first_violation_is_the_same_at_10_hz_and_1_hz(fmu):
@@ -314,14 +314,14 @@ def test_first_violation_is_the_same_at_10_hz_and_1_hz(fmu):
 
 
 def test_random_arcs_against_the_least_of_a_hermite_spline(fmu, rng):
-    """Wild motion: 200 arcs of any shape, deep space; splines and sampling by scipy."""
+    """Wild motion: arcs of any shape, deep space; splines and sampling by scipy."""
     d = np.array((2.0, 1.0, 3.0))
     p = DEEP | {"use_corridor": 1, "corridor_half_angle": 0.7, "corridor_apex": (0.5, 0, 0)}
     p |= {"use_plume": 1, "plume_half_angle": 0.5, "plume_range": 6}
     for shape, norm in ((1, ellipsoid), (2, box)):
         unit = fmu("safety_monitor", OFF | p | {"keep_out_shape": shape, "keep_out_half": d})
-        knots = rng.normal(size=(101, 3)) * 4, rng.normal(size=(101, 3)) * 6
-        for k in range(101):
+        knots = rng.normal(size=(26, 3)) * 4, rng.normal(size=(26, 3)) * 6
+        for k in range(26):
             unit.step(1, states(k, knots[0][k], knots[1][k], 0) | {"F_cmd_S": (0, 0, 1)})
             if k == 0:
                 continue
@@ -442,7 +442,7 @@ def test_passive_rule_fails_at_the_same_instant_at_10_hz_and_1_hz(fmu):
     times = []
     for every in (1, 10):
         bodies = fmu("target", orbit), fmu("servicer", orbit | start)
-        unit = fmu("safety_monitor", DRIFT | {"passive_time": 2000})
+        unit = fmu("safety_monitor", DRIFT | {"passive_time": 2000, "keep_out_half": (5.5,) * 3})
         for k in range(0, 400, every):
             u = {n: bodies[0].get(n) for n in ("r_TN_N", "v_TN_N", "q_TN", "omega_TN_T")}
             u |= {n: bodies[1].get(n) for n in ("r_SN_N", "v_SN_N", "q_SN", "omega_SN_S")}
