@@ -40,7 +40,7 @@ class Case:
     def read(cls, entry: Mapping[str, Any]) -> Case:
         """The case of an entry of a file."""
         rest = dict(entry)
-        named = {
+        named: dict[str, Any] = {
             name: rest.pop(name)
             for name in ("id", "tests", "source", "fmu", "tolerance", "units", "why")
         }
@@ -58,8 +58,8 @@ class Case:
         setup = dict(self.setup)
         for name, value in change.items():
             old = setup.get(name)
-            both = isinstance(old, Mapping) and isinstance(value, Mapping)
-            setup[name] = {**old, **value} if both else value
+            merges = isinstance(old, Mapping) and isinstance(value, Mapping)
+            setup[name] = dict(old or {}) | dict(value) if merges else value
         return replace(self, setup=setup)
 
 

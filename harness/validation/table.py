@@ -1,4 +1,4 @@
-"""All cases at once, and their tables: plain text for a terminal, Markdown for docs/validation.md."""
+"""All cases at once and their tables: plain text for a terminal, Markdown for the manual."""
 
 from __future__ import annotations
 

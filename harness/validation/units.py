@@ -38,7 +38,10 @@ class Port:
 class Unit:
     """One initialised instance; `time` is the communication point that it has reached."""
 
-    def __init__(self, folder: str, parameters: Mapping[str, Any], inputs: Mapping[str, Any]):
+    def __init__(
+        self, folder: str, parameters: Mapping[str, Any], inputs: Mapping[str, Any]
+    ) -> None:
+        """Load, instantiate and initialise what is unpacked in `folder`."""
         description = read_model_description(folder)
         references: dict[str, list[int]] = {}
         for variable in description.modelVariables:

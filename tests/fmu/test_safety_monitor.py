@@ -22,6 +22,7 @@ N = np.sqrt(MU / A**3)
 PLANE = Rotation.from_euler("ZXZ", (1.1, 0.7, -0.4)).as_matrix()
 RESTING, NOT_YET = 1e9, -1
 RESOLUTION = 1e-7
+Z = np.array((0, 0, 1))
 RULES = ("keep_out", "corridor", "speed", "passive", "plume", "navigation")
 OFF = {"keep_out_shape": 0, "lost_time": 0, "use_J2": 0, "mu": MU}
 SPHERE = OFF | {"keep_out_shape": 1, "keep_out_half": (3, 3, 3)}
@@ -130,9 +131,7 @@ def point(fmu, parameters, case, **changes):
 @pytest.mark.parametrize(("shape", "margin"), [(1, ellipsoid), (2, box)])
 def test_keep_out_margin_is_that_of_its_shape_in_its_axes(fmu, rng, axes, shape, margin):
     case, d = random_case(rng), rng.uniform(1, 20, 3)
-    unit = point(
-        fmu, {"keep_out_shape": shape, "keep_out_half": d, "keep_out_axes": axes}, case
-    )
+    unit = point(fmu, {"keep_out_shape": shape, "keep_out_half": d, "keep_out_axes": axes}, case)
     p = in_target_axes(case[0], case[2]) if axes else case[0]
     assert abs(unit.get("keep_out_margin") - margin(p, d)) < 1e-8
     assert unit.get("violated")[0] == (margin(p, d) < 0)
@@ -284,8 +283,16 @@ def test_margins_on_a_drift_ellipse_are_never_above_those_of_dense_samples(fmu, 
         dense = [cw(*start, (k - 1) * h + s) for s in fine]
         for margin, values, unit in (
             ("keep_out_margin", [ellipsoid(q, d) for q, _ in dense], 1),
-            ("corridor_margin", [cone(q, np.array((0, 1, 0)), 0.3490658503988659) for q, _ in dense], 1),
-            ("speed_margin", [0.1 + 0.01 * np.linalg.norm(q) - np.linalg.norm(w) for q, w in dense], h),
+            (
+                "corridor_margin",
+                [cone(q, np.array((0, 1, 0)), 0.3490658503988659) for q, _ in dense],
+                1,
+            ),
+            (
+                "speed_margin",
+                [0.1 + 0.01 * np.linalg.norm(q) - np.linalg.norm(w) for q, w in dense],
+                h,
+            ),
         ):
             least = rows[k][margin]
             wave = slack if unit == 1 else h**2 * N**2 / 8 * 0.1 + 1e-8
@@ -326,11 +333,16 @@ def test_random_arcs_against_the_least_of_a_hermite_spline(fmu, rng):
             if k == 0:
                 continue
             path = CubicHermiteSpline([0, 1], knots[0][k - 1 : k + 1], knots[1][k - 1 : k + 1])
-            z = np.array((0, 0, 1))
             for name, f in (
-                ("keep_out_margin", lambda s, path=path: norm(path(s), d)),
-                ("corridor_margin", lambda s, path=path: cone(path(s) - (0.5, 0, 0), np.array((0, 1, 0)), 0.7)),
-                ("plume_margin", lambda s, path=path: max(-cone(path(s), z, 0.5), np.linalg.norm(path(s)) - 6)),
+                ("keep_out_margin", lambda s, path=path, norm=norm: norm(path(s), d)),
+                (
+                    "corridor_margin",
+                    lambda s, path=path: cone(path(s) - (0.5, 0, 0), np.array((0, 1, 0)), 0.7),
+                ),
+                (
+                    "plume_margin",
+                    lambda s, path=path: max(-cone(path(s), Z, 0.5), np.linalg.norm(path(s)) - 6),
+                ),
             ):
                 least = dense_minimum(f)
                 assert least - 2e-6 < unit.get(name) <= least + 1e-9
@@ -342,7 +354,7 @@ def dense_minimum(f):
     k = int(np.argmin(values))
     bounds = grid[max(k - 1, 0)], grid[min(k + 1, 400)]
     fine = minimize_scalar(f, bounds=bounds, method="bounded", options={"xatol": 1e-10})
-    return min(min(values), fine.fun)
+    return min(*values, fine.fun)
 
 
 def test_arcs_in_axes_of_a_turning_target_and_servicer(fmu):
@@ -358,7 +370,7 @@ def test_arcs_in_axes_of_a_turning_target_and_servicer(fmu):
         return Rotation.from_rotvec(axis * rate * t), axis * rate
 
     def inputs(t):
-        return states(t, *motion(t), 0, T=turned(t), S=turned(-2 * t)[:1] + (-2 * rate * axis,))
+        return states(t, *motion(t), 0, T=turned(t), S=(*turned(-2 * t)[:1], -2 * rate * axis))
 
     unit, h = fmu("safety_monitor", p, inputs(0)), 4.0
     F = np.array((0.3, 1.0, 0.2))
@@ -530,9 +542,14 @@ def test_only_chosen_rules_abort(fmu):
 
 
 @pytest.mark.parametrize("period", [0, 0.5])
-@pytest.mark.parametrize(("dv_H", "axes"), [((0.02, -0.03, 0.01), 0), ((0, 0, 0), 0), ((0, 0, 0), 1)])
+@pytest.mark.parametrize(
+    ("dv_H", "axes"), [((0.02, -0.03, 0.01), 0), ((0, 0, 0), 0), ((0, 0, 0), 1)]
+)
 def test_abort_manoeuvre_spends_the_velocity_increment_and_no_more(fmu, dv_H, axes, period):
-    T, S = (Rotation.from_euler("xyz", (0.3, -0.5, 1)), np.zeros(3)), (Rotation.from_euler("zyx", (1, 0.2, 2)), np.zeros(3))
+    T, S = (
+        (Rotation.from_euler("xyz", (0.3, -0.5, 1)), np.zeros(3)),
+        (Rotation.from_euler("zyx", (1, 0.2, 2)), np.zeros(3)),
+    )
     axis = np.array((0.6, 0, 0.8))
     p = SPHERE | {"act": 1, "mass": 80, "abort_force": 3, "abort_dv_H": dv_H, "abort_speed": 0.07}
     p |= {"corridor_axis": axis, "corridor_axes": axes, "sample_period": period}
