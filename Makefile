@@ -10,9 +10,9 @@ READY  := $(VENV)/.ready
 RUN    := PATH="$(CURDIR)/$(BIN):$$PATH"
 SOURCES := $(shell find fmus ssp harness -name '*.py' -o -name '*.c' -o -name '*.h' -o -name '*.toml' -o -name CMakeLists.txt)
 
-.PHONY: help build demo test test-long test-interop sanitize lint format bench wheel dist clean
+.PHONY: help build demo test test-long test-interop validation sanitize lint format bench wheel dist clean
 help:
-	@echo "make demo | test | test-interop | test-long | bench | sanitize | lint | format | wheel | dist | clean"
+	@echo "make demo | test | test-interop | test-long | validation | bench | sanitize | lint | format | wheel | dist | clean"
 
 $(TOOLS): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=python3.x")'
@@ -41,6 +41,10 @@ test-long: build
 test-interop: build
 	$(RUN) $(BIN)/pip install --quiet --disable-pip-version-check --no-build-isolation --editable '.[test,interop]'
 	$(BIN)/pytest -m interop -rs --tool-table docs/tools.md
+
+# numbers by others through the FMUs; writes the page docs/validation.md from the run
+validation: build
+	$(BIN)/python -m harness.validation --write docs/validation.md
 
 # FMU tests under the address and undefined behaviour sanitizers
 sanitize: build

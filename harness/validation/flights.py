@@ -122,6 +122,25 @@ def _state(name: str, letter: str, given: Mapping[str, Any], library: Library) -
     return unit.get(f"r_{letter}N_N"), unit.get(f"v_{letter}N_N")
 
 
+def formation(case: Case, library: Library) -> list[Quantities]:
+    """Target and servicer fly, flight software gives the relative state in the Hill frame; all of
+    it at `scale` times the size of the published numbers.
+    """
+    scale, answer = case.setup["scale"], []
+    small = {name: scale * np.array(case.setup["start"][name]) for name in ("rho_0_H", "drho_0_H")}
+    target = library.unit("target", case.setup["parameters"])
+    servicer = library.unit("servicer", case.setup["parameters"] | small)
+    software = library.unit(case.fmu, {"mu": [case.setup["parameters"]["mu"]]})
+    for row in case.rows:
+        for unit in (target, servicer):
+            for _ in advance(unit, row["t"], case.setup["step"]):
+                pass
+            software.set({name: unit.get(name) for name in software.inputs & set(unit.ports)})
+        software.step(case.setup["step"])
+        answer.append({name: software.get(name) / scale for name in expected(row)})
+    return answer
+
+
 def motor_torque(case: Case, library: Library) -> list[Quantities]:
     """Wheels driven by motor torques u, the acceleration taken at the middle of each step:
     A (dOmega + domega) = u,   (J - A) domega = -omega x (J omega + A Omega) - u.
@@ -168,6 +187,7 @@ FLIGHTS: dict[str, Flight] = {
     "norms": norms,
     "node_rates": node_rates,
     "relative_start": relative_start,
+    "formation": formation,
     "motor_torque": motor_torque,
     "thrust_along_velocity": thrust_along_velocity,
     "rendezvous": rendezvous,
