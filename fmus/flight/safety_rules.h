@@ -7,10 +7,10 @@
  *   speed     v_0 + k |p| - |v|
  *   plume     max(d cos beta - a sin beta, |p| - R)
  * p: servicer seen from the target (corridor: from the apex); a along the axis of the cone, d away
- * from it. The axis of the plume is the force: the exhaust leaves against it, and the target lies at
- * -p. A margin is positive where all is well, zero on the edge, and changes by no more than 1 m on
- * 1 m of way: it is never more than the distance to the edge (equal to it for sphere and cone, and
- * opposite a face of the box).
+ * from it. The axis of the plume is the force: the exhaust leaves against it, and the target lies
+ * at -p. A margin is positive where all is well, zero on the edge, and changes by no more than 1 m
+ * on 1 m of way: it is never more than the distance to the edge (equal to it for sphere and cone,
+ * and opposite a face of the smallest half axis of the box).
  *
  * Bounds on a part of an arc: a convex margin lies above its tangent plane at the middle, a concave
  * one has its least value at a control point. docs/models.md G.2, G.3 */

@@ -7,7 +7,7 @@
  *
  * A margin has a value at a point and a bound for a part: a number that no value on the part is
  * below. Parts are halved until bound and value agree within ARC_RESOLUTION, so nothing between the
- * ends is missed. A constant speed along a sphere needs some ten parts, a pass at a distance one. */
+ * ends is missed. A turn about a sphere needs some ten parts, a pass at a distance one. */
 #ifndef ARC_H
 #define ARC_H
 
