@@ -18,6 +18,8 @@ CONSUMERS = (
     "pid_controller",
     "theta_d_controller",
     "relay_controller",
+    "switched_controller",
+    "safety_monitor",
 )
 ATTITUDES = ("q_TN", "q_SN", "q_DN")
 
