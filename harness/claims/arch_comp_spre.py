@@ -16,8 +16,6 @@ LEAST, PHASE = "monitor.least_margin", "controller.phase"
 ABORT = "controller.t_abort"
 UNSAFE_ABORT = (240 * 60.0, 300 * 60.0)
 """Aborts in between are in no safe instance [s]."""
-RESTS = 1e9
-"""Margin of a rule that has not been in force."""
 STOP = 300 * 60.0
 
 
