@@ -22,11 +22,11 @@ SOURCES := $(shell find fmus ssp harness -name '*.py' -o -name '*.[ch]' -o -name
 CODE    := .ci examples fmus harness tests
 C_FILES := $(shell find $(CODE) -name '*.[ch]')
 
-.PHONY: help build demo test test-long test-interop sanitize lint warnings format coverage bench \
-        wheel dist clean
+.PHONY: help build demo test test-long test-interop validation sanitize lint warnings format \
+        coverage bench wheel dist clean
 help:
-	@echo "make demo | test | test-interop | test-long | lint | warnings | format | coverage |"
-	@echo "     sanitize | bench | wheel | dist | clean"
+	@echo "make demo | test | test-interop | test-long | validation | lint | warnings | format |"
+	@echo "     coverage | sanitize | bench | wheel | dist | clean"
 
 $(TOOLS): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and \
@@ -62,6 +62,10 @@ test-long: build
 test-interop: build
 	$(RUN) $(PIP) --no-build-isolation --editable '.[test,interop]'
 	$(BIN)/pytest -m interop -rs --tool-table=docs/tools.md
+
+# numbers by others through the FMUs; writes the page docs/validation.md from the run
+validation: build
+	$(BIN)/harness validate --write docs/validation.md
 
 # FMU tests under the address and undefined behaviour sanitizers
 sanitize: build

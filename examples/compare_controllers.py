@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Fly two controllers in the same system, print one table, and look into the results.
 
 python examples/compare_controllers.py

@@ -1,6 +1,7 @@
 /* my_controller.c - proportional and derivative control of the position; the torque stays zero.
  *
  *   F = -K (rho - rho_ref) - D (drho - drho_ref)                  rho = r_S - r_T, all in N axes */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "reference_rows.h"
 #include "time_grid.h"

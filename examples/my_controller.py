@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Proportional and derivative control of the position, in Python."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Run the synchronised approach, read its results and parameters, keep and reload them.
 
 python examples/run_and_read.py

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Run systems of FMUs with fixed macro steps.
 
 >>> from harness import run

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The public functions: what `from harness import ...` offers, and what the commands call."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Unpacking of .ssp and .fmu archives that may come from anywhere, and packing of our own.
 
 Every name is judged before anything is written: no absolute path, no `..`, no link, no more than

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Changes to a system before it flies: parameter sets and files, single values, other FMUs,
 latencies, step, stop.
 

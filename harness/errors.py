@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Every way in which the harness can fail: what is raised is always one of these, and its text is
 for the user.
 

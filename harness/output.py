@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Files that appear whole or not at all."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Where the built FMUs, systems and the C executor are: inside the installed package, else in
 build/ beside it.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Close matches of misspelt names, for the end of an error message."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Private temporary folders that do not outlive the process, whatever ends it.
 
 Python removes a folder after an error or Ctrl-C. After a crash in an FMU's code or a kill nothing

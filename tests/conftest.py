@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The table of tools: what the interoperability tests ran, with which version, and how it ended.
 
     pytest -m interop --tool-table=docs/tools.md

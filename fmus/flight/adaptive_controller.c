@@ -14,6 +14,7 @@
  * estimates are those after it.
  * Source: Zhu & Yang 2009, equations (8) to (21); corrections and options: docs/models.md A.4.4,
  * A.5, A.7. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "orbit.h"
 #include "reference_rows.h"

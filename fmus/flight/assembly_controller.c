@@ -13,6 +13,7 @@
  * (eps - eps_b).
  * Sampled controller: one sample reads the inputs once and holds the command. Source: patent
  * CN106020225A, corrected (docs/models.md E.5). */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "assembly_rows.h"
 #include "time_grid.h"
 

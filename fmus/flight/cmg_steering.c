@@ -8,6 +8,7 @@
  * phi = 0, pi/2, pi. A^+ drops singular values below 1e-3 of the largest. All rates are scaled
  * together if one exceeds the limit. Sampled: one sample reads the inputs once and holds the rates.
  * Source: docs/models.md E.6. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "cmg_cluster.h"
 #include "fmu.h"
 #include "symmetric3.h"

@@ -6,6 +6,7 @@
  * the torque is zero.
  * Sampled controller: one sample reads the inputs once and holds torque and lock. Source:
  * docs/models.md D.5. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmu.h"
 #include "time_grid.h"
 #include "vec3.h"

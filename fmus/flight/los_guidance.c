@@ -13,6 +13,7 @@
  * Flags: attitude_guard; los_guard near the poles of the LOS angles or below range_limit. A range
  * of zero is refused.
  * Source: Yin, Luo, Wei & Yuan 2017, equations (2) and (5); docs/models.md C.1 to C.3. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "line_of_sight.h"
 #include "reference_rows.h"

@@ -9,6 +9,7 @@
  * further than to the limit (T_aw counts as no less than the period), since beyond it explicit
  * Euler would overshoot and then diverge.
  * Equations: docs/models.md C.5; the usual back-calculation gain is 1/(Ki T_aw). */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "tracking.h"
 
 typedef struct { double Kp, Ki, Kd, T_aw; } Gains;

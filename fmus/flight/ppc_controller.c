@@ -23,6 +23,7 @@
  * eta/((U - L) alpha)^2 for k eta), g = 1, 1/rho, 1/(rho cos eps). A start that breaks kappa(t_0) <
  * 1 or lies outside the funnel is refused in the first step: start_margin must be > 0.
  * Source: Yin, Luo, Wei & Yuan 2017, equations (8) to (20); docs/models.md C.4. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "tracking.h"
 
 typedef struct { double k, eta, lambda, alpha_0, alpha_inf, beta, delta; } Channel;

@@ -17,6 +17,7 @@
  * on the line of sight, not the integral of drho_ref, and the rate is a command, not the derivative
  * of q_DN.
  * Source: Kozlova & Fomichev 2023 as corrected in docs/models.md B.8; law 1 and att 1: B.4. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "reference_rows.h"
 #include "time_grid.h"

@@ -14,6 +14,7 @@
  * Order of the throttles: P1..P8, P'1..P'4, P'5. The remaining inputs belong to every controller
  * and are not used.
  * Source: Kozlova & Fomichev 2023 as corrected in docs/models.md B.5, B.8. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "reference_rows.h"
 #include "thrusters.h"

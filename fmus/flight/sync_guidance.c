@@ -9,6 +9,7 @@
  * software knows the model of the target (inertia, gravity gradient, Keplerian orbit rate), not its
  * disturbances unless know_M_dist.
  * Source: Zhu & Yang 2009, equations (5) to (7) and (10); derivatives: docs/models.md A.4. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "motion.h"
 #include "orbit.h"

@@ -19,6 +19,7 @@
  * at the start.
  * Source: Xin & Balakrishnan 2002 as used by Yin, Luo, Wei & Yuan 2017; docs/models.md C.5, with
  * the terms that a reference of variable range adds. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "riccati.h"
 #include "rigid_body.h"
 #include "tracking.h"

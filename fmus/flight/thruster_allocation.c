@@ -18,6 +18,7 @@
  * whole samples; less than min_on_time waits. So the on-time lags the demand by less than
  * min_on_time or one sample at any time. Own design; the wrench of a thruster as in docs/models.md
  * B.6. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "thrusters.h"
 #include "time_grid.h"
 

@@ -9,6 +9,7 @@
  * omega_DN_D. Limits per LOS axis and per body axis act here, the limits of the actuators behind
  * it.
  * Equations: docs/models.md C.1, C.4. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef TRACKING_H
 #define TRACKING_H
 

@@ -13,6 +13,7 @@
  * the same model meets h to 1e-6 of saturation. Outside the window the reference is the flight
  * attitude and h is held. A task that cannot be done ends in the flight attitude, with a status and
  * an alarm. Source: patent CN106020225A, corrected (docs/models.md E). */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "assembly_rows.h"
 #include "time_grid.h"
 #include "transposition_plan.h"

@@ -15,6 +15,7 @@
  * chained with the linear map from the nodes to spline and slope. The patent's own discretisation
  * (SCHEME_PATENT) takes differences of the nodes and explicit Euler steps for h instead. Working
  * memory is allocated for the time of planning only. Source: docs/models.md E.4. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef TRANSPOSITION_PLAN_H
 #define TRANSPOSITION_PLAN_H
 

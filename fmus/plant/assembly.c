@@ -11,6 +11,7 @@
  * |h| = H_sat nearest to it; the torque on the structure is that of the momentum which it has
  * really taken, so that the total momentum is kept. The cluster cannot leave its envelope by itself.
  * Classical Runge-Kutta on the grid k * max_step. Source: docs/models.md E. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "assembly_rows.h"
 #include "cmg_cluster.h"
 #include "rk4.h"

@@ -6,6 +6,7 @@
  * Exact for a command held over the step. A plant that holds this wrench over the next step uses
  * its value at the end of the step; the difference is of first order in step/tau. Equations:
  * docs/models.md A.6. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmu.h"
 #include "time_grid.h"
 #include "vec3.h"

@@ -14,6 +14,7 @@
  * outside is that of the last call.
  * Source: Kozlova & Fomichev 2023; fall constant, moment, delay counter corrected, docs/models.md
  * B.8. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "thrusters.h"
 #include "time_grid.h"
 

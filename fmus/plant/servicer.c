@@ -14,6 +14,7 @@
  * 2023 (docs/models.md B.2).
  * Source: Zhu & Yang 2009, equations (9), (15), (17). Classical Runge-Kutta on the grid k *
  * max_step. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "disturbance.h"
 #include "orbit_rows.h"
 #include "rigid_body.h"

@@ -13,6 +13,7 @@
  * the whole. The centre of mass flies a Kepler orbit that the attitude does not change. Source:
  * Guo, Li, Fan, Meng 2014, corrected (docs/models.md D). Classical Runge-Kutta on the grid k *
  * max_step. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "orbit_rows.h"
 #include "portable_math.h"
 #include "rigid_body.h"

@@ -7,6 +7,7 @@
  *
  * Source: Zhu & Yang 2009, equations (2) and (4), with J2. Classical Runge-Kutta on the grid k *
  * max_step; after each internal step sigma is replaced by its shadow where |sigma| > 1. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "disturbance.h"
 #include "orbit_rows.h"
 #include "rigid_body.h"

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What a macro step costs, side by side in one run: monolithic C, bare C loop, our executors, FMPy,
 other masters.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Instructions of a macro step, counted by valgrind's callgrind: the same on a busy machine as on
 an idle one.
 

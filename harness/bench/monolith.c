@@ -3,6 +3,7 @@
  *
  * Both are plain Gauss-Seidel with one macro step for all, nothing is recorded and no status is
  * handled in passing. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "fmi2FunctionTypes.h"
 #include "interface.h"
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The yardsticks in monolith.c: a system as one C program without FMI, and a bare C loop over its
 FMUs.
 

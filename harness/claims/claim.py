@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """A claim of a paper as data: what it says, how it is measured in a result, the bands that decide
 on the verdict.
 """

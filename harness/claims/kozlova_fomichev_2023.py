@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Claims of Kozlova & Fomichev 2023 on the two-level guidance and stabilisation (docs/models.md B).
 
 The paper prints curves and few numbers; where a claim has no number of its own, the bands say what

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What is measured in a result of the relay approach for the claims of Kozlova & Fomichev 2023.
 
 Every measure returns the number that is judged and then those that are shown with it.

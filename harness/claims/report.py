@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What a paper claims, what a result shows, and the verdict: a table of plain text, 120 columns
 wide at most.
 

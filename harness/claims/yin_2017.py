@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Claims of Yin, Luo, Wei & Yuan 2017 on three controllers in two scenarios (docs/models.md C).
 
 The paper prints neither initial states nor gains: a reproduced figure shows that the claim can be

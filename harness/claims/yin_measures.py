@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What is measured in a result of a line-of-sight approach for the claims of Yin et al. 2017.
 
 Every measure returns the number that is judged and then those that are shown with it.

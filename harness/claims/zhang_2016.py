@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Claims of the patent of Zhang et al. 2016 on the transposition of an assembly (docs/models.md E).
 
 The patent has no numbers at all; the bands say what we take its claims to mean.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What is measured in a result of the transposition for the claims of the patent of Zhang et al.
 2016.
 

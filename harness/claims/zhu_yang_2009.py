@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Claims of Zhu & Yang 2009 on the synchronised approach (docs/models.md A).
 
 The paper prints curves without numbers; where a claim has no number of its own, the bands say what

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What is measured in a result of the synchronised approach for the claims of Zhu & Yang 2009.
 
 Every measure returns the number that is judged and then those that are shown with it. What the

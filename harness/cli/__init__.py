@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The command line: options, calls and printing, nothing else."""
 
 from harness.cli.app import main

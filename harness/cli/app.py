@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """`harness` itself: its groups of commands, its exit status, and how an error reaches the user.
 
 Exit status 0: fine, 1: the run or check failed, 2: wrong use. Errors are one line each on stderr.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What `harness list` says about systems and FMUs."""
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""Commands that look at what is there: `harness list | check | draw | plot | report`."""
+# SPDX-License-Identifier: BSD-2-Clause
+"""Commands that look at what is there: `harness list | check | draw | plot | report | validate`."""
 
 from __future__ import annotations
 
@@ -81,4 +82,24 @@ def report(file: FileArgument) -> None:
     text, passed = judge(read(file))
     typer.echo(text)
     if not passed:
+        raise typer.Exit(1)
+
+
+@app.command("validate")
+def validate_command(
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[CASE]...", help="names of cases (default: all)")
+    ] = None,
+    write: Annotated[Path | None, typer.Option(help="write the page to this Markdown file")] = None,
+) -> None:
+    """Run the FMUs against numbers made by others."""
+    from harness.output import written
+    from harness.validation import markdown, table, validate
+
+    rows = validate(names or None)
+    typer.echo(table(rows))
+    if write is not None:
+        with written(write) as page:
+            page.write_text(markdown(rows), encoding="utf-8")
+    if not all(row.within for row in rows):
         raise typer.Exit(1)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Systems and FMUs for other purposes: `harness export | linearize | bench`."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The options that several commands have, said once, and what the shell completes them with."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """`harness run` and `harness compare`."""
 
 from __future__ import annotations

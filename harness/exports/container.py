@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """A whole system as one FMU, by fmucontainer of fmu-manipulation-toolbox (an optional dependency).
 
 fmucontainer reads the wiring of an .ssp but none of its values, so it gets the assembly with all

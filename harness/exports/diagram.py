@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Layout of a block diagram: components in a row in execution order, signals bundled into nets,
 lines at right angles.
 

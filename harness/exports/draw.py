@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """A system as a block diagram in SVG, without any other program."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The run at hand as one file for others: an .ssp with everything inside, or one FMU that contains
 the whole system.
 """

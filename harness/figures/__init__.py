@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Figures of results as tables, one file per system; a figure is drawn if the result holds what it
 needs.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What a figure is: panels of curves over time as data, or a drawing of its own; both say what they
 need.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Figures of several runs in one: every panel shows one quantity, every run has a colour of its
 own.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Pictures of results: the tables of harness/figures drawn by matplotlib, for one run or several in
 one.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Figures of approaches in line-of-sight coordinates: counterparts of figures 2 to 6 of Yin et al.
 2017, funnels.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Figures of the relay approach: counterparts of figures 6 to 9 of Kozlova & Fomichev 2023,
 firings, phase planes.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Figures of the space robot: pitch motion with Poincare section and spectrum, attitude, joints,
 momentum, energy.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Figures of the synchronised approach: counterparts of figures 4 to 11 of Zhu & Yang 2009."""
 
 from __future__ import annotations

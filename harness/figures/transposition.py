@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Figures of the transposition of a docked assembly: momentum of the gyros against saturation,
 attitude, tracking, gimbals, the two bodies in space; and several runs in one.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Two executors of the same schedule: one to read and to debug, one in C. They agree bit for
 bit.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """One loaded FMU: prepared buffers, the verbs of the schedule, save and restore.
 
 FMPy loads the library and instantiates; here are the calls of the macro step with arguments that

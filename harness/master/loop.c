@@ -3,6 +3,7 @@
  * The same calls in the same order with the same buffers as the Python executor, so the results
  * agree bit for bit. Python lays out the calls (executors.py has the same structs); nothing here
  * allocates or knows Python. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include <stddef.h>
 #include <string.h>
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What the FMUs say through the logger callback of FMI.
 
 FMPy formats the variadic messages in a small C library that knows one Python function per process,

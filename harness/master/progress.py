@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The bar that a long run or comparison shows on a terminal."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What is kept of a run: the bus at t = 0 and after every N-th macro step."""
 
 from __future__ import annotations

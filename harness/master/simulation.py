@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """A system brought to life: load, initialise, step, roll back, and hand out what was recorded."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Values on their way between the bus and an FMU: the arguments of fmi2SetReal, fmi2GetInteger,
 ..., built once.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What a run leaves behind: a table with names and units, its files, and quantities derived from
 it.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Histories that follow from several variables of a result.
 
 A row holds the states of the plants at its time, and what the flight software made of the states at

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Results files: .csv (flat columns), .nc (netCDF4: vectors, units, long names) and .mat (one
 struct per component).
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What a reader of a result must know and no number in it says."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What the pitch motion of the space robot shows once per orbit and over many: strobe points and
 spectrum.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The outcome of a run: a table with names and units, vectors by name, and the files it is kept
 in.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """SSP files: the only place that knows XML.
 
 What enters: an .ssp of ours or of another tool, or a TOML of the project. What leaves: a System

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """From ssp/*.toml to .ssp: components wired by name, parameters in one table per component,
 everything checked.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Reading of ssd:System and ssd:Component elements, with everything bound to them, into a tree of
 plain data.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Nested systems made flat: components with names of their own, signals followed through the
 connectors of systems.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Systems by name or path: those of the project, and any .ssp."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Parameter sets (.ssv) and parameter mappings (.ssm) of SSP: names, values, units, and what a
 mapping does to them.
 """

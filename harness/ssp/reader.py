@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """From an .ssp file to a System: safe unpacking, schema validation, and no FMI call.
 
 Names are read by namespace, whatever the prefixes. Nested systems are flattened. What cannot be run

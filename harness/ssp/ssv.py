@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Parameter sets as .ssv files, one per component, and tables of units as .ssd and .ssv have
 them.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """A System element of SSP as a tree of plain data, before it is flattened: components, nested
 systems, connections.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """From a System to an .ssp file, in the dialect that FMPy, libcosim, ecos and OMSimulator all
 accept.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Names and schemas of SSP 1.0, shared by the reader and the writer of .ssp files."""
 
 from __future__ import annotations

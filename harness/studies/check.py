@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What is wrong with a system or an FMU: everything at once."""
 
 from __future__ import annotations

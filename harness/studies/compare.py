@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Several runs of one system side by side, in parallel, measured and put into one table.
 
 Each run has a process of its own, so that an FMU that crashes takes no other run with it.

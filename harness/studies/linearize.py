@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Linear model of one FMU about an operating point, by central differences over one step of the FMU
 itself.
 

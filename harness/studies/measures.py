@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Measures by which runs are compared: errors against the reference of the guidance, safety, cost.
 
 A measure is taken if the result holds what it needs, so systems without a reference simply have

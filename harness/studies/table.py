@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The table of a comparison: one line per run, one column per measure; for reading and as .csv."""
 
 from __future__ import annotations

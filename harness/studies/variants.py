@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What a comparison runs: every combination of the options that were given several values."""
 
 from __future__ import annotations

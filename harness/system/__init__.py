@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """A system as plain data: components, connections, units, parameters, and what follows from them.
 
 What enters: tables of TOML, descriptions of FMUs as FMPy reads them. What leaves: a System, its

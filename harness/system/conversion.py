@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What a signal or parameter is worth where it arrives: after units, transformations and names of
 enumeration items.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """From a System and the descriptions of its FMUs to the bus: one slot per output scalar, and who
 reads which slot.
 

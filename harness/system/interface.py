@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What an FMU says about itself: variables and units, read from modelDescription.xml by FMPy
 without any FMI call.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """A co-simulated system as plain data: what an .ssp says, and nothing else.
 
 All classes are frozen; a variant of a system is made with dataclasses.replace().

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The master algorithm as data: what to do with whom in which order at every macro step.
 
 An instance with `every = N` is stepped by N macro steps at once, at macro steps k with k % N == 0.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Exchange of one component's FMU for another that has the ports the system needs, wherever it was
 built.
 """

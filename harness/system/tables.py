@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Parameter tables as people write them in TOML: one per component, and `shared` for all that know
 a parameter.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Units by their meaning, and what happens to a number on its way from one variable to another.
 
     SI value = factor * value + offset                  of a BaseUnit with given exponents of the SI

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Values as people write them, and the scalar variables they stand for.
 
 A vector `rho = [0, 20, 0]` stands for `rho[1]`, `rho[2]`, `rho[3]`; a matrix `J = [[1, 2], [3, 4]]`

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Wiring by name: a signal is called the same wherever it goes, so an input is driven by the one
 output of its name.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The C interface of FMI 2.0 for co-simulation, as ctypes sees it: statuses, callbacks,
 signatures.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Every FMU of the build: its file, what its description says, and the library, loaded once."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What a modelDescription.xml says, read without FMPy and without the harness."""
 
 from __future__ import annotations

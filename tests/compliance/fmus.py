@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The FMUs under test: every archive in the folder fmus/ of the build, found when the tests are
 collected.
 

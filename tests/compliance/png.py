@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Reads just enough of a PNG file to know that it is one (PNG specification, chapters 5, 9 and
 11).
 """

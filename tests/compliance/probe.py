@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """A master of the smallest kind: raw FMI 2.0 calls by ctypes, with callbacks of its own. No FMPy,
 no harness.
 

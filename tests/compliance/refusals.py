@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What a refusal must look like: a message that says who and why, and an instance that is as it was
 and goes on.
 """

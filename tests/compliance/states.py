@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Which calls FMI 2.0 allows in which state of a co-simulation slave (section 4.2.4), and how to
 get there.
 

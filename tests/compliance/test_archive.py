@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The files inside an .fmu: what must be there, and nothing else."""
 
 from __future__ import annotations

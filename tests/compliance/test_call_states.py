@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Every function in every state: accepted where FMI 2.0 allows it, else refused with a message and
 without effect.
 """

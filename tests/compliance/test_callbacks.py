@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What the FMU asks of its master: a log that helps, memory that may run out, and nothing that may
 not be missing.
 """

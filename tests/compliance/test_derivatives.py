@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Directional derivatives against differences of whole steps, made here by restoring the state and
 stepping again.
 

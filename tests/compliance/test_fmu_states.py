@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Saved states: the future after a restore is the future that was, to the last bit, in any instance
 and in any order.
 """

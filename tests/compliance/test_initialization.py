@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Before the first step: parameters at any time, outputs that follow the values set, and refusal of
 impossible models.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Instances do not know of each other, a reset one is a fresh one, and what is freed is gone. Equal
 means: equal bits.
 """

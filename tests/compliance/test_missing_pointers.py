@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Null pointers where the standard wants an array or a place for a result, and questions that have
 no answer.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Random sequences of legal and illegal calls: no crash, no status outside the standard, no call
 accepted in a state that forbids it, no refusal without a message. The calls are made in a process
 of their own."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The sources inside an .fmu make the binary inside it: other tools can compile them. Two builds
 give the same bytes.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Arguments that make no sense are refused: with a message that says why, and with the instance as
 it was, ready to go on.
 """

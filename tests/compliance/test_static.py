@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The model description: what tools check, and what no tool checks (units, bounds, nominal values,
 texts).
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The result of a flight does not depend on how the master cuts it into communication steps.
 
 Plants integrate and software samples on a grid of their own (max_step, sample_period, T0), set to

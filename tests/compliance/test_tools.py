@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What other checkers say about every FMU: VDMCheck2 (both of its models) and the FMU manipulation
 toolbox.
 """

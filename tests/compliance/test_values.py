@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Reading and writing values: any selection in any order is what reading and writing one by one
 is.
 """

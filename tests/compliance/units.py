@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Dimensions of unit strings such as "kg.m2" or "m3/s2": powers of the FMI base units, from the SI
 Brochure.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Runs sequences of FMI calls in a process of its own, so that a crash is the end of this process
 only.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Identities of the controller (docs/models.md A.5), each against a derivation of its own.
 
 Exact derivatives come from second-order jets or complex steps, so that tolerances cover rounding

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Identities of frames, plants and guidance (docs/models.md A.1 to A.4.4) and the start of the
 paper's case, each against a derivation of its own.
 

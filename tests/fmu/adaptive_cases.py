@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Situations of the adaptive controller, and its errors from the true motion of both bodies."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The docked assembly as point masses: what positions and velocities say about inertia, momentum
 and torques, without the formulas of the models under test.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Random and standard cases for the tests of single FMUs."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Fixture `fmu`: instances of the FMUs under test, freed when the test is over. Each archive is
 unpacked once.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """One FMU as the tests see it: made from a .fmu with parameters by vector name, then set, stepped
 and read.
 

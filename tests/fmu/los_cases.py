@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Situations of the controllers in line-of-sight (LOS) coordinates, made from the errors that they
 are to see.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Motion of a rigid body under loads as the balance of inertial angular momentum, and measures of
 numerical error.
 

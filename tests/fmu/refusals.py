@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What an FMU says when it refuses its parameters, heard through callbacks of our own.
 
 FMPy keeps one logger for all FMUs of a process, that of whoever asked last.

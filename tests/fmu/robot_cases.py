@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The robot of the paper, and the constants of its pitch equation."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """adaptive_controller.fmu, the law: feed-forward, regressors, options, symmetries, sampling.
 Stability: next file.
 """

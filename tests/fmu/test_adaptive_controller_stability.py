@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """adaptive_controller.fmu with ideal actuation: the Lyapunov functions of docs/models.md A.5 fall
 as predicted.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """assembly.fmu: against point masses, conservation of momentum, quadrature, numbers by others."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """assembly_controller.fmu: feed-forward against point masses, error dynamics, the law as
 printed.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """A quaternion and its negative are the same attitude to every consumer, at half a turn too, where
 q_0 decides nothing.
 """
@@ -18,6 +19,8 @@ CONSUMERS = (
     "pid_controller",
     "theta_d_controller",
     "relay_controller",
+    "switched_controller",
+    "safety_monitor",
 )
 ATTITUDES = ("q_TN", "q_SN", "q_DN")
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """cmg_steering.fmu: the law against numpy, null motion, limits."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """ideal_propulsion.fmu against closed forms: saturation, first-order lag, impulse, propellant flow,
 flags.
 """

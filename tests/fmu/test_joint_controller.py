@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """joint_controller.fmu: the law, its limit, the lock, and sampling."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What ppc_controller, pid_controller and theta_d_controller have in common, beside the laws
 themselves.
 """

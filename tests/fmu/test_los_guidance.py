@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """los_guidance.fmu against geometry: triad, published derivatives, camera frame, flags, what it
 does not know.
 """

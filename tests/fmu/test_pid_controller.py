@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """pid_controller.fmu: the law, its integrals, anti-windup."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """ppc_controller.fmu: the funnel, the mapping, the three laws, refusals, what it must not know."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """propulsion.fmu: closed forms of impulse, delay, rejection of short commands, torque table, grid
 of calls, faults.
 """

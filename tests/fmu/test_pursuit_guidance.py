@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """pursuit_guidance.fmu: required attitude and rate, speed laws, modes against an independent state
 machine.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """relay_controller.fmu: truth table of the relays with memory, derivative terms, frames, limit
 cycle with thrusters.
 """

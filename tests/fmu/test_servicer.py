@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """servicer.fmu against theory: thrust, relative motion, disturbances, frozen attitude, integration.
 Wheels apart.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """servicer.fmu: momentum wheels against theory: exchange of momentum and energy with the body,
 limits.
 """

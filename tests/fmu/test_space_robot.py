@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """space_robot.fmu: against point masses, the pitch equation, closed forms, and what must stay
 constant.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """sync_guidance.fmu against kinematics: published derivatives are derivatives, the frame D is what
 (6) says it is.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """target.fmu against theory: free tumbling, orbits, gravity gradient, disturbances, contact loads,
 integration.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """theta_d_controller.fmu: a linear quadratic regulator where nothing depends on the state, and what
 it adds.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """thruster_allocation.fmu: throttles against scipy's solvers on random geometries, scaling,
 pulses.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """transposition_guidance.fmu: limits of the plan, momentum balance along it by point masses, the
 patent's scheme, what cannot be done.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """servicer.fmu with velocity_follows_attitude: the kinematics of Kozlova & Fomichev, u' = F/m in
 body components.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What theory says about attitude, gravity and orbits, written without the formulas of the models
 under test.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Small foreign FMUs, and systems made of them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """A small system of foreign FMUs that runs for 6 s; with the set `hot` one of them fails at 3 s."""
 
 TOML = """

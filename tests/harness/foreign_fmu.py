@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Small FMUs from a few lines of C, built with gcc and FMPy's headers; they share no code with the
 project.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Hand-made .ssp files as other tools write them, put together from a few words; no code of the
 project is used.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Children that hear Ctrl-C also where the tests themselves do not (`make test &`, nohup): a
 process inherits that a signal is ignored.
 """

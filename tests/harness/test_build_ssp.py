@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """TOML to .ssp: wiring by name, parameter sets, the dialect that other tools accept, and all
 mistakes at once.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The command line: exit status, one line per error, nothing lost, no traceback."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """harness compare: flights in parallel, one table, and flights that fail."""
 
 from __future__ import annotations

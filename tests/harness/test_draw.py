@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The block diagram of a system: every signal once, nothing outside the picture, nothing across a
 block.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """`harness export`: one file with everything inside that flies like the original with its
 options.
 """

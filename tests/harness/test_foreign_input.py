@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Files from anywhere: entities, bombs, and what is left on the disk when a run ends badly."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Systems written by other tools: bindings, mappings, nested systems, units and transformations of
 signals.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Every contradiction between a system and its FMUs is found, all of them at once."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The rooms of the harness: what may know of what. Imports run downward only, and each kind of
 knowledge (XML, FMI, drawing, the command line) has one place.
 """
@@ -17,7 +18,7 @@ LAYERS = (
     ("__init__", "__main__"),
     ("cli",),
     ("api",),
-    ("studies", "exports", "bench", "figures", "claims"),
+    ("studies", "exports", "bench", "validation", "figures", "claims"),
     ("changes",),
     ("master",),
     ("ssp",),
@@ -34,8 +35,8 @@ ACQUAINTED = {("studies", "figures"), ("api", "__init__"), ("cli", "__init__")}
 
 ONLY = {
     "lxml": {"ssp", "exports"},
-    "ctypes": {"master", "bench"},
-    "fmpy": {"master", "ssp", "system", "studies", "bench"},
+    "ctypes": {"master", "bench", "validation"},
+    "fmpy": {"master", "ssp", "system", "studies", "bench", "validation"},
     "matplotlib": {"figures"},
     "typer": {"cli"},
     "rich": {"cli", "master"},

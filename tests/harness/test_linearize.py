@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Linear models of the FMUs against the theory they must agree with."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Loading, initial propagation, stepping with both executors, rollback, and runs that fail."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Measures of a run against values known in closed form."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What a reader of a result is told beside the numbers."""
 
 from __future__ import annotations

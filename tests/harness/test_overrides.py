@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What a user may want otherwise: parameter sets and files, single values, other FMUs."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Strobe points and spectrum of motions known in closed form."""
 
 from __future__ import annotations

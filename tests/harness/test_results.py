@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Results: vectors by name, and files that read back as they were written."""
 
 from __future__ import annotations

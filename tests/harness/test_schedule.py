@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The order of actions, and the numbers it leads to on a chain of counters and gains."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Reading .ssp files: what is damaged, unsafe or foreign."""
 
 from __future__ import annotations

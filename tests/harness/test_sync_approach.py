@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """A system of the project under the master: bits, columns, rows, parameter sets, bad input from the
 command line.
 """

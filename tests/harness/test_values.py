@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What people write, and the scalar variables it stands for."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What a comparison flies."""
 
 from __future__ import annotations

@@ -5,6 +5,7 @@
  * IN: guid (64 bytes), counts of parameters, inputs, outputs, steps (uint32), step size; value
  * references of the three; parameter values; then one row of inputs per step. OUT: one row of
  * outputs after initialization and after every step. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>

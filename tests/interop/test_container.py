@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """A system as one FMU: other tools accept it, and FMPy and libcosim get the bits of our own run out
 of it.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The same .ssp, unchanged, in other masters: every output has the bits of our Jacobi run."""
 
 import importlib

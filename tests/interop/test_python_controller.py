@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """A controller in Python, built by PythonFMU, in place of one in C."""
 
 import importlib.util

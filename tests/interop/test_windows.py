@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The win64 library of every FMU of a system, run under Wine, gives the bits of linux64 over a
 whole flight.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Reference implementation of the synchronised approach, derived from the mathematics.
 
 Shares no code and as few formulas as possible with the models under test: attitude by quaternions

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Adaptive controller: mass-adaptive force, inertia-adaptive wheel acceleration or torque.
 
 Translation. e_N = rho - rho_ref seen in H is the jet C_HN e_N; without control its second

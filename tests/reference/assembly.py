@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Two docked bodies in prescribed relative motion, from point masses alone: positions, their
 derivatives and the angular momentum about the common centre of mass.
 

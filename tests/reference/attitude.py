@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Attitude: unit quaternions (scalar first, v_N = q v_X q*), direction cosine matrices and
 Rodrigues parameters.
 """

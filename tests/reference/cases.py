@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Random cases for the tests of the identities, and the two comparisons they use."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The whole synchronised approach with a zero-order hold, as one program.
 
 Software samples at t_k; force (servicer body axes), torque and wheel acceleration are held on [t_k,

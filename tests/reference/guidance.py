@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Reference of the synchronised approach: a shrinking radius along the grasp axis, and the attitude
 that faces it.
 

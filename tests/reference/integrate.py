@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Two ways through the same right-hand side: a tight-tolerance truth and the fixed-step RK4 of the
 models.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Second-order jets: a quantity together with its first and second time derivative.
 
 Leibniz' rule for any bilinear product carries the derivatives exactly, so that no rate formula is

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Line-of-sight (LOS) coordinates, guidance that hovers in front of a feature (docs/models.md C.1
 to C.3).
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Gravity of an oblate planet, orbital elements, and the orbit (Hill) frame H with its
 derivatives.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Parameter values of the paper's case (ssp/sync_approach.toml)."""
 
 from __future__ import annotations

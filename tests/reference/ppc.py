@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Prescribed performance and PID control in line-of-sight coordinates: docs/models.md C.1
 and C.3 to C.5.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The scenario of ssp/ppc_tracking.toml, and its closed loop with a zero-order hold as one program.
 
 Force and torque are held in servicer axes over one sample. Row k of a history holds the plant

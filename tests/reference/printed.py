@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The formulas of docs/models.md A as printed there: on trial in the tests of the identities,
 unused elsewhere.
 """

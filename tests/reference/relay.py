@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The relay approach of Kozlova & Fomichev as one program, written from docs/models.md B.
 
 Coordinates are those of the paper: ISK, whose origin is the servicer at t = 0 (in orbit: a

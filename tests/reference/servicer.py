@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Servicer: oblate-planet orbit, rigid body with three momentum wheels, mass flow.
 
 Total momentum H = J omega + A Omega in S axes (J with the wheels locked, Omega relative to the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Disturbance record: bias + amplitude sin(frequency t + phase) per axis from `start` on, zero
 before.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Space robot from point masses alone: no inertia matrices, no gyroscopic terms, no
 gravity-gradient torques.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Target: oblate-planet orbit and rigid body.  dh/dt = M in inertial axes, h = J omega."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Theta-D control in line-of-sight coordinates (docs/models.md C.5).
 
 The Riccati equation is scipy's, the Lyapunov equations are solved by Kronecker products. The

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Transposition without saturation: planner, tracking law, steering of the gyros and the sampled
 closed loop, on the point masses of `assembly`.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Flights of ppc_tracking and what is measured on them."""
 
 from __future__ import annotations

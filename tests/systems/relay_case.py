@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Flights of relay_approach, and what they show: ranges, speeds, pointing, impulse."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Flights of sync_approach, by the FMUs under the master and by the independent reference program,
 case by case.
 """

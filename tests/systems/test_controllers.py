@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Controllers that replace each other: four of the project in both systems, and one from
 outside.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """examples/: every script runs as its text says, in a folder of its own."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Figures of every system: which are drawn, that they show the numbers of the result, and what
 happens without them.
 """

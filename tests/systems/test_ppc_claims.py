@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Claims of Yin, Luo, Wei & Yuan, J. Astronautics 38(8), 2017, one by one: quotation, our figure,
 band, verdict.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The system ppc_tracking: start, the same run as one program, funnel, software periods, exchange
 of controllers.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """harness report for runs of ppc_tracking: three controllers in two scenarios, each with the claims
 made about it.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """relay_approach as a whole: the independent program, the requirements on its parameter sets,
 latency, orbit, cost.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Claims of Kozlova & Fomichev 2023, one by one, for the paper's set and for the two that were made
 from it.
 """

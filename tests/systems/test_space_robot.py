@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """space_robot: a day against the pitch equation, tumbling and libration, joints driven under
 sampled control.
 """

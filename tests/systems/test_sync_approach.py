@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """sync_approach under the master against an independent program, a monolithic C program, and
 itself.
 """

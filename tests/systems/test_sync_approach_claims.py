@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Claims of Zhu & Yang 2009: verdict, our figure, and the same figure from the independent
 program.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What the macro step, the order of execution and latencies do to sync_approach, against theory.
 
 The case is the gyroscopic one with attitude control from the start: every wire carries something

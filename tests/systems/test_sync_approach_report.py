@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """harness report: the table for sync_approach, its verdicts, and results with which not everything
 can be judged.
 """

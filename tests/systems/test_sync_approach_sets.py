@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Parameter sets and variants of sync_approach: they fly and do what they say."""
 
 from __future__ import annotations

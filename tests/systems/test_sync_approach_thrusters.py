@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """sync_approach on sixteen real thrusters: what allocation, delay, lag and pulses cost against
 ideal propulsion.
 """

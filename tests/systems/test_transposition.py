@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """transposition: plan, closed loop and momentum against point masses, and what the patent
 claims.
 """

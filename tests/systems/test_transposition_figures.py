@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Figures of the transposition: which are drawn, and that they show the numbers of the result."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The core headers as Python functions on numbers and arrays, compiled once per session."""
 
 import ctypes

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """attitude.h against scipy's rotations. R maps body components to N components: C_BN = R^T."""
 
 import numpy as np

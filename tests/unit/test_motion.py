@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """motion.h on motions whose derivatives are known in closed form: polynomials and steady
 rotations.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """riccati.h against scipy's solvers, which work by Schur decomposition."""
 
 import numpy as np

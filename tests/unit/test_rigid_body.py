@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """rigid_body.h: gravity gradient as a sum over point masses, and what an inertia matrix may be."""
 
 import numpy as np

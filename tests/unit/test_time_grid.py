@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """time_grid.h against rational arithmetic: a double is a fraction, so the oracle has no
 rounding.
 """

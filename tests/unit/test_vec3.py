@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """vec3.h and portable_math.h against numpy."""
 
 import numpy as np

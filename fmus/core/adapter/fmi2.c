@@ -3,6 +3,7 @@
  * Every function checks the call state first (FMI 2.0, section 4.2.4) and answers a refused call
  * with fmi2Error and a message; the instance stays as it was and usable. Only a step that fails
  * ends in the error state. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "finite.h"
 #include "instance.h"
 #include "time_grid.h"

@@ -1,5 +1,6 @@
 /* fmi2_state.c - FMU states (plain copies of the model) and directional derivatives (differences on
  * copies). */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "instance.h"
 
 typedef struct {

@@ -3,6 +3,7 @@
  *
  * All variables are Real; inputs are held over a step (no input derivatives); a step is complete
  * when fmi2DoStep returns. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "instance.h"
 
 static fmi2Status none(fmi2Component c, const char *function, unsigned phases, size_t count,

@@ -9,6 +9,7 @@
  *     initialize(p, u, x, y, t)  states and first outputs at start time t
  *     step(p, u, x, y, t, h)     from t to t + h with the inputs held, outputs latched at the end
  * The last line of the file, FMU_MODEL(...), hands them to the adapter. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FMU_H
 #define FMU_H
 

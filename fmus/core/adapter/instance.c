@@ -1,4 +1,5 @@
 /* instance.c - memory, log and guarded evaluation of one instance. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "finite.h"
 #include "instance.h"
 

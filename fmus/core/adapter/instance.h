@@ -3,6 +3,7 @@
  * States and outputs are kept before a step and put back if one of its results is refused, so an
  * error leaves the last good state in place; parameters and inputs are constant in a step. There
  * are no globals: instances do not know of each other. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef INSTANCE_H
 #define INSTANCE_H
 

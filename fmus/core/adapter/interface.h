@@ -1,5 +1,6 @@
 /* interface.h - reading the interface table of a model: scalars by value reference, names of
  * elements, guid. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef INTERFACE_H
 #define INTERFACE_H
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Build one FMU from one C file outside the build of the tree: your own controller, for example.
 
 Usage: build_fmu.py FILE.c [-o FILE.fmu] [--cc COMMAND]

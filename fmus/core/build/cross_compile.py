@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Add the binaries of all platforms to FMUs, compiled from the sources inside each archive by one
 cross compiler.
 

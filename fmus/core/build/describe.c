@@ -5,6 +5,7 @@
  *
  * It refuses an interface that is not fit to ship: missing texts, doubled names, unknown units,
  * start values that break their rules, outputs that are not finite for the start values. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "interface.h"
 
 #include <stdlib.h>

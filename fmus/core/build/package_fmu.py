@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Zip one FMU: model description, binaries, sources, documentation, licence, picture. Same inputs,
 same bytes.
 

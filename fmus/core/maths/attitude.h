@@ -3,6 +3,7 @@
  * Attitude of frame B relative to frame N: C_BN maps N components to B components; the quaternion
  * q_BN is scalar first with v_N = q v_B q*; the MRP is sigma_BN = q_vec / (1 + q_0). Equations:
  * docs/models.md A.1. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ATTITUDE_H
 #define ATTITUDE_H
 

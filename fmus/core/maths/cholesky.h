@@ -1,4 +1,5 @@
 /* cholesky.h - dense symmetric positive definite systems, in place, without allocation. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef CHOLESKY_H
 #define CHOLESKY_H
 

@@ -1,4 +1,5 @@
 /* finite.h - is every number of a vector finite? */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef FINITE_H
 #define FINITE_H
 

@@ -1,5 +1,6 @@
 /* motion.h - a vector with its first and second time derivative, carried through products,
  * quotients and frames. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MOTION_H
 #define MOTION_H
 

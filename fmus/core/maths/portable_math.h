@@ -3,6 +3,7 @@
  * Those operations are exact to the last bit on every platform; the C libraries' atan2 and exp are
  * not, and their last bits would travel through a whole simulation. Both are accurate to 2e-15
  * relative. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef PORTABLE_MATH_H
 #define PORTABLE_MATH_H
 

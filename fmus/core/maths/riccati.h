@@ -7,6 +7,7 @@
  * convergent for a stabilisable, detectable problem, and Newton steps (Kleinman 1968) that bring
  * stiff problems to full precision. Lyapunov as 21 linear equations for the elements on and above
  * the diagonal. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef RICCATI_H
 #define RICCATI_H
 

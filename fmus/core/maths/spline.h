@@ -4,6 +4,7 @@
  *   2 m_0 + m_1 = 6 (y_1 - y_0)/dt^2
  *   m_{k-1} + 4 m_k + m_{k+1} = 6 (y_{k-1} - 2 y_k + y_{k+1})/dt^2
  *   m_{n-1} + 2 m_n = 6 (y_{n-1} - y_n)/dt^2 */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SPLINE_H
 #define SPLINE_H
 

@@ -1,4 +1,5 @@
 /* symmetric3.h - eigenvalues and pseudo-inverse of a symmetric 3x3 matrix, by Jacobi rotations. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SYMMETRIC3_H
 #define SYMMETRIC3_H
 

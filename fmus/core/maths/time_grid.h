@@ -7,6 +7,7 @@
  * number, but never more than a thousandth of a grid step, and never less than two roundings of the
  * time. Grid steps are counted, so they are whole up to number 2^53; there the time itself is
  * rounded to a grid step or two. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef TIME_GRID_H
 #define TIME_GRID_H
 

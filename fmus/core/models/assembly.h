@@ -13,6 +13,7 @@
  * Z_o = -x_H, so that attitude zero is q_SH = q_oH = (1, -1, -1, 1)/2. q_oH and q_HN below are the
  * only places that know. N: the axes of H at t = 0. eps: vector part of q_So, below half a turn.
  * Source: patent CN106020225A, corrected (docs/models.md E). */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ASSEMBLY_H
 #define ASSEMBLY_H
 

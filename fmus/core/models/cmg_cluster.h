@@ -6,6 +6,7 @@
  *
  * The gimbal axes are those of a regular dodecahedron: the angle between any two is 63.4 deg, so
  * that the envelope is nearly a sphere. Source: docs/models.md E.6. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef CMG_CLUSTER_H
 #define CMG_CLUSTER_H
 

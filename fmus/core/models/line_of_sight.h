@@ -11,6 +11,7 @@
  *   eps'' = (y_l.a - 2 rho' eps')/rho - bet'^2 se ce
  *   bet'' = (-z_l.a - 2 rho' bet' ce + 2 rho eps' bet' se)/(rho ce)
  * Divisors are kept away from zero: rho by 0.1 m, ce by 1e-3. Equations: docs/models.md C.1. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef LINE_OF_SIGHT_H
 #define LINE_OF_SIGHT_H
 

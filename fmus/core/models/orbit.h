@@ -1,6 +1,7 @@
 /* orbit.h - Keplerian elements, point-mass gravity with J2, the Hill frame.
  *
  * H: x radial outward, y along track, z orbit normal. Equations: docs/models.md A.2, A.4. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ORBIT_H
 #define ORBIT_H
 

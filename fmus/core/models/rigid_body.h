@@ -1,4 +1,5 @@
 /* rigid_body.h - torques on a rigid body and the rules that an inertia matrix must keep. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef RIGID_BODY_H
 #define RIGID_BODY_H
 

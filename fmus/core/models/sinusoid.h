@@ -1,5 +1,6 @@
 /* sinusoid.h - a disturbance: bias + amplitude sin(frequency t + phase) per axis from its start
  * time on, 0 before. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SINUSOID_H
 #define SINUSOID_H
 

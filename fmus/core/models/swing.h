@@ -4,6 +4,7 @@
  *   smooth:  f = 10 u^3 - 15 u^4 + 6 u^5
  *   else:    f = 2 u^2, from the middle on 1 - 2 (1-u)^2, constant acceleration, then as much
  *            back */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SWING_H
 #define SWING_H
 

@@ -1,5 +1,6 @@
 /* disturbance.h - a disturbance acceleration on an orbiting body, given in N axes or in the Hill frame
  * of its own orbit. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef DISTURBANCE_H
 #define DISTURBANCE_H
 

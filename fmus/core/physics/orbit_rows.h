@@ -1,5 +1,6 @@
 /* orbit_rows.h - the start orbit of a plant: planet, elements or Cartesian start, and their
  * rules. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ORBIT_ROWS_H
 #define ORBIT_ROWS_H
 

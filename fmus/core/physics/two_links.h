@@ -4,6 +4,7 @@
  * Generalised speeds u = [omega of the base; joint rates]; the origin is the centre of mass of the
  * whole. Body k has its x axis along the link; joint 1 lies on the x axis of the base, r[0] from
  * its centre of mass. Equations: docs/models.md D. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef TWO_LINKS_H
 #define TWO_LINKS_H
 

@@ -1,5 +1,6 @@
 /* assembly_rows.h - the docked assembly as parameters, with its rules, and its state on the
  * wires. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ASSEMBLY_ROWS_H
 #define ASSEMBLY_ROWS_H
 

@@ -1,5 +1,6 @@
 /* body_rows.h - the state of a body on the wires: position, velocity, attitude, angular
  * velocity. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef BODY_ROWS_H
 #define BODY_ROWS_H
 

@@ -1,4 +1,5 @@
 /* reference_rows.h - the reference that a guidance hands to a controller. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef REFERENCE_ROWS_H
 #define REFERENCE_ROWS_H
 

@@ -3,6 +3,7 @@
  * A thruster with nominal thrust 0 does not exist. Position and direction are in body axes from the
  * body origin O, torques are about the centre of mass:   F = P R,   M = (L - D_cm) x (P R)
  * docs/models.md B.6 */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef THRUSTERS_H
 #define THRUSTERS_H
 

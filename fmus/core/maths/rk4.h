@@ -4,6 +4,7 @@
  *     RK4(integrate, derivative, Context, State)
  *
  * defines  integrate(const Context *c, double t, double h, State *x),  a step from t to t + h. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef RK4_H
 #define RK4_H
 

@@ -1,0 +1,111 @@
+/* arc.h - motion between two instants as a cubic, and what a margin does along it.
+ *
+ * Positions and velocities of both ends give the cubic (Hermite), kept by its control points
+ *   p_0,   p_0 + h v_0/3,   p_1 - h v_1/3,   p_1
+ * A part of an arc lies in the convex hull of its own control points, and that hull closes in on it
+ * with the square of its length. The velocity goes straight from v_0 to v_1.
+ *
+ * A margin has a value at a point and a bound for a part: a number that no value on the part is
+ * below. Parts are halved until bound and value agree within ARC_RESOLUTION, so nothing between the
+ * ends is missed. A turn about a sphere needs some ten parts, a pass at a distance one. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef ARC_H
+#define ARC_H
+
+#include "vec3.h"
+
+#define ARC_RESOLUTION 1e-7    /* of the least value: m, m/s */
+#define SHORTEST_PART  0x1p-40 /* of the arc: there the value decides */
+#define NEVER          INFINITY
+
+typedef struct { vec3 p[4], v[2]; } Arc;
+
+static inline Arc hermite(vec3 p0, vec3 v0, vec3 p1, vec3 v1, double h)
+{
+    return (Arc){{p0, add(p0, scale(h / 3, v0)), sub(p1, scale(h / 3, v1)), p1}, {v0, v1}};
+}
+
+static inline vec3 between(vec3 a, vec3 b, double s) { return add(a, scale(s, sub(b, a))); }
+
+/* the cubic's blossom: with three equal arguments the point, with mixed ones control points of a
+ * part */
+static inline vec3 blossom(const vec3 p[4], double a, double b, double c)
+{
+    vec3 q0 = between(p[0], p[1], a), q1 = between(p[1], p[2], a), q2 = between(p[2], p[3], a);
+    return between(between(q0, q1, b), between(q1, q2, b), c);
+}
+
+static inline vec3 arc_position(const Arc *arc, double s) { return blossom(arc->p, s, s, s); }
+static inline vec3 arc_velocity(const Arc *arc, double s)
+{
+    return between(arc->v[0], arc->v[1], s);
+}
+
+static inline Arc arc_part(const Arc *arc, double a, double b)
+{
+    const vec3 *p = arc->p;
+    return (Arc){
+        {blossom(p, a, a, a), blossom(p, a, a, b), blossom(p, a, b, b), blossom(p, b, b, b)},
+        {arc_velocity(arc, a), arc_velocity(arc, b)}};
+}
+
+/* least projection of the control points on a direction: no point of the arc is below it */
+static inline double least_along(const Arc *arc, vec3 u)
+{
+    return fmin(fmin(dot(u, arc->p[0]), dot(u, arc->p[1])),
+                fmin(dot(u, arc->p[2]), dot(u, arc->p[3])));
+}
+
+/* ---- margins along an arc ---- */
+typedef double MarginValue(const void *rule, vec3 p, vec3 v);
+typedef double MarginBound(const void *rule, const Arc *part);
+typedef struct {
+    MarginValue *value;
+    MarginBound *bound;
+    const void *rule;
+} Margin;
+
+static inline double value_at(const Margin *m, const Arc *arc, double s)
+{
+    return m->value(m->rule, arc_position(arc, s), arc_velocity(arc, s));
+}
+
+/* parts of 0..1 from left to right: s begins, w is the width, a power of two that divides s */
+typedef struct { double s, w; } Part;
+
+static inline Part next_part(Part x)
+{
+    double s = x.s + x.w, w = x.w;
+    while (s < 1 && floor(s / (2 * w)) == s / (2 * w)) w *= 2;
+    return (Part){s, w};
+}
+static inline Part left_half(Part x) { return (Part){x.s, x.w / 2}; }
+
+/* never above the least value on the arc, and below it by no more than ARC_RESOLUTION */
+static inline double least_on(const Margin *m, const Arc *arc)
+{
+    double best = fmin(value_at(m, arc, 0), value_at(m, arc, 1)), lowest = best;
+    for (Part x = {0, 1}; x.s < 1;) {
+        Arc part = arc_part(arc, x.s, x.s + x.w);
+        double bound = m->bound(m->rule, &part);
+        int settled = bound >= best - ARC_RESOLUTION || x.w < SHORTEST_PART;
+        if (settled) lowest = fmin(lowest, bound);
+        else best = fmin(best, value_at(m, arc, x.s + x.w / 2));
+        x = settled ? next_part(x) : left_half(x);
+    }
+    return fmin(best, lowest);
+}
+
+/* where the value first falls below zero, in 0..1, or NEVER */
+static inline double first_below_zero(const Margin *m, const Arc *arc)
+{
+    for (Part x = {0, 1}; x.s < 1;) {
+        Arc part = arc_part(arc, x.s, x.s + x.w);
+        int clear = m->bound(m->rule, &part) >= 0;
+        if (!clear && (x.w < SHORTEST_PART || value_at(m, arc, x.s) < 0)) return x.s;
+        x = clear ? next_part(x) : left_half(x);
+    }
+    return NEVER;
+}
+
+#endif

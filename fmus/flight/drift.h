@@ -1,0 +1,60 @@
+/* drift.h - how close two bodies come in the next seconds if nobody thrusts.
+ *
+ *   dr/dt = v,   dv/dt = -mu r/r^3 (+ J2)   of target and servicer, classical Runge-Kutta
+ * The relative path in Hill axes between two integration steps is a cubic arc, on which the least
+ * margin is found and not sampled. Equations: docs/models.md G.4 */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef DRIFT_H
+#define DRIFT_H
+
+#include "arc.h"
+#include "orbit.h"
+#include "rk4.h"
+
+typedef struct { PosVel T, S; } Pair; /* N axes */
+
+typedef struct {
+    Orbit planet; /* mu, R_E, J2 */
+    double use_J2, duration, max_step;
+} Drift;
+
+typedef struct { vec3 p, v; } Relative; /* servicer seen from the target, as seen in its frame */
+
+static inline Relative relative_in_hill(double mu, const Pair *x)
+{
+    HillFrame H = hill_frame(mu, x->T.r, x->T.v);
+    vec3 p = mul(H.C_HN, sub(x->S.r, x->T.r));
+    return (Relative){p, rate_in_frame(&H, p, mul(H.C_HN, sub(x->S.v, x->T.v)))};
+}
+
+static inline void drift_derivative(const void *context, double t, const double *from, double *to)
+{
+    const Drift *d = context;
+    const Pair *x = (const Pair *)(const void *)from;
+    Pair *dx = (Pair *)(void *)to;
+    (void)t;
+    *dx = (Pair){{x->T.v, gravity(&d->planet, d->use_J2, x->T.r)},
+                 {x->S.v, gravity(&d->planet, d->use_J2, x->S.r)}};
+}
+
+/* least margin over the duration, and when it first falls below zero (NEVER: not at all) */
+typedef struct { double margin, entry; } Encounter;
+
+static inline Encounter drift_encounter(const Drift *d, const Margin *m, Pair x)
+{
+    double steps = ceil(d->duration / d->max_step), h = d->duration / steps;
+    Encounter found = {INFINITY, NEVER};
+    Relative before = relative_in_hill(d->planet.mu, &x);
+    for (double k = 0; k < steps; k++) {
+        rk4(drift_derivative, d, k * h, h, &x.T.r.x, sizeof x / sizeof(double));
+        Relative after = relative_in_hill(d->planet.mu, &x);
+        Arc arc = hermite(before.p, before.v, after.p, after.v, h);
+        found.margin = fmin(found.margin, least_on(m, &arc));
+        if (found.margin < 0 && found.entry == NEVER)
+            found.entry = (k + first_below_zero(m, &arc)) * h;
+        before = after;
+    }
+    return found;
+}
+
+#endif

@@ -1,0 +1,96 @@
+/* safety_ports.h - what the safety monitor is told: rules, abort manoeuvre, states, command. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef SAFETY_PORTS_H
+#define SAFETY_PORTS_H
+
+#include "safety_rules.h"
+#include "tracking.h"
+
+enum { KEEP_OUT, CORRIDOR, SPEED, PASSIVE, PLUME, NAVIGATION, RULES };
+enum { HILL_AXES, TARGET_AXES };
+
+typedef struct {
+    double mu, R_E, J2, use_J2;
+    double keep_out_shape, keep_out_axes, keep_out_opens;
+    vec3 keep_out_half;
+    double use_corridor, corridor_axes, corridor_half_angle, corridor_length;
+    vec3 corridor_axis, corridor_apex;
+    double use_speed_limit, speed_at_zero, speed_slope;
+    double passive_time, passive_step;
+    double use_plume, plume_half_angle, plume_range, plume_force_min;
+    double lost_time;
+    double abort_on[RULES];
+    double act, mass, abort_force, abort_speed;
+    vec3 abort_dv_H;
+    double sample_period;
+} SafetyParameters;
+typedef struct {
+    Body T, S;
+    vec3 F_cmd_S;
+    double approaching, relative_valid;
+} SafetyInput;
+
+#define SAFETY_PARAMETERS                                                                          \
+    NONNEGATIVE(mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),             \
+        NONNEGATIVE(R_E, "m", "equatorial radius of the planet"),                                  \
+        NONNEGATIVE(J2, "1", "second zonal harmonic of the planet"),                               \
+        SWITCH(use_J2, "1: the drift without thrust feels the oblateness"),                        \
+        PARAMETER(keep_out_shape, "1", "keep-out zone: 0 = none, 1 = ellipsoid, 2 = box"),         \
+        SWITCH(keep_out_axes, "axes of the keep-out zone: 0 = Hill, 1 = target"),                  \
+        SWITCH(keep_out_opens, "1: the keep-out zone rests while approaching (berthing)"),         \
+        POSITIVE(keep_out_half, "m", "half axes of the keep-out zone; three equal ones: sphere"),  \
+        SWITCH(use_corridor, "1: approach corridor, while approaching"),                           \
+        SWITCH(corridor_axes, "axes of the corridor: 0 = Hill, 1 = target"),                       \
+        POSITIVE(corridor_half_angle, "rad", "half angle of the cone, below pi/2"),                \
+        NONNEGATIVE(corridor_length, "m", "the corridor ends there, along its axis; 0 = never"),   \
+        PARAMETER(corridor_axis, "1", "unit vector from the apex outwards"),                       \
+        PARAMETER(corridor_apex, "m", "apex of the cone, from the target's centre of mass"),       \
+        SWITCH(use_speed_limit, "1: speed limit, while approaching"),                              \
+        NONNEGATIVE(speed_at_zero, "m/s", "speed limit at range 0, as seen in the Hill frame"),    \
+        NONNEGATIVE(speed_slope, "1/s", "rise of the speed limit with the range"),                 \
+        NONNEGATIVE(passive_time, "s",                                                             \
+                    "the drift without thrust must keep out of the zone that long; 0 = rule off"), \
+        POSITIVE(passive_step, "s", "integration step of the drift"),                              \
+        SWITCH(use_plume, "1: the exhaust must not meet the target"),                              \
+        POSITIVE(plume_half_angle, "rad", "half angle of the exhaust, below pi/2"),                \
+        POSITIVE(plume_range, "m", "the exhaust does no harm beyond this distance"),               \
+        NONNEGATIVE(plume_force_min, "N", "smaller forces make no plume"),                         \
+        NONNEGATIVE(lost_time, "s", "longest time without a valid relative state; 0 = rule off"),  \
+        SWITCH(abort_on,                                                                           \
+               "1: a violation of this rule aborts; order of the rules: keep-out, corridor, "      \
+               "speed, passive, plume, navigation"),                                               \
+        SWITCH(act, "1: after the abort F_safe_S is the abort manoeuvre, 0: it stays F_cmd_S"),    \
+        POSITIVE(mass, "kg", "mass of the servicer as assumed for the abort manoeuvre"),           \
+        NONNEGATIVE(abort_force, "N", "force of the abort manoeuvre; 0: free drift"),              \
+        NONNEGATIVE(abort_speed, "m/s", "velocity increment outwards along the corridor"),         \
+        PARAMETER(abort_dv_H, "m/s", "velocity increment in Hill axes; zero: along the corridor"), \
+        NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call")
+
+#define SWITCH_INPUT(member, text) ROW_AS(INPUT_ROW, u, #member, member, 1, "1", text, SWITCH_VALUE)
+#define SAFETY_INPUTS                                                                             \
+    BODY_INPUTS("T", T, "target"), BODY_INPUTS("S", S, "servicer"),                               \
+        INPUT(F_cmd_S, "N", "commanded force, servicer axes"),                                    \
+        SWITCH_INPUT(approaching, "1: corridor and speed limit apply (0: after the approach was " \
+                                  "given up)"),                                                   \
+        SWITCH_INPUT(relative_valid, "1: the states of target and servicer can be relied on")
+
+static inline void check_acute(Problems *problems, const char *name, double angle)
+{
+    if (angle >= 1.5707963267948966) refuse(problems, name, angle, "must be below pi/2");
+}
+
+static inline void check_safety(const SafetyParameters *p, Problems *problems)
+{
+    double shape = p->keep_out_shape, axis = norm(p->corridor_axis);
+    if (shape != NO_ZONE && shape != ELLIPSOID && shape != BOX)
+        refuse(problems, "keep_out_shape", shape, "must be 0, 1 or 2");
+    if (fabs(axis - 1) > 1e-9) refuse(problems, "corridor_axis", axis, "must be a unit vector");
+    if (p->passive_time > 0 && shape == NO_ZONE)
+        refuse(problems, "passive_time", p->passive_time, "needs a keep-out zone");
+    if (p->passive_time > 1e5 * p->passive_step)
+        refuse(problems, "passive_step", p->passive_step, "must not be below passive_time / 1e5");
+    check_acute(problems, "corridor_half_angle", p->corridor_half_angle);
+    check_acute(problems, "plume_half_angle", p->plume_half_angle);
+}
+
+#endif

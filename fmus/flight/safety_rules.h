@@ -1,0 +1,135 @@
+/* safety_rules.h - the margins of the safety monitor: keep-out zone, approach corridor, speed,
+ * plume.
+ *
+ *   zone      b (|p|_Z - 1),                                b: smallest half axis
+ *               |p|_Z = |D^-1 p| (ellipsoid) or max |p_i|/d_i (box), D = diag(d)
+ *   corridor  max(a sin alpha - d cos alpha, a - L)         L = 0: no end
+ *   speed     v_0 + k |p| - |v|
+ *   plume     max(d cos beta - a sin beta, |p| - R)
+ * p: servicer seen from the target (corridor: from the apex); a along the axis of the cone, d away
+ * from it. The axis of the plume is the force: the exhaust leaves against it, and the target lies
+ * at -p. A margin is positive where all is well, zero on the edge, and changes by no more than 1 m
+ * on 1 m of way: it is never more than the distance to the edge (equal to it for sphere and cone,
+ * and opposite a face of the smallest half axis of the box).
+ *
+ * Bounds on a part of an arc: a convex margin lies above its tangent plane at the middle, a concave
+ * one has its least value at a control point. docs/models.md G.2, G.3 */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef SAFETY_RULES_H
+#define SAFETY_RULES_H
+
+#include "arc.h"
+
+enum { NO_ZONE, ELLIPSOID, BOX };
+
+static inline vec3 middle(const Arc *part)
+{
+    const vec3 *p = part->p;
+    return scale(0.125, add(add(p[0], p[3]), scale(3, add(p[1], p[2]))));
+}
+
+static inline vec3 unit_or_zero(vec3 a)
+{
+    double n = norm(a);
+    return n > 0 ? scale(1 / n, a) : a;
+}
+
+/* ---- keep-out zone: a norm, which is convex ---- */
+typedef struct {
+    double shape;
+    vec3 half;
+} Zone;
+
+static inline double smallest(vec3 a) { return fmin(a.x, fmin(a.y, a.z)); }
+static inline vec3 over(vec3 a, vec3 b) { return vec(a.x / b.x, a.y / b.y, a.z / b.z); }
+
+/* gradient of |p|_Z; by homogeneity |p|_Z = gradient . p, and |p'|_Z >= gradient . p' everywhere */
+static inline vec3 zone_gradient(const Zone *z, vec3 p)
+{
+    vec3 e = over(p, z->half);
+    if (z->shape == ELLIPSOID) return over(unit_or_zero(e), z->half);
+    double x = fabs(e.x), y = fabs(e.y), w = fabs(e.z);
+    if (x >= y && x >= w) return vec((e.x < 0 ? -1 : 1) / z->half.x, 0, 0);
+    if (y >= w) return vec(0, (e.y < 0 ? -1 : 1) / z->half.y, 0);
+    return vec(0, 0, (e.z < 0 ? -1 : 1) / z->half.z);
+}
+
+static inline double zone_value(const void *rule, vec3 p, vec3 v)
+{
+    const Zone *z = rule;
+    (void)v;
+    return smallest(z->half) * (dot(zone_gradient(z, p), p) - 1);
+}
+
+static inline double zone_bound(const void *rule, const Arc *part)
+{
+    const Zone *z = rule;
+    return smallest(z->half) * (least_along(part, zone_gradient(z, middle(part))) - 1);
+}
+
+/* ---- approach corridor: a cone, whose margin is concave, open beyond its length ---- */
+typedef struct {
+    vec3 apex, axis;
+    double half_angle, length;
+} Corridor;
+
+static inline double corridor_value(const void *rule, vec3 p, vec3 v)
+{
+    const Corridor *c = rule;
+    vec3 q = sub(p, c->apex);
+    double a = dot(q, c->axis), d = norm(sub(q, scale(a, c->axis)));
+    double inside = a * sin(c->half_angle) - d * cos(c->half_angle);
+    (void)v;
+    return c->length > 0 ? fmax(inside, a - c->length) : inside;
+}
+
+static inline double corridor_bound(const void *rule, const Arc *part)
+{
+    Corridor cone = *(const Corridor *)rule;
+    double end = least_along(part, cone.axis) - dot(cone.apex, cone.axis) - cone.length;
+    double within = cone.length > 0 ? end : -INFINITY, inside = INFINITY;
+    cone.length = 0;
+    for (int i = 0; i < 4; i++)
+        inside = fmin(inside, corridor_value(&cone, part->p[i], part->v[0]));
+    return fmax(inside, within);
+}
+
+/* ---- speed: |p| is convex, -|v| concave ---- */
+typedef struct { double at_zero, slope; } SpeedLimit;
+
+static inline double speed_value(const void *rule, vec3 p, vec3 v)
+{
+    const SpeedLimit *l = rule;
+    return l->at_zero + l->slope * norm(p) - norm(v);
+}
+
+static inline double speed_bound(const void *rule, const Arc *part)
+{
+    const SpeedLimit *l = rule;
+    double range = least_along(part, unit_or_zero(middle(part)));
+    return l->at_zero + l->slope * range - fmax(norm(part->v[0]), norm(part->v[1]));
+}
+
+/* ---- plume: the outside of a cone with an end, convex in both parts ---- */
+typedef struct {
+    vec3 force; /* unit vector */
+    double half_angle, range;
+} Plume;
+
+static inline double plume_value(const void *rule, vec3 p, vec3 v)
+{
+    const Plume *c = rule;
+    double a = dot(p, c->force), d = norm(sub(p, scale(a, c->force)));
+    (void)v;
+    return fmax(d * cos(c->half_angle) - a * sin(c->half_angle), norm(p) - c->range);
+}
+
+static inline double plume_bound(const void *rule, const Arc *part)
+{
+    const Plume *c = rule;
+    vec3 q = middle(part), aside = unit_or_zero(sub(q, scale(dot(q, c->force), c->force)));
+    vec3 plane = sub(scale(cos(c->half_angle), aside), scale(sin(c->half_angle), c->force));
+    return fmax(least_along(part, plane), least_along(part, unit_or_zero(q)) - c->range);
+}
+
+#endif

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A published case as data: what is flown, what others got, how close we must come, and wrong
+models that must miss.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from harness.errors import UsageError
+from harness.spelling import did_you_mean
+
+FOLDER = Path(__file__).parent / "cases"
+
+
+@dataclass(frozen=True)
+class Case:
+    """One case of cases/*.json.
+
+    id: its name; tests: what it tests; source: name, where, licence; fmu: what is flown; rows: `t`
+    [s] and expected outputs; tolerance: largest difference per output; units: of the outputs; why:
+    reason for the tolerance; wrong: `what` and `change` of models that must miss; setup: everything
+    else, to be read by the flight.
+    """
+
+    id: str
+    tests: str
+    source: Mapping[str, str]
+    fmu: str
+    rows: tuple[Mapping[str, Any], ...]
+    tolerance: Mapping[str, float]
+    units: Mapping[str, str]
+    why: str
+    wrong: tuple[Mapping[str, Any], ...]
+    setup: Mapping[str, Any]
+
+    @classmethod
+    def read(cls, entry: Mapping[str, Any]) -> Case:
+        """The case of an entry of a file."""
+        rest = dict(entry)
+        named: dict[str, Any] = {
+            name: rest.pop(name)
+            for name in ("id", "tests", "source", "fmu", "tolerance", "units", "why")
+        }
+        return cls(
+            **named, rows=tuple(rest.pop("rows")), wrong=tuple(rest.pop("wrong")), setup=rest
+        )
+
+    @property
+    def flight(self) -> str:
+        """How it is flown: a name of flights.FLIGHTS."""
+        return str(self.setup.get("flight", "held_inputs"))
+
+    def changed(self, change: Mapping[str, Any]) -> Case:
+        """The case with some of its setup replaced; tables such as `parameters` entry by entry."""
+        setup = dict(self.setup)
+        for name, value in change.items():
+            old = setup.get(name)
+            merges = isinstance(old, Mapping) and isinstance(value, Mapping)
+            setup[name] = dict(old or {}) | dict(value) if merges else value
+        return replace(self, setup=setup)
+
+
+def cases(names: list[str] | None = None) -> list[Case]:
+    """The cases of that name, or all; UsageError with close matches if there is none."""
+    known = {case.id: case for case in _all()}
+    if names is None:
+        return list(known.values())
+    for name in names:
+        if name not in known:
+            raise UsageError(f"{name}: there is no such case{did_you_mean(name, known)}")
+    return [known[name] for name in names]
+
+
+def _all() -> Iterator[Case]:
+    for path in sorted(FOLDER.glob("*.json")):
+        yield from map(Case.read, json.loads(path.read_text(encoding="utf-8"))["cases"])

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Numbers by others: every published case agrees within its tolerance, and every model that is wrong
+on purpose misses. The data: harness/validation/cases/*.json.
+"""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from harness.errors import UsageError
+from harness.validation import cases, judge, markdown, table, validate
+from harness.validation.case import FOLDER
+from harness.validation.library import Library
+
+ALL = cases()
+WRONG = [
+    pytest.param(case, wrong, id=f"{case.id}-{k}")
+    for case in ALL
+    for k, wrong in enumerate(case.wrong)
+]
+
+
+@pytest.fixture(scope="module")
+def library():
+    with Library() as opened:
+        yield opened
+
+
+@pytest.mark.parametrize("case", ALL, ids=lambda case: case.id)
+def test_the_fmus_agree_with_the_published_numbers(case, library):
+    for row in judge(case, library):
+        assert row.within, (
+            f"{row.quantity}: {row.difference:.3g} {row.unit}, tolerance {row.tolerance:.3g}"
+        )
+
+
+@pytest.mark.parametrize(("case", "wrong"), WRONG)
+def test_a_wrong_model_misses_them(case, wrong, library):
+    assert not all(row.within for row in judge(case.changed(wrong["change"]), library)), wrong[
+        "what"
+    ]
+
+
+@pytest.mark.parametrize("case", ALL, ids=lambda case: case.id)
+def test_a_case_says_where_its_numbers_come_from_and_what_must_miss_them(case):
+    assert set(case.source) >= {"name", "where", "licence"}
+    assert all(case.source.values())
+    assert case.why
+    assert case.wrong
+    assert set(case.tolerance) == set(case.units)
+    assert {name for row in case.rows for name in row} == {"t", *case.tolerance}
+
+
+def test_the_data_are_small_and_the_names_unique():
+    assert sum(path.stat().st_size for path in FOLDER.glob("*.json")) < 500_000
+    assert len({case.id for case in ALL}) == len(ALL)
+    for path in FOLDER.glob("*.json"):
+        assert list(json.loads(path.read_text(encoding="utf-8"))) == ["cases"]
+
+
+def test_chosen_cases_are_flown_alone_and_a_wrong_name_gets_a_hint():
+    rows = validate(["vallado-2-4"])
+    assert [row.quantity for row in rows] == ["r_TN_N", "v_TN_N"]
+    assert table(rows).endswith("1 of 1 cases agree")
+    assert "| `vallado-2-4` |" in markdown(rows)
+    with pytest.raises(UsageError, match="vallado-2-4"):
+        validate(["valado-2-4"])
+
+
+def test_a_case_that_differs_is_shown_as_such(library):
+    (case,) = cases(["vallado-2-4"])
+    rows = judge(case.changed(case.wrong[0]["change"]), library)
+    assert "DIFFERS" in table(rows)
+    assert table(rows).endswith("0 of 1 cases agree")
