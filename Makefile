@@ -100,7 +100,8 @@ coverage: build $(LINTERS)
 	  --cov-report=html:build/coverage/python $(COVERING) \
 	  --ignore-glob='*/test_static.py' --ignore-glob='*/test_rebuild.py'
 	mkdir -p build/coverage/c
-	$(BIN)/gcovr build/coverage --txt --html-details build/coverage/c/index.html
+	$(BIN)/gcovr build/coverage --exclude fmus/core/build --txt \
+	  --html-details build/coverage/c/index.html
 
 bench: build
 	$(BIN)/harness bench sync_approach
