@@ -54,7 +54,6 @@ def pytest_runtest_makereport(item, call):
     return report
 
 
-@pytest.hookimpl
 def pytest_runtest_logreport(report):
     if tool := getattr(report, "tool", None):
         OUTCOMES.setdefault(tuple(tool[:3]), []).append(tuple(tool[3:]))
