@@ -152,7 +152,7 @@ static void control_position(const Parameters *p, const Input *u, State *x, doub
     vec3 F_N = tmul(H.C_HN, force_H(p, x->phase, y->e_H, y->de_H));
     vec3 F_S = mul(dcm_of_quat(u->S.q), F_N);
     y->F_cmd_S = limited3(F_S, p->F_max);
-    y->F_saturated = differs(F_S, y->F_cmd_S);
+    y->F_saturated = unequal(F_S, y->F_cmd_S);
 }
 
 static void control_attitude(const Parameters *p, const Input *u, double t, Output *y)

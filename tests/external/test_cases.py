@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Numbers by others: every published case agrees within its tolerance, and every model that is wrong
-on purpose misses. The data: harness/validation/cases/*.json.
+"""Numbers by others: every published case agrees within its tolerance, and every model that is
+wrong on purpose misses. The data: harness/validation/cases/*.json.
 """
 
 from __future__ import annotations
