@@ -209,7 +209,6 @@ def test_cluster_has_the_momentum_of_wheels_turned_about_their_gimbals(fmu, rng)
     angles = rng.uniform(-3, 3, 6)
     unit = fmu("assembly", {"use_cluster": 1, "gimbal_angle_0": angles})
     assert unit.get("h_cmg_S") == pytest.approx(cluster_momentum(angles), abs=1e-10)
-    g, s = pyramid()
     d = 1e-6
     A = [
         (cluster_momentum(angles + d * e) - cluster_momentum(angles - d * e)) / 700 / d
