@@ -53,7 +53,7 @@ static const Model start = {
           .use_plan = 1,
           .alpha = 0.5,
           .lambda = 1e20,
-          .iterations_max = MAX_ITERATIONS},
+          .iterations_max = 25},
 };
 
 static const Variable variables[] = {

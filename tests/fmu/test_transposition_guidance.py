@@ -181,7 +181,7 @@ def test_patents_scheme_with_its_second_difference_corrected_finds_a_plan_but_er
     assert unit.get("status") == 0
     believed = unit.get("peak")[int(unit.get("iterations"))]
     assert believed < 0.9 * 1500
-    assert abs(unit.get("momentum_max") - believed) > 20  # explicit Euler steps of 60 s
+    assert 20 < abs(unit.get("momentum_max") - believed) < 100  # explicit Euler steps of 60 s
 
 
 def test_second_difference_as_printed_believes_in_a_plan_that_saturates(fmu):

@@ -50,13 +50,6 @@ def test_momentum_is_the_predicted_one_up_to_the_hold_of_the_command():
     assert errors[1] / errors[2] == pytest.approx(4, rel=0.05)
 
 
-def test_that_error_is_the_curvature_of_the_plan():
-    result = run("transposition")
-    h = result["guidance.h_ref_D"][1:]  # the first two rows are both of t = 0
-    bound = np.linalg.norm(np.diff(h, 2, axis=0), axis=1).max() / 12 / H_SAT
-    assert momentum_error(result) == pytest.approx(bound, rel=0.2)
-
-
 def test_feed_forward_at_the_sample_instant_is_late_by_half_a_sample():
     late = run("transposition", set={"controller.use_plan_rate": 0})
     assert momentum_error(late) > 1e-3
