@@ -96,6 +96,18 @@ def test_weights_on_the_peak_and_other_grids_reach_the_limit_too(fmu):
         assert unit.get("momentum_max") < 1355, change
 
 
+def test_a_small_step_takes_its_part_of_the_momentum_with_a_small_rotation(fmu):
+    """With the true Jacobian and hardly any smoothing the momentum falls by alpha per step, but for
+    what no attitude can change; with a wrong one the attitude runs away.
+    """
+    step = {"alpha": 0.02, "iterations_max": 2, "lambda": 1e15}
+    unit = fmu("transposition_guidance", FULL | step)
+    peak, rotation = unit.get("peak"), unit.get("rotation")
+    assert 1 - peak[1] / peak[0] == pytest.approx(0.02, rel=0.05)
+    assert 1 - peak[2] / peak[1] == pytest.approx(0.02, rel=0.05)
+    assert np.degrees(rotation[2]) < 1.5
+
+
 def test_momentum_at_the_start_is_part_of_the_plan(fmu):
     unit = fmu("transposition_guidance", FULL | {"h_0_S": (0, 400, 0), "sample_period": 1.0})
     assert unit.get("status") == 0
