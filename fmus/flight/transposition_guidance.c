@@ -47,14 +47,14 @@ static const Model start = {
     .p = {.assembly = ASSEMBLY_START,
           .swing = SWING_START,
           .window = 5400,
-          .nodes = 90,
+          .nodes = 24, /* coarse: starts in milliseconds; systems set 90 */
           .H_sat = 1500,
           .momentum_share = 0.9,
           .rotation_max = 0.6108652381980153,
           .use_plan = 1,
           .alpha = 0.5,
           .lambda = 1e20,
-          .iterations_max = MAX_ITERATIONS},
+          .iterations_max = 25},
 };
 
 static const Variable variables[] = {

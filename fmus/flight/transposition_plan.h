@@ -228,7 +228,8 @@ static inline void spline_jacobian(const Task *task, const History *y, Workspace
 }
 
 /* ---- the patent's differences: eps' = (e_{k+1} - e_k)/dt,
- * eps'' = (e_{k+1} - 2 e_k + e_{k-1})/dt^2, printed (e_{k+1} + 2 e_k - e_{k-1})/dt^2; h_{k+1} = h_k + dt h'(e_{k-1}, e_k, e_{k+1}, h_k) ---- */
+ * eps'' = (e_{k+1} - 2 e_k + e_{k-1})/dt^2, printed (e_{k+1} + 2 e_k - e_{k-1})/dt^2,
+ * h_{k+1} = h_k + dt h'(e_{k-1}, e_k, e_{k+1}, h_k) ---- */
 static inline vec3 patent_rate(const Task *task, const Configuration *c, double dt, const vec3 e[3],
                                vec3 h)
 {

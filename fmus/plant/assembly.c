@@ -9,7 +9,7 @@
  * body axes, or the cluster of cmg_cluster.h with gimbal rates gimbal_rate_cmd, cut to their limit.
  * Saturation: an internal step takes the ideal device to h + h' dt, or to the point of the sphere
  * |h| = H_sat nearest to it; the torque on the structure is that of the momentum which it has
- * really taken, so that the total momentum is kept. The cluster cannot leave its envelope by itself.
+ * really taken, so that the total momentum is kept. The cluster cannot leave its envelope.
  * Classical Runge-Kutta on the grid k * max_step. Source: docs/models.md E. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "assembly_rows.h"

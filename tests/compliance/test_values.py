@@ -59,6 +59,8 @@ def test_an_unknown_reference_is_found_wherever_it_stands(flying, rng, function)
         v.reference
         for v in (flying.fmu.inputs if function == "fmi2SetReal" else flying.fmu.outputs)
     ]
+    if not known:
+        pytest.skip(f"{flying.fmu.name} has no inputs")
     references = known[: rng.randrange(1, 20)]
     beyond_a_row = next(r + 1 for r in known if r + 1 not in known)
     for place in range(len(references) + 1):

@@ -108,7 +108,7 @@ def test_on_the_plan_the_command_is_the_mean_rate_of_the_plan(fmu, rng):
 def test_off_the_plan_the_model_adds_what_differs(fmu, rng):
     """Mean rate of the plan instead of the model's rate on the plan, nothing else."""
     path, rate = Path(rng), rng.normal(size=3)
-    off = {"h_cmg_S": path.h + np.array([5, -8, 3]), "arm_rate": 5e-4}
+    off = {"h_cmg_S": path.h + np.array((5, -8, 3)), "arm_rate": 5e-4}
     at_plan = fmu("assembly_controller", {"use_plan_rate": 0}, path.inputs() | {"arm_rate": 5e-4})
     model = fmu("assembly_controller", {"use_plan_rate": 0}, path.inputs() | off)
     unit = fmu("assembly_controller", {}, path.inputs() | off | {"dh_ref_D": rate})

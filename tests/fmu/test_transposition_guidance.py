@@ -18,6 +18,7 @@ from .assembly_cases import C_HO, N_ORBIT, Q_FLIGHT, Assembly, C_SO_of, quintic
 from .driver import archive
 from .refusals import refusal
 
+FULL = {"nodes": 90}
 NAMES = ("q_DH", "omega_DN_D", "alpha_DN_D", "h_ref_D", "dh_ref_D", "rotation_ref")
 
 
@@ -29,7 +30,7 @@ def flown(kind):
     @cache
     def history(h, parameters=()):
         unit = Unit(
-            kind("transposition_guidance"), {"sample_period": h, **dict(parameters)}, {}, 0.0
+            kind("transposition_guidance"), FULL | {"sample_period": h, **dict(parameters)}, {}, 0.0
         )
         unit.step(h)  # publishes the sample at t = 0
         rows = []
@@ -52,7 +53,7 @@ def C_NO(t):
 
 
 def test_plan_stays_below_its_limits_in_a_handful_of_steps(fmu, flown):
-    unit, plan = fmu("transposition_guidance"), flown(5.0)
+    unit, plan = fmu("transposition_guidance", FULL), flown(5.0)
     assert unit.get("status") == 0
     assert unit.get("no_plan") == 0
     assert 1 <= unit.get("iterations") <= 6
@@ -64,7 +65,7 @@ def test_plan_stays_below_its_limits_in_a_handful_of_steps(fmu, flown):
 
 
 def test_history_of_the_iteration_ends_with_the_plan(fmu):
-    unit = fmu("transposition_guidance")
+    unit = fmu("transposition_guidance", FULL)
     n = int(unit.get("iterations"))
     peak, rotation = unit.get("peak"), unit.get("rotation")
     assert np.all(np.diff(peak[: n + 1]) < 0)
@@ -78,7 +79,7 @@ def test_history_of_the_iteration_ends_with_the_plan(fmu):
 
 
 def test_reference_begins_and_ends_in_the_flight_attitude_at_rest(fmu):
-    unit = fmu("transposition_guidance", {"sample_period": 1.0})
+    unit = fmu("transposition_guidance", FULL | {"sample_period": 1.0})
     assert unit.get("q_DH") == pytest.approx(Q_FLIGHT, abs=1e-15)
     assert unit.get("omega_DN_D") == pytest.approx([0, -N_ORBIT, 0], abs=1e-15)
     assert not unit.get("h_ref_D").any()
@@ -91,16 +92,28 @@ def test_reference_begins_and_ends_in_the_flight_attitude_at_rest(fmu):
 
 def test_weights_on_the_peak_and_other_grids_reach_the_limit_too(fmu):
     for change in ({"weight": 2}, {"nodes": 45}, {"nodes": 120}, {"lambda": 3e19}):
-        unit = fmu("transposition_guidance", change)
+        unit = fmu("transposition_guidance", FULL | change)
         assert unit.get("status") == 0, change
         assert unit.get("momentum_max") < 1355, change
 
 
+def test_a_small_step_takes_its_part_of_the_momentum_with_a_small_rotation(fmu):
+    """With the true Jacobian and hardly any smoothing the momentum falls by alpha per step, but for
+    what no attitude can change; with a wrong one the attitude runs away.
+    """
+    step = {"alpha": 0.02, "iterations_max": 2, "lambda": 1e15}
+    unit = fmu("transposition_guidance", FULL | step)
+    peak, rotation = unit.get("peak"), unit.get("rotation")
+    assert 1 - peak[1] / peak[0] == pytest.approx(0.02, rel=0.05)
+    assert 1 - peak[2] / peak[1] == pytest.approx(0.02, rel=0.05)
+    assert np.degrees(rotation[2]) < 1.5
+
+
 def test_momentum_at_the_start_is_part_of_the_plan(fmu):
-    unit = fmu("transposition_guidance", {"h_0_S": (0, 400, 0), "sample_period": 1.0})
+    unit = fmu("transposition_guidance", FULL | {"h_0_S": (0, 400, 0), "sample_period": 1.0})
     assert unit.get("status") == 0
     assert unit.get("h_ref_D") == pytest.approx([0, 400, 0])
-    assert unit.get("peak")[0] != fmu("transposition_guidance").get("peak")[0]
+    assert unit.get("peak")[0] != fmu("transposition_guidance", FULL).get("peak")[0]
 
 
 # ---- the reference
@@ -162,7 +175,7 @@ def test_rate_of_momentum_is_its_mean_over_the_coming_sample(flown):
 
 
 def test_without_a_sample_period_the_rate_is_the_derivative(fmu):
-    unit = fmu("transposition_guidance")
+    unit = fmu("transposition_guidance", FULL)
     unit.step(1000.0)
     rows = []
     for h in (0.5, 0.5, 0.5):
@@ -177,15 +190,15 @@ def test_without_a_sample_period_the_rate_is_the_derivative(fmu):
 
 
 def test_patents_scheme_with_its_second_difference_corrected_finds_a_plan_but_errs_in_momentum(fmu):
-    unit = fmu("transposition_guidance", {"scheme": 1})
+    unit = fmu("transposition_guidance", FULL | {"scheme": 1})
     assert unit.get("status") == 0
     believed = unit.get("peak")[int(unit.get("iterations"))]
     assert believed < 0.9 * 1500
-    assert abs(unit.get("momentum_max") - believed) > 20  # explicit Euler steps of 60 s
+    assert 20 < abs(unit.get("momentum_max") - believed) < 100  # explicit Euler steps of 60 s
 
 
 def test_second_difference_as_printed_believes_in_a_plan_that_saturates(fmu):
-    unit = fmu("transposition_guidance", {"scheme": 2})
+    unit = fmu("transposition_guidance", FULL | {"scheme": 2})
     assert unit.get("peak")[int(unit.get("iterations"))] < 0.9 * 1500
     assert unit.get("momentum_max") > 2 * 1500
 
@@ -203,7 +216,7 @@ def test_second_difference_as_printed_believes_in_a_plan_that_saturates(fmu):
     ],
 )
 def test_an_impossible_task_ends_in_the_flight_attitude_with_a_status(fmu, parameters, status):
-    unit = fmu("transposition_guidance", parameters | {"sample_period": 1.0})
+    unit = fmu("transposition_guidance", FULL | parameters | {"sample_period": 1.0})
     assert unit.get("status") == status
     assert unit.get("no_plan") == 1
     assert unit.get("rotation_largest") == 0
@@ -215,7 +228,7 @@ def test_an_impossible_task_ends_in_the_flight_attitude_with_a_status(fmu, param
 def test_an_impossible_task_is_said_in_the_log(tmp_path):
     model = Fmu(archive("transposition_guidance"), tmp_path)
     with Instance(model) as instance:
-        instance.start({"rotation_max": 0.1})
+        instance.start(model.settings(nodes=90, rotation_max=0.1))
         texts = [m.text for m in instance.host.messages if m.category == "logStatusWarning"]
     assert len(texts) == 1
     assert "no_plan" in texts[0]
@@ -223,7 +236,7 @@ def test_an_impossible_task_is_said_in_the_log(tmp_path):
 
 
 def test_flight_attitude_can_be_asked_for(fmu):
-    unit = fmu("transposition_guidance", {"use_plan": 0})
+    unit = fmu("transposition_guidance", FULL | {"use_plan": 0})
     assert (unit.get("status"), unit.get("no_plan"), unit.get("iterations")) == (1, 0, 0)
     assert unit.get("momentum_max") > 2 * 1500
 
@@ -255,9 +268,9 @@ def test_refused(tmp_path, parameters, message):
 
 def test_planning_takes_less_than_two_seconds_and_an_instance_is_small(fmu, tmp_path):
     begin = time.perf_counter()
-    fmu("transposition_guidance")
+    fmu("transposition_guidance", FULL)
     assert time.perf_counter() - begin < 2.0
     model = Fmu(archive("transposition_guidance"), tmp_path)
     with Instance(model) as instance:
-        instance.start()
+        instance.start(model.settings(nodes=90))
         assert len(instance.serialize(instance.save())) < 32768
