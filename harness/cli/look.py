@@ -1,14 +1,20 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Commands that look at what is there: `harness list | check | draw | plot | report | validate`."""
+"""Commands that look: `harness list | check | draw | plan | plot | report | validate`."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from harness.cli.options import FileArgument, Format, FormatOption, SystemArgument
+from harness.cli.options import (
+    FileArgument,
+    Format,
+    FormatOption,
+    SystemArgument,
+    takes_changes,
+)
 
 app = typer.Typer()
 
@@ -52,6 +58,34 @@ def draw_command(
         path = output or Path(f"{found.name}.svg")
         draw(found, path)
     typer.echo(path)
+
+
+@app.command("plan")
+@takes_changes("params", "set", "swap", "step", "stop")
+def plan_command(
+    system: SystemArgument,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="folder (default: results/SYSTEM_plan)")
+    ] = None,
+    ending: FormatOption = Format.PNG,
+    changes: Any = None,
+) -> None:
+    """Show what a guidance plans, without running the system.
+
+    Prints the history of the iteration and draws the momentum before and after.
+    """
+    from harness.figures.plots import overlay
+    from harness.studies.plan import plan
+
+    found = plan(system, **changes)
+    typer.echo(found.text())
+    folder = output or Path("results") / f"{Path(system).stem}_plan"
+    for path in overlay(
+        {"flight attitude": found.before, "planned": found.after}, folder, ending.value
+    ):
+        typer.echo(path)
+    if found.status > 1:
+        raise typer.Exit(1)
 
 
 @app.command()

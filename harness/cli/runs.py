@@ -127,7 +127,8 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
             system, variants, folder, limits=_limits(band, keep_out), every=every, progress=show
         )
     typer.echo(table.text(found.measures, found.labels))
-    typer.echo("\n" + "\n".join(found.limits.notes()))
+    for line in found.limits.notes():
+        typer.echo(line)
     figures = overlay(found.results, folder, ending.value)
     typer.echo(f"\nresults, comparison.csv and {len(figures)} figures in {folder}")
     if found.failures:

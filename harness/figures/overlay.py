@@ -75,7 +75,34 @@ def _sections(canvas: Axes, results: Mapping[str, Result], colours: Mapping[str,
         axes.grid(alpha=0.3)
 
 
+def _planned_momentum(
+    canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, str]
+) -> None:
+    """Predicted momentum and rotation of the reference over the window, against saturation."""
+    momentum, rotation = canvas.add_subplot(2, 1, 1), canvas.add_subplot(2, 1, 2)
+    for label, result in results.items():
+        size = np.linalg.norm(result["guidance.h_ref_D"], axis=1)
+        momentum.plot(result.time, size, color=colours[label], label=label)
+        angle = np.degrees(result["guidance.rotation_ref"])
+        rotation.plot(result.time, angle, color=colours[label])
+    saturation = float(next(iter(results.values())).parameter("guidance.H_sat"))
+    momentum.axhline(saturation, color="k", linewidth=1, label="saturation")
+    momentum.set(ylabel="momentum [N m s]")
+    momentum.legend(fontsize="small")
+    rotation.set(xlabel="time [s]", ylabel="rotation [deg]")
+    for axes in (momentum, rotation):
+        axes.grid(alpha=0.3)
+
+
 FIGURES: tuple[Figure | Overlay, ...] = (
+    Overlay(
+        "planned_momentum",
+        "Predicted momentum and rotation of the reference",
+        ("guidance.h_ref_D", "guidance.rotation_ref"),
+        _planned_momentum,
+        size=(9, 7),
+        parameters=("guidance.H_sat",),
+    ),
     Overlay(
         "compared_sections",
         "Pitch at the true anomaly of the start, once per orbit",

@@ -20,7 +20,7 @@ from harness.figures.figure import (
     degrees,
     norm,
 )
-from harness.results.derived import rotation_angle
+from harness.results.derived import assembly_attitude_error as tracking_error
 from harness.results.result import Result
 
 MOMENTUM, SHARE, ATTITUDE, EPS = (
@@ -49,18 +49,6 @@ SHAPE = tuple(f"assembly.{name}" for name in (*FORM, *PANELS))
 FLIGHT = np.array([[0.0, 0, -1], [1, 0, 0], [0, -1, 0]])
 """Rows x, y, z of H in the axes of flight attitude: x along flight, z to the planet."""
 SNAPSHOTS = 6
-
-
-def tracking_error(result: Result) -> Array:
-    """Angle between the attitude and its reference, both relative to H, (rows,) [rad].
-
-    The guidance samples at the beginning of a step: the reference of a row stands in the next one.
-    """
-    errors = rotation_angle(result[ATTITUDE][:-1], result[REFERENCE][1:])
-    return np.concatenate((errors, errors[-1:]))
-
-
-# ---- the bodies in space
 
 
 def _rotations(q: Array) -> Array:

@@ -25,6 +25,7 @@ VELOCITIES = ("servicer.v_SN_N", "target.v_TN_N")
 ATTITUDE, REFERENCE_ATTITUDE = "servicer.q_SN", "guidance.q_DN"
 POSITION_H = ("guidance.rho_H", "guidance.rho_ref_H")
 FORCE_H = ("propulsion.F_S", ATTITUDE, TARGET, VELOCITIES[1])
+ASSEMBLY = ("assembly.q_SH", "guidance.q_DH")
 RELEASE = "servicer.t_att"
 """Parameter: the attitude of the servicer is frozen before this time [s]."""
 RATE = "servicer.omega_SN_S"
@@ -97,6 +98,15 @@ def reference_range(result: Result) -> Array:
 def relative_speed(result: Result) -> Array:
     """Magnitude of the velocity of the servicer relative to the target, (rows,) [m/s]."""
     return _norm(result[VELOCITIES[0]] - result[VELOCITIES[1]])
+
+
+def assembly_attitude_error(result: Result) -> Array:
+    """Angle between the attitude of the assembly and its reference, relative to H, (rows,) [rad].
+
+    The guidance samples at the beginning of a step: the reference of a row stands in the next one.
+    """
+    errors = rotation_angle(result[ASSEMBLY[0]][:-1], result[ASSEMBLY[1]][1:])
+    return np.concatenate((errors, errors[-1:]))
 
 
 def rotation_angle(a: Array, b: Array) -> Array:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from harness.results import derived
 from harness.results.derived import (
+    assembly_attitude_error,
     attitude_error,
     position_error,
     range_,
@@ -53,6 +54,8 @@ class Limits:
 
     def notes(self) -> Iterator[str]:
         """The definitions of the columns that need one."""
+        if self.position == 0:
+            return
         yield (
             f"settles: time after which the error stays within {self.position:.3g} m (range, "
             f"position) or {self.attitude:.3g} deg; - if it does not"
@@ -149,7 +152,8 @@ def _inside_keep_out(result: Result, limits: Limits) -> float:
 
 TORQUE_IMPULSE = "propulsion.torque_impulse"
 TORQUES = ("propulsion.M_S", "servicer.wheel_speed")
-LIMIT_FLAGS = ("F_saturated", "M_saturated", "a_saturated", "infeasible")
+MOMENTUM, TURN = "assembly.h_cmg", "assembly.rotation"
+LIMIT_FLAGS = ("F_saturated", "M_saturated", "a_saturated", "infeasible", "saturated")
 """Outputs of actuators, allocation and controllers that are 1 where a limit is reached."""
 
 
@@ -215,6 +219,19 @@ def _saturated(result: Result, _: Limits) -> float:
     return float(100 * np.mean(raised.any(axis=1)))
 
 
+# ---- momentum of an assembly
+
+
+def _saturates(result: Result, _: Limits) -> float:
+    """Time at which the gyros first have less momentum left than is asked for [s]; NaN if never."""
+    rows = np.flatnonzero(result["assembly.saturated"])
+    return float(result.time[rows[0]]) if len(rows) else float("nan")
+
+
+def _assembly_error(result: Result, _: Limits) -> float:
+    return float(np.degrees(assembly_attitude_error(result)).max())
+
+
 MEASURES = (
     Measure("range settles", "s", POSITION, _range_settles),
     Measure("position settles", "s", POSITION, _position_settles),
@@ -230,4 +247,8 @@ MEASURES = (
     Measure("peak force", "N", ("propulsion.F_S",), _peak_force),
     Measure("peak torque", "N m", TORQUES, _peak_torque, ("servicer.A_w",)),
     Measure("saturated", "%", (), _saturated),
+    Measure("saturates at", "s", ("assembly.saturated",), _saturates),
+    Measure("peak momentum", "N m s", (MOMENTUM,), lambda r, _: float(r[MOMENTUM].max())),
+    Measure("largest rotation", "deg", (TURN,), lambda r, _: float(np.degrees(r[TURN]).max())),
+    Measure("tracking error", "deg", derived.ASSEMBLY, _assembly_error),
 )
