@@ -1,4 +1,4 @@
-"""time_grid.h against rational arithmetic: a double is a fraction, so the oracle has no rounding."""
+"""time_grid.h against rational arithmetic: a double is a fraction, so nothing is rounded there."""
 
 import math
 from fractions import Fraction
@@ -78,8 +78,8 @@ def test_samples_are_the_grid_points_from_t_on_to_before_the_end(core, period, n
 @many
 @given(grids, st.floats(0, 53), st.integers(1, 60), st.integers(1, 5))
 def test_whole_steps_stay_whole_up_to_2_53_of_them(core, grid, exponent, count, cuts):
-    """Communication points k grid: every internal step is a whole one; however the way is cut, their
-    number is the same, and it is the count of grid steps to the rounding of the two times.
+    """Communication points k grid: every internal step is a whole one; however the way is cut,
+    their number is the same, and it is the count of grid steps to the rounding of the two times.
     """
     n = int(min(2.0**exponent, LAST - 400))
     points = [(n + count * k) * grid for k in range(cuts + 1)]
