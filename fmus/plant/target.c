@@ -102,7 +102,7 @@ static void derivative(const Context *c, double t, const State *x, State *dx)
 
     dx->r = x->v;
     dx->v = sum4(gravity(&p->orbit, p->use_J2, x->r),
-                 disturbance_N(&p->a_dist, p->a_dist_axes, p->orbit.mu, x->r, x->v, c->since, t),
+                 disturbance_N(&p->a_dist, p->a_dist_axes, p->orbit.mu, &x->r, &x->v, c->since, t),
                  sinusoid(&p->a_manoeuvre_N, c->since, t), contact);
     dx->sigma = mrp_rate(x->sigma, x->omega);
     dx->omega = solve(p->J_T, sub(torque, cross(x->omega, mul(p->J_T, x->omega))));

@@ -7,11 +7,11 @@
 #include "sinusoid.h"
 
 /* in N axes; `since`: start of the internal step, as for sinusoid() */
-static inline vec3 disturbance_N(const Sinusoid *d, double in_hill_axes, double mu, vec3 r, vec3 v,
-                                 double since, double t)
+static inline vec3 disturbance_N(const Sinusoid *d, double in_hill_axes, double mu, const vec3 *r,
+                                 const vec3 *v, double since, double t)
 {
     vec3 a = sinusoid(d, since, t);
-    return in_hill_axes ? tmul(hill_frame(mu, r, v).C_HN, a) : a;
+    return in_hill_axes ? tmul(hill_frame(mu, *r, *v).C_HN, a) : a;
 }
 
 #endif
