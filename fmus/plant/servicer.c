@@ -149,9 +149,9 @@ static void derivative(const Context *c, double t, const State *x, State *dx)
 {
     const Parameters *p = c->p;
     vec3 thrust = scale(1 / x->mass, tmul(dcm_of_mrp(x->sigma), c->u->F_S));
-    vec3 disturbance =
-        disturbance_N(&p->a_dist, p->a_dist_axes, p->orbit.mu, (PosVel){x->r, x->v}, c->since, t);
-    vec3 free_fall = add(gravity(&p->orbit, p->use_J2, x->r), disturbance);
+    vec3 free_fall =
+        add(gravity(&p->orbit, p->use_J2, x->r),
+            disturbance_N(&p->a_dist, p->a_dist_axes, p->orbit.mu, &x->r, &x->v, c->since, t));
     *dx = (State){
         .r = x->v, .v = sum3(free_fall, thrust, velocity_turning_N(c, x)), .mass = -c->u->mdot};
     if (c->released) attitude_derivative(c, t, x, dx);

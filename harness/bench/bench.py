@@ -18,6 +18,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Self
 
+from harness.bench.instructions import Count, per_step
 from harness.bench.monolith import Monolith, SlaveLoop
 from harness.errors import HarnessError
 from harness.master.fmu import Instance
@@ -202,6 +203,9 @@ def _ssp_file(system: System) -> Path:
     return systems()[system.name]
 
 
+COUNTED = ("monolithic C program", "bare C loop over the FMUs", "C executor, recording")
+"""Contenders whose instructions are counted too: those in C that cost no minutes under valgrind."""
+
 CONTENDERS: tuple[tuple[str, type[Contender]], ...] = (
     ("monolithic C program", MonolithicProgram),
     ("bare C loop over the FMUs", BareLoop),
@@ -266,18 +270,22 @@ def bench(name: str) -> str:
     with load(name) as system:
         rows = list(measure(system))
     base = next((row.seconds for row in rows if row.name == CONTENDERS[1][0] and row.seconds), None)
+    counts = per_step(name, COUNTED)
     lines = [
         f"{name}: cost of one macro step, fastest of {ROUNDS} rounds",
-        f"{'':30}{'us':>9}{'ratio':>9}",
+        f"{'':30}{'us':>9}{'ratio':>9}{'instructions':>14}",
     ]
-    lines += [_line(row, base) for row in rows]
+    lines += [_line(row, base, counts.get(row.name)) for row in rows]
+    lines += sorted({f"instructions not counted: {c.note}" for c in counts.values() if c.note})
     lines += [
         f"command-line start-up {start_up():.2f} s, memory of a whole run {run_memory(name):.0f} MB"
     ]
     return "\n".join(lines)
 
 
-def _line(row: Row, base: float | None) -> str:
+def _line(row: Row, base: float | None, count: Count | None) -> str:
     if row.seconds is None:
         return f"{row.name:30}  not run: {row.note}"
-    return f"{row.name:30}{1e6 * row.seconds:9.2f}" + (f"{row.seconds / base:9.2f}" if base else "")
+    ratio = f"{row.seconds / base:9.2f}" if base else ""
+    instructions = f"{count.instructions:14.0f}" if count and count.instructions else ""
+    return f"{row.name:30}{1e6 * row.seconds:9.2f}{ratio}{instructions}"

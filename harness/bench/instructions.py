@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Instructions of a macro step, counted by valgrind's callgrind: the same on a busy machine as on
-an idle one.
+"""Instructions of a macro step, counted by callgrind of valgrind: free of the noise of the machine.
 
     python -m harness.bench.instructions SYSTEM CONTENDER STEPS
 

@@ -123,6 +123,27 @@ def test_a_communication_point_may_be_off_by_rounding(fmu, start):
         instance.step(start + 0.1, 0.1)
 
 
+@pytest.mark.parametrize(
+    ("start", "step", "word"),
+    [
+        (1.7e9, (1.7e9 + 0.01, 0.1), "communication point"),
+        (1.7e9, (1.7e9 + 1.6, 0.1), "communication point"),
+        (1.7e9, (1.7e9, 1e-8), "rounding of the time"),
+        (1e17, (1e17, 200.0), "2^53"),
+    ],
+)
+def test_steps_at_late_times_are_refused_where_time_is_wrong_lost_or_too_fine(
+    fmu, start, step, word
+):
+    with Instance(fmu) as instance:
+        if word == "2^53" and not fmu.sampled_every(1.0):
+            pytest.skip(f"{fmu.name} has neither internal steps nor samples of its own")
+        instance.start(fmu.sampled_every(1.0), start=start)
+        with refused(instance, "fmi2DoStep", word) as answer:
+            answer.append(instance.call("fmi2DoStep", *step, 0))
+        instance.step(start, 100.0) if word != "2^53" else None
+
+
 # ---- values
 
 

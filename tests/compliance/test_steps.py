@@ -57,7 +57,7 @@ def test_a_mixture_of_steps_on_the_grid_is_one_long_step(fmu):
     assert fly(fmu, points)[1] == fly(fmu, [0.0, 3.0])[1]
 
 
-@pytest.mark.parametrize("start", [-7.0, 100.0, 86400.0])
+@pytest.mark.parametrize("start", [-7.0, 100.0, 86400.0, 1.7e9])
 def test_many_steps_are_one_long_step_from_any_start_on_the_grid(fmu, start):
     assert fly(fmu, multiples(0.1, 30, start))[1] == fly(fmu, [start, start + 3.0])[1]
 

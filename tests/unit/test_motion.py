@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""motion.h on motions whose derivatives are known in closed form: polynomials and steady
-rotations.
-"""
+"""motion.h on motions whose derivatives are known in closed form: polynomials and rotations."""
 
 import numpy as np
 import pytest
@@ -15,9 +13,7 @@ def same(a, b):
 
 
 def turning(e, w, alpha):
-    """A vector fixed in a frame that turns with w and alpha: value, w x e, alpha x e + w x (w x
-    e).
-    """
+    """A vector fixed in a frame that turns: value, w x e, alpha x e + w x (w x e)."""
     return np.array([e, np.cross(w, e), np.cross(alpha, e) + np.cross(w, np.cross(w, e))])
 
 

@@ -47,6 +47,15 @@ def test_riccati_equation(core, rng, stiffness):
     assert np.all(np.linalg.eigvals(A - S @ X).real < 0)
 
 
+@pytest.mark.parametrize("stiffness", [1e3, 1e6])
+def test_stiff_riccati_equations_are_solved_to_their_rounding(core, rng, stiffness):
+    A, B, W = rng.normal(size=(6, 6)), rng.normal(size=(6, 3)), rng.normal(size=(6, 6))
+    S, Q = stiffness * B @ B.T, W @ W.T + 0.1 * np.eye(6)
+    X = core.riccati(A, S, Q)
+    largest_term = np.max(np.abs(X)) ** 2 * np.max(np.abs(S))
+    assert np.max(np.abs(A.T @ X + X @ A - X @ S @ X + Q)) <= 1e-15 * largest_term
+
+
 def test_double_integrators_in_closed_form(core):
     """Per axis A = [0 1; 0 0], S = diag(0, 1/r), Q = diag(q, 0): X12 = sqrt(q r),
     X22 = sqrt(2 r X12), X11 = X12 X22 / r.

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""time_grid.h against rational arithmetic: a double is a fraction, so the oracle has no
-rounding.
-"""
+"""time_grid.h against rational arithmetic: a double is a fraction, so nothing is rounded there."""
 
 import math
 from fractions import Fraction

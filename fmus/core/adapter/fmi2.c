@@ -280,9 +280,9 @@ static const char *why_no_step(const Progress *now, double t, double h)
     if (too_late(now, t + h))
         return "the time is beyond 2^53 internal steps or samples (max_step, sample_period, T0), "
                "which cannot be counted";
-    if (fabs(t - now->time) > time_tolerance(now->time, 1e-3 * h))
+    if (fabs(t - now->time) > time_tolerance(now->time, 1e-2 * h))
         return "the communication point is not the end of the last step";
-    if (t + h > now->stop + time_tolerance(now->stop, 1e-3 * h))
+    if (t + h > now->stop + time_tolerance(now->stop, 1e-2 * h))
         return "the step goes beyond the stop time";
     return NULL;
 }

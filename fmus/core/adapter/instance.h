@@ -57,7 +57,7 @@ void release(const Instance *instance, void *memory);
 bool initialize_checked(const Instance *instance, const char *function, void *model);
 bool step_checked(const Instance *instance, const char *function, void *model, double t, double h);
 
-/* the rows that guarded_rows() would list, at most fmu_model.variable_count; returns their number */
+/* outputs with a rule, at most fmu_model.variable_count; returns their number */
 size_t list_guarded(const Variable **guarded);
 
 /* warn of every alarm that has risen since the last good state */

@@ -18,8 +18,9 @@ static const double most_grid_steps = 9007199254740992.0; /* 2^53 */
 /* how far from x a number may be that stands for x */
 static inline double time_tolerance(double x, double most)
 {
-    const double two_roundings = 4.44089209850062616e-16 * fabs(x);
-    return fmax(fmin(1e-9 * (1 + fabs(x)), most), two_roundings);
+    double relative = 1e-9 * (1 + fabs(x)), two_roundings = 4.44089209850062616e-16 * fabs(x);
+    double wanted = relative < most ? relative : most;
+    return wanted > two_roundings ? wanted : two_roundings;
 }
 
 /* number of the grid point that t stands for, NaN if t is between two */

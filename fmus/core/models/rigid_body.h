@@ -15,8 +15,8 @@ static inline vec3 gravity_gradient(double mu, vec3 r_B, mat3 J)
     return scale(3 * mu / (r * r * r), cross(rb, mul(J, rb)));
 }
 
-/* within 1e-9 of the largest diagonal element: a matrix rotated in floating point is symmetric but for
- * roundings. It is used as given; what its unsymmetric part does to the motion is as small. */
+/* within 1e-9 of the largest diagonal element: a matrix rotated in floating point is symmetric but
+ * for roundings. It is used as given; what its unsymmetric part does to the motion is as small. */
 static inline int is_symmetric(mat3 m)
 {
     double largest = fmax(fabs(m.row[0].x), fmax(fabs(m.row[1].y), fabs(m.row[2].z)));

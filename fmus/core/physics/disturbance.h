@@ -1,5 +1,5 @@
-/* disturbance.h - a disturbance acceleration on an orbiting body, given in N axes or in the Hill frame
- * of its own orbit. */
+/* disturbance.h - a disturbance acceleration on an orbiting body, given in N axes or in the Hill
+ * frame of its own orbit. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef DISTURBANCE_H
 #define DISTURBANCE_H
@@ -8,11 +8,11 @@
 #include "sinusoid.h"
 
 /* in N axes; `since`: start of the internal step, as for sinusoid() */
-static inline vec3 disturbance_N(const Sinusoid *d, double in_hill_axes, double mu, PosVel x,
-                                 double since, double t)
+static inline vec3 disturbance_N(const Sinusoid *d, double in_hill_axes, double mu, const vec3 *r,
+                                 const vec3 *v, double since, double t)
 {
     vec3 a = sinusoid(d, since, t);
-    return in_hill_axes ? tmul(hill_frame(mu, x.r, x.v).C_HN, a) : a;
+    return in_hill_axes ? tmul(hill_frame(mu, *r, *v).C_HN, a) : a;
 }
 
 #endif
