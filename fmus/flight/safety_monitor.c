@@ -66,7 +66,7 @@ static const Model start = {
           .plume_half_angle = 0.3490658503988659,
           .plume_range = 20,
           .plume_force_min = 1e-3,
-          .lost_time = 30,
+          .lost_time = 20,
           .abort_on = {1, 1, 1, 1, 1, 1},
           .mass = 100,
           .abort_force = 20,
@@ -231,7 +231,7 @@ static void watch(const Parameters *p, const Input *u, State *x, Output *y, doub
         y->nearest = nearest(p, u, x);
         x->last = *u;
     }
-    x->seen = u->relative_valid;
+    x->seen = u->relative_valid != 0;
     x->t = t;
     judge_navigation(p, u, x, t);
     decide(p, x);

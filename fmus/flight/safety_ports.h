@@ -66,13 +66,13 @@ typedef struct {
         PARAMETER(abort_dv_H, "m/s", "velocity increment in Hill axes; zero: along the corridor"), \
         NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call")
 
-#define SWITCH_INPUT(member, text) ROW_AS(INPUT_ROW, u, #member, member, 1, "1", text, SWITCH_VALUE)
-#define SAFETY_INPUTS                                                                             \
-    BODY_INPUTS("T", T, "target"), BODY_INPUTS("S", S, "servicer"),                               \
-        INPUT(F_cmd_S, "N", "commanded force, servicer axes"),                                    \
-        SWITCH_INPUT(approaching, "1: corridor and speed limit apply (0: after the approach was " \
-                                  "given up)"),                                                   \
-        SWITCH_INPUT(relative_valid, "1: the states of target and servicer can be relied on")
+#define SAFETY_INPUTS                                                         \
+    BODY_INPUTS("T", T, "target"), BODY_INPUTS("S", S, "servicer"),           \
+        INPUT(F_cmd_S, "N", "commanded force, servicer axes"),                \
+        INPUT(approaching, "1",                                               \
+              "1: corridor and speed limit apply (0: after the approach was " \
+              "given up)"),                                                   \
+        INPUT(relative_valid, "1", "1: the states of target and servicer can be relied on")
 
 static inline void check_acute(Problems *problems, const char *name, double angle)
 {

@@ -8,6 +8,8 @@ axes here. Margins are never above those of dense sampling.
 
 from __future__ import annotations
 
+from time import perf_counter
+
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
@@ -324,8 +326,13 @@ def test_first_violation_is_the_same_at_10_hz_and_1_hz(fmu):
 def test_random_arcs_against_the_least_of_a_hermite_spline(fmu, rng):
     """Wild motion: arcs of any shape, deep space; splines and sampling by scipy."""
     d = np.array((2.0, 1.0, 3.0))
-    p = DEEP | {"use_corridor": 1, "corridor_half_angle": 0.7, "corridor_apex": (0.5, 0, 0)}
-    p |= {"use_plume": 1, "plume_half_angle": 0.5, "plume_range": 6}
+    p = DEEP | {"use_corridor": 1, "corridor_half_angle": 0.7, "corridor_apex": (0.5, 2, 0)}
+    p |= {"use_plume": 1, "plume_half_angle": 0.5, "plume_range": 6, "corridor_length": 3}
+    apex = np.array((0.5, 2, 0))
+
+    def corridor(p):
+        return max(cone(p - apex, np.array((0, 1, 0)), 0.7), p[1] - apex[1] - 3)
+
     for shape, norm in ((1, ellipsoid), (2, box)):
         unit = fmu("safety_monitor", OFF | p | {"keep_out_shape": shape, "keep_out_half": d})
         knots = rng.normal(size=(26, 3)) * 4, rng.normal(size=(26, 3)) * 6
@@ -336,10 +343,7 @@ def test_random_arcs_against_the_least_of_a_hermite_spline(fmu, rng):
             path = CubicHermiteSpline([0, 1], knots[0][k - 1 : k + 1], knots[1][k - 1 : k + 1])
             for name, f in (
                 ("keep_out_margin", lambda s, path=path, norm=norm: norm(path(s), d)),
-                (
-                    "corridor_margin",
-                    lambda s, path=path: cone(path(s) - (0.5, 0, 0), np.array((0, 1, 0)), 0.7),
-                ),
+                ("corridor_margin", lambda s, path=path: corridor(path(s))),
                 (
                     "plume_margin",
                     lambda s, path=path: max(-cone(path(s), Z, 0.5), np.linalg.norm(path(s)) - 6),
@@ -350,12 +354,18 @@ def test_random_arcs_against_the_least_of_a_hermite_spline(fmu, rng):
 
 
 def dense_minimum(f):
-    grid = np.linspace(0, 1, 401)
-    values = [f(s) for s in grid]
-    k = int(np.argmin(values))
-    bounds = grid[max(k - 1, 0)], grid[min(k + 1, 400)]
-    fine = minimize_scalar(f, bounds=bounds, method="bounded", options={"xatol": 1e-10})
-    return min(*values, fine.fun)
+    """Least value on 0..1: every low valley of 201 samples is searched."""
+    grid = np.linspace(0, 1, 201)
+    values = np.array([f(s) for s in grid])
+    valleys = [
+        k
+        for k in range(201)
+        if values[k] == min(values[max(k - 1, 0) : k + 2]) and values[k] < min(values) + 0.2
+    ]
+    bounds = [(grid[max(k - 1, 0)], grid[min(k + 1, 200)]) for k in valleys]
+    options = {"xatol": 1e-10}
+    fine = [minimize_scalar(f, bounds=b, method="bounded", options=options).fun for b in bounds]
+    return min(*values, *fine)
 
 
 def test_arcs_in_axes_of_a_turning_target_and_servicer(fmu):
@@ -518,6 +528,18 @@ def test_a_number_that_is_none_is_refused_and_the_monitor_goes_on(fmu):
         unit.set({"r_SN_N": (np.nan, 0, 0)})
     unit.step(1, good)
     assert unit.get("keep_out_margin") == 17
+
+
+@pytest.mark.parametrize("size", [1e6, 1e12, 1e20])
+def test_absurd_but_finite_inputs_are_judged_in_bounded_time(fmu, rng, size):
+    """Rounding of such numbers is far coarser than 1e-7 m: halving has to end all the same."""
+    p = SPHERE | DEEP | {"use_corridor": 1, "use_speed_limit": 1, "use_plume": 1}
+    unit, begin = fmu("safety_monitor", p), perf_counter()
+    for k in range(20):
+        inputs = states(k, rng.normal(size=3) * size, rng.normal(size=3) * size, 0)
+        unit.step(1, inputs | {"F_cmd_S": rng.normal(size=3)})
+        assert all(np.all(np.isfinite(value)) for value in unit.outputs().values())
+    assert perf_counter() - begin < 20
 
 
 # ---- first violation, abort ----

@@ -1,6 +1,7 @@
 /* core_headers.c - the functions of the core headers as a library for the unit tests.
  *
- * The tests read the signatures from the lines CALL(result, function, (parameters), (arguments)). */
+ * The tests read the signatures from the lines CALL(result, function, (parameters), (arguments)).
+ * */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "attitude.h"
 #include "finite.h"

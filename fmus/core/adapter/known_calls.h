@@ -2,7 +2,8 @@
  *
  * A master reads and writes the same variables at every step. The references of its last calls are
  * kept with the runs of neighbouring doubles that they name; a call is known if count and
- * references are equal, wherever the array lies. An unknown call is resolved reference by reference. */
+ * references are equal, wherever the array lies. An unknown call is resolved reference by
+ * reference. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef KNOWN_CALLS_H
 #define KNOWN_CALLS_H

@@ -6,17 +6,19 @@
  * with the square of its length. The velocity goes straight from v_0 to v_1.
  *
  * A margin has a value at a point and a bound for a part: a number that no value on the part is
- * below. Parts are halved until bound and value agree within ARC_RESOLUTION, so nothing between the
- * ends is missed. A turn about a sphere needs some ten parts, a pass at a distance one. */
+ * below. Parts are halved until bound and value agree within the resolution, so nothing between the
+ * ends is missed. A turn about a sphere needs some ten parts, a pass at a distance one. After
+ * MOST_PARTS, which only numbers without meaning need, the bound of the rest stands for it. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ARC_H
 #define ARC_H
 
 #include "vec3.h"
 
-#define ARC_RESOLUTION 1e-7    /* of the least value: m, m/s */
-#define SHORTEST_PART  0x1p-40 /* of the arc: there the value decides */
-#define NEVER          INFINITY
+#define SHORTEST_PART 0x1p-40 /* of the arc: there the value decides */
+#define NEVER         INFINITY
+
+enum { MOST_PARTS = 1 << 16 };
 
 typedef struct { vec3 p[4], v[2]; } Arc;
 
@@ -81,14 +83,25 @@ static inline Part next_part(Part x)
 }
 static inline Part left_half(Part x) { return (Part){x.s, x.w / 2}; }
 
-/* never above the least value on the arc, and below it by no more than ARC_RESOLUTION */
+/* of the least value: 1e-7 m or m/s, and not finer than the rounding of the arc */
+static inline double resolution(const Arc *arc)
+{
+    double size = norm(arc->p[0]) + norm(arc->p[1]) + norm(arc->p[2]) + norm(arc->p[3]);
+    return fmax(1e-7, 1e-12 * size);
+}
+
+/* never above the least value on the arc, and below it by no more than the resolution */
 static inline double least_on(const Margin *m, const Arc *arc)
 {
     double best = fmin(value_at(m, arc, 0), value_at(m, arc, 1)), lowest = best;
-    for (Part x = {0, 1}; x.s < 1;) {
+    double fine = resolution(arc);
+    Part x = {0, 1};
+    for (int parts = 0; x.s < 1; parts++) {
+        int settled = parts == MOST_PARTS;
+        if (settled) x.w = 1 - x.s;
         Arc part = arc_part(arc, x.s, x.s + x.w);
         double bound = m->bound(m->rule, &part);
-        int settled = bound >= best - ARC_RESOLUTION || x.w < SHORTEST_PART;
+        settled = settled || bound >= best - fine;
         if (settled) lowest = fmin(lowest, bound);
         else best = fmin(best, value_at(m, arc, x.s + x.w / 2));
         x = settled ? next_part(x) : left_half(x);
@@ -99,10 +112,12 @@ static inline double least_on(const Margin *m, const Arc *arc)
 /* where the value first falls below zero, in 0..1, or NEVER */
 static inline double first_below_zero(const Margin *m, const Arc *arc)
 {
-    for (Part x = {0, 1}; x.s < 1;) {
+    Part x = {0, 1};
+    for (int parts = 0; x.s < 1; parts++) {
         Arc part = arc_part(arc, x.s, x.s + x.w);
         int clear = m->bound(m->rule, &part) >= 0;
-        if (!clear && (x.w < SHORTEST_PART || value_at(m, arc, x.s) < 0)) return x.s;
+        int last = x.w < SHORTEST_PART || parts >= MOST_PARTS;
+        if (!clear && (last || value_at(m, arc, x.s) < 0)) return x.s;
         x = clear ? next_part(x) : left_half(x);
     }
     return NEVER;
