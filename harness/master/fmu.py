@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+from collections.abc import Callable
 from pathlib import Path
+from shutil import rmtree
+from tempfile import mkdtemp
 from typing import Any
 
 import numpy as np
@@ -20,12 +23,15 @@ from harness.archive import unpack
 from harness.errors import FmuError, RunError
 from harness.master import messages
 from harness.master.transfer import Transfer, transfers
-from harness.system.graph import Node, Setting
-from harness.system.interface import binaries
+from harness.system.graph import Node
+from harness.system.interface import Interface, binaries
 from harness.system.schedule import Verb
 
 OK, WARNING, FATAL = 0, 1, 4
 STATUS = {2: "fmi2Discard", 3: "fmi2Error", 4: "fmi2Fatal", 5: "fmi2Pending"}
+
+TOOL = "servicing-fmus"
+"""Generation tool of the FMUs of this project."""
 
 Slave = Any
 """FMPy's FMU2Slave, which is not typed."""
@@ -34,41 +40,68 @@ ERROR_CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "l
 """Log categories of FMI 2.0 that are listened to; everything else stays off."""
 
 
+def ours(interface: Interface) -> bool:
+    """Whether an FMU was built by this project: it holds no globals, and its tests prove its
+    reset.
+    """
+    return str(interface.model.generationTool or "").startswith(TOOL)
+
+
+def _suffix(kind: str) -> str:
+    """X of fmi2SetX by the type of a variable."""
+    return "Integer" if kind == "Enumeration" else kind
+
+
 class Instance:
     """An instance of an FMU in its place in the system."""
 
     def __init__(self, node: Node, folder: Path) -> None:
         """Unpack below `folder`, load and instantiate; FmuError if that fails."""
-        self.node = node
         self.name = node.component.name
-        self.every = node.component.every
-        self.latency = node.component.latency
         self._states: list[ctypes.c_void_p] = []
         self._status = OK
         self._stepping = False
-        self.slave = self._load(folder / self.name)
+        self._used = False
+        self.node = node
+        self.slave = self._load(folder)
         self.library = self.slave.dll
         self.handle = ctypes.c_void_p(self.slave.component)
         self.do_step = self.library.fmi2DoStep
         self.no_rollback = 0 if node.interface.model.coSimulation.canGetAndSetFMUstate else 1
-        self.transfers = {
-            Verb.SET: list(transfers("Set", self.library, self.handle, node.inputs)),
+        self.transfers = self._transfers()
+        self.resettable = True if ours(node.interface) else None
+        """Whether fmi2Reset leaves nothing of a run behind; None: not known yet."""
+
+    @property
+    def every(self) -> int:
+        """Macro steps per step of the instance."""
+        return self.node.component.every
+
+    @property
+    def latency(self) -> int:
+        """Macro steps by which it publishes later."""
+        return self.node.component.latency
+
+    def _transfers(self) -> dict[Verb, list[Transfer]]:
+        return {
+            Verb.SET: list(transfers("Set", self.library, self.handle, self.node.inputs)),
             Verb.STEP: [],
-            Verb.GET: list(transfers("Get", self.library, self.handle, node.outputs)),
+            Verb.GET: list(transfers("Get", self.library, self.handle, self.node.outputs)),
         }
 
     # ---- life
 
-    def _load(self, folder: Path) -> Slave:
+    def _load(self, place: Path) -> Slave:
         model = self.node.interface.model
-        library = self._unpacked(folder)
+        self._folder = Path(mkdtemp(prefix=f"{self.name}-", dir=place))
+        library = self._unpacked(self._folder)
         messages.forget(self.name)
         try:
             with contextlib.chdir(Path.cwd()):  # FMPy does not return from a library that fails
                 slave = FMU2Slave(
                     guid=model.guid,
                     modelIdentifier=model.coSimulation.modelIdentifier,
-                    unzipDirectory=str(folder),
+                    unzipDirectory=str(self._folder),
                     instanceName=self.name,
                     libraryPath=str(library),
                 )
@@ -83,7 +116,6 @@ class Instance:
 
     def _unpacked(self, folder: Path) -> Path:
         """Unpack the FMU and return the path of its library."""
-        folder.mkdir()
         unpack(self.node.interface.path, folder)
         places = (folder / name for name in binaries(self.node.interface))
         if (library := next((place for place in places if place.is_file()), None)) is None:
@@ -103,22 +135,55 @@ class Instance:
             with contextlib.suppress(FMICallException):
                 slave.setDebugLogging(True, categories)
 
+    def renew(self, node: Node, *, trial: bool = False) -> bool:
+        """Go back to what instantiation left, in a place of the same FMU; False if that cannot be
+        done.
+
+        trial: also an FMU whose reset is not proved.
+        """
+        if node.interface is not self.node.interface:
+            return False
+        if self._used and not self._reset(trial):
+            return False
+        self._used = False
+        old, self.node = self.node, node
+        if node.inputs != old.inputs or node.outputs != old.outputs:
+            self.transfers = self._transfers()
+        messages.forget(self.name)
+        self._listen(self.slave)
+        return True
+
+    def _reset(self, trial: bool) -> bool:
+        unable = self.resettable is False or (self.resettable is None and not trial)
+        if unable or self._status not in (OK, WARNING):
+            return False
+        self._terminate()
+        if self.library.fmi2Reset(self.handle) not in (OK, WARNING):
+            self.resettable = False
+            messages.note_irreversible([self.name])
+        return self.resettable is not False
+
     def set_start_values(self, time: float) -> None:
         """Set parameters and start values one by one, so that a refused one is named."""
-        for setting in self.node.settings:
-            self._set(setting, time)
+        self._used = True
+        setters = {kind: self._setter(kind) for kind in {v.type for v, _ in self.node.settings}}
+        for variable, value in self.node.settings:
+            if (status := setters[variable.type](variable.reference, value)) not in (OK, WARNING):
+                doing = f"set{_suffix(variable.type)} refused {value}"
+                raise self._failure(status, doing, time, variable.name)
 
-    def _set(self, setting: Setting, time: float) -> None:
-        variable, value = setting
-        setter = {"Real": "setReal", "Boolean": "setBoolean", "String": "setString"}.get(
-            variable.type, "setInteger"
-        )
-        try:
-            getattr(self.slave, setter)([variable.reference], [value])
-        except FMICallException as error:
-            raise self._failure(
-                error.status, f"{setter} refused {value}", time, variable.name
-            ) from error
+    def _setter(self, kind: str) -> Callable[[int, Any], int]:
+        """fmi2SetX for one value of a type, with buffers of its own; returns the FMI status."""
+        function = getattr(self.library, f"fmi2Set{_suffix(kind)}")
+        ctype = {"Real": ctypes.c_double, "String": ctypes.c_char_p}.get(kind, ctypes.c_int)
+        reference, buffer = (ctypes.c_uint * 1)(), (ctype * 1)()
+
+        def put(number: int, value: Any) -> int:
+            reference[0] = number
+            buffer[0] = value.encode("utf-8") if isinstance(value, str) else value
+            return int(function(self.handle, reference, 1, buffer))
+
+        return put
 
     def enter_initialization(self, start: float, stop: float) -> None:
         """fmi2SetupExperiment and fmi2EnterInitializationMode."""
@@ -139,10 +204,16 @@ class Instance:
             return
         for state in list(self._states):
             self.free(state)
+        self._terminate()
+        self.slave.freeInstance()
+        rmtree(self._folder, ignore_errors=True)
+
+    def _terminate(self) -> None:
+        """End a run; an FMU that does not want to is not asked twice."""
         with contextlib.suppress(FMICallException):
             if self._stepping and self._status in (OK, WARNING):
                 self.slave.terminate()
-        self.slave.freeInstance()
+        self._stepping = False
 
     # ---- the macro step
 
