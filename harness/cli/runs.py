@@ -90,6 +90,7 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
         int | None, typer.Option(help="record every N-th macro step (default: 20 000 rows)")
     ] = None,
     ending: FormatOption = Format.PNG,
+    figures: Annotated[bool, typer.Option("--figures/--no-figures", help="draw them")] = True,
     quiet: QuietOption = False,
     changes: Any = None,
 ) -> None:
@@ -98,7 +99,6 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     Every combination of the values given is run, in parallel. Results, table and figures go to one
     folder.
     """
-    from harness.figures.plots import overlay
     from harness.master.progress import progress_bar
     from harness.studies import table
     from harness.studies.compare import compare
@@ -113,7 +113,11 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     with progress_bar(f"{len(variants)} runs", len(variants), shown) as show:
         found = compare(system, variants, folder, every=every, progress=show)
     typer.echo(table.text(found.measures, found.labels))
-    figures = overlay(found.results, folder, ending.value)
-    typer.echo(f"\nresults, comparison.csv and {len(figures)} figures in {folder}")
+    drawn = ""
+    if figures:
+        from harness.figures.plots import overlay
+
+        drawn = f" and {len(overlay(found.results, folder, ending.value))} figures"
+    typer.echo(f"\nresults{',' if figures else ' and'} comparison.csv{drawn} in {folder}")
     if found.failures:
         raise ComparisonError("\n".join(found.failures))

@@ -9,9 +9,10 @@ from __future__ import annotations
 import contextlib
 import ctypes
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
-from shutil import rmtree
-from tempfile import mkdtemp
+from shutil import copytree
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 from numpy.typing import NDArray
 
+from harness import cache
 from harness.archive import unpack
 from harness.errors import FmuError, RunError
 from harness.master import messages
@@ -63,7 +65,12 @@ class Instance:
         self._stepping = False
         self._used = False
         self.node = node
-        self.slave = self._load(folder)
+        self._place, self._files = folder, ExitStack()
+        try:
+            self.slave = self._load()
+        except BaseException:
+            self._files.close()
+            raise
         self.library = self.slave.dll
         self.handle = ctypes.c_void_p(self.slave.component)
         self.do_step = self.library.fmi2DoStep
@@ -91,17 +98,17 @@ class Instance:
 
     # ---- life
 
-    def _load(self, place: Path) -> Slave:
+    def _load(self) -> Slave:
         model = self.node.interface.model
-        self._folder = Path(mkdtemp(prefix=f"{self.name}-", dir=place))
-        library = self._unpacked(self._folder)
+        folder = self._unpacked()
+        library = self._library(folder)
         messages.forget(self.name)
         try:
             with contextlib.chdir(Path.cwd()):  # FMPy does not return from a library that fails
                 slave = FMU2Slave(
                     guid=model.guid,
                     modelIdentifier=model.coSimulation.modelIdentifier,
-                    unzipDirectory=str(self._folder),
+                    unzipDirectory=str(folder),
                     instanceName=self.name,
                     libraryPath=str(library),
                 )
@@ -114,9 +121,24 @@ class Instance:
         self._listen(slave)
         return slave
 
-    def _unpacked(self, folder: Path) -> Path:
-        """Unpack the FMU and return the path of its library."""
-        unpack(self.node.interface.path, folder)
+    def _unpacked(self) -> Path:
+        """The unpacked FMU: in the cache, or as a copy of its own below `place`.
+
+        An FMU from elsewhere may keep globals, and a library that is loaded twice from one file has
+        them once: each of its instances needs files of its own.
+        """
+        kept = self._files.enter_context(cache.unpacked(self.node.interface.path))
+        if kept is not None and ours(self.node.interface):
+            return kept
+        folder = Path(self._files.enter_context(TemporaryDirectory(prefix="fmu-", dir=self._place)))
+        if kept is not None:
+            copytree(kept, folder, dirs_exist_ok=True)
+        else:
+            unpack(self.node.interface.path, folder)
+        return folder
+
+    def _library(self, folder: Path) -> Path:
+        """Path of its library in the unpacked FMU."""
         places = (folder / name for name in binaries(self.node.interface))
         if (library := next((place for place in places if place.is_file()), None)) is None:
             raise FmuError(
@@ -200,13 +222,12 @@ class Instance:
         library.
         """
         messages.report_warnings(self.name)
-        if self._status == FATAL:
-            return
-        for state in list(self._states):
-            self.free(state)
-        self._terminate()
-        self.slave.freeInstance()
-        rmtree(self._folder, ignore_errors=True)
+        if self._status != FATAL:
+            for state in list(self._states):
+                self.free(state)
+            self._terminate()
+            self.slave.freeInstance()
+        self._files.close()
 
     def _terminate(self) -> None:
         """End a run; an FMU that does not want to is not asked twice."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from time import perf_counter
@@ -58,9 +59,16 @@ class Simulation:
     It stays warm: a further run resets the FMUs that are loaded and gives the bits of a fresh one.
     """
 
-    def __init__(self, system: System, *, executor: str = "c", every: int = 1) -> None:
-        """Check the system; nothing is loaded before `with`. Raises StructureError, FmuError or
-        UsageError.
+    def __init__(
+        self,
+        system: System,
+        *,
+        executor: str = "c",
+        every: int = 1,
+        **changes: Unpack[Changes],
+    ) -> None:
+        """Check the system with these changes; nothing is loaded before `with`. Raises
+        StructureError, FmuError or UsageError.
         """
         if executor not in EXECUTORS:
             raise UsageError(f"there is no executor {executor}, only {' and '.join(EXECUTORS)}")
@@ -69,8 +77,9 @@ class Simulation:
         self.instances: list[Instance] = []
         self._executor_name = executor
         self._folder: PrivateFolder | None = None
-        found = checked(system)
-        self._lay_out(system, found, self._recorder(found, every))
+        changed = apply(system, **changes)
+        found = checked(changed)
+        self._lay_out(changed, found, self._recorder(found, every))
 
     def _recorder(self, found: Checked, every: int) -> Recorder:
         return Recorder(found.steps, len(found.graph.slots), every)
@@ -82,6 +91,8 @@ class Simulation:
         self.bus: NDArray[np.float64] = np.zeros(len(self.graph.slots))
         self.settled: NDArray[np.intp] = np.zeros(len(self.graph.slots), dtype=np.intp)
         self.recorder = recorder
+        self.pace = math.inf
+        """Time of a macro step so far, of the quickest stretch between two looks [s]."""
         self._initialised = False
 
     # ---- life
@@ -289,11 +300,13 @@ class Simulation:
     def _advance(self, to: int, progress: Callable[[int], None] | None) -> None:
         chunk = 1
         while self.step < to:
-            began = perf_counter()
-            self._executor.run(self.step, min(self.step + chunk, to))
+            first, began = self.step, perf_counter()
+            self._executor.run(first, min(first + chunk, to))
+            seconds = perf_counter() - began
+            self.pace = min(self.pace, seconds / (self.step - first))
             if progress is not None:
                 progress(self.step)
-            chunk = 2 * chunk if perf_counter() - began < CHUNK_SECONDS / 2 else chunk
+            chunk = 2 * chunk if seconds < CHUNK_SECONDS / 2 else chunk
 
     def _partial(self, error: RunError) -> RunError:
         if self._initialised:

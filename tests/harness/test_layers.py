@@ -23,6 +23,7 @@ LAYERS = (
     ("ssp",),
     ("results",),
     ("system",),
+    ("cache",),
     ("archive",),
     ("output", "paths", "temporary", "spelling"),
     ("errors",),
@@ -39,7 +40,10 @@ ONLY = {
     "matplotlib": {"figures"},
     "typer": {"cli"},
     "rich": {"cli", "master"},
-    "xarray": {"results"},
+    "netCDF4": {"results"},
+    "xarray": {"studies"},
+    "dask": {"studies"},
+    "distributed": {"studies"},
 }
 """Libraries, and the only rooms that may import them."""
 
