@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from harness.api import (
         Result,
         Simulation,
+        campaign,
         compare,
         export,
         linearize,
@@ -36,6 +37,7 @@ __all__ = [
     "Result",
     "Simulation",
     "__version__",
+    "campaign",
     "compare",
     "export",
     "linearize",

@@ -16,12 +16,14 @@ from harness.system.swap import find_fmu
 from harness.system.values import parse
 
 if TYPE_CHECKING:
+    from harness.studies.campaign.campaign import Campaign
     from harness.studies.compare import Comparison
     from harness.studies.linearize import LinearModel
 
 __all__ = [
     "Result",
     "Simulation",
+    "campaign",
     "compare",
     "export",
     "linearize",
@@ -94,6 +96,18 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
         varied += [(option, text) for text in _texts(given)]
     chosen = combinations({"set": set, "step": step, "stop": stop}, varied)
     return comparison.compare(system, chosen, Path(folder), every=every, progress=progress)
+
+
+def campaign(
+    definition: str | Path | Mapping[str, Any], output: str | Path, **how: Any
+) -> Campaign:
+    """Run a campaign; see harness.studies.campaign.campaign.campaign(), which has the options.
+
+    A script that calls it needs `if __name__ == "__main__":`, for the workers import it.
+    """
+    from harness.studies.campaign import campaign as study
+
+    return study.campaign(definition, output, **how)
 
 
 def export(system: str | Path | System, target: str | Path, **changes: Unpack[Changes]) -> Path:

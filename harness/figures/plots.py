@@ -52,16 +52,17 @@ def overlay(results: Mapping[str, Result], directory: Path, ending: str = "png")
 
 
 def _write(directory: Path, ending: str, figures: Mapping[str, Callable[[], Canvas]]) -> list[Path]:
-    return [_save(draw(), directory / f"{name}.{ending}") for name, draw in figures.items()]
+    return [save(draw(), directory / f"{name}.{ending}") for name, draw in figures.items()]
 
 
-def _save(canvas: Canvas, path: Path) -> Path:
+def save(canvas: Canvas, path: Path) -> Path:
+    """Write a canvas of new_canvas() to a file; ResultsError if that fails."""
     with written(path) as target:
         canvas.savefig(target, dpi=110, metadata={"Date": None} if path.suffix == ".svg" else None)
     return path
 
 
-def _new_canvas(title: str, size: tuple[float, float]) -> Canvas:
+def new_canvas(title: str, size: tuple[float, float]) -> Canvas:
     """A figure of matplotlib without a window and without pyplot's global state."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -78,10 +79,10 @@ def _new_canvas(title: str, size: tuple[float, float]) -> Canvas:
 def paint(figure: Figure | Drawing, result: Result) -> Canvas:
     """The figure of one run as matplotlib has it."""
     if isinstance(figure, Drawing):
-        canvas = _new_canvas(figure.title, figure.size)
+        canvas = new_canvas(figure.title, figure.size)
         figure.draw(canvas, result)
         return canvas
-    canvas = _new_canvas(figure.title, (8, 1.2 + 2.6 * len(figure.panels)))
+    canvas = new_canvas(figure.title, (8, 1.2 + 2.6 * len(figure.panels)))
     for axes, panel in _panels(canvas, figure):
         for curve in panel.curves:
             _draw_curve(axes, result, panel, curve)
@@ -153,10 +154,10 @@ def paint_overlay(
     or scale of colours for all panels.
     """
     if isinstance(figure, Overlay):
-        canvas = _new_canvas(figure.title, figure.size)
+        canvas = new_canvas(figure.title, figure.size)
         figure.draw(canvas, results, colours)
     else:
-        canvas = _new_canvas(figure.title, (9, 1.6 + 2.4 * len(figure.panels)))
+        canvas = new_canvas(figure.title, (9, 1.6 + 2.4 * len(figure.panels)))
         for axes, panel in _panels(canvas, figure):
             for curve in panel.curves:
                 _draw_runs(axes, panel, curve, results, colours)

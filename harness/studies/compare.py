@@ -16,20 +16,19 @@ import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
 
 from harness.changes import apply
 from harness.errors import HarnessError, RunError
-from harness.master.simulation import Simulation
 from harness.results.files import ResultFile, read
 from harness.results.result import Result
 from harness.ssp.library import load
 from harness.studies.measures import MEASURES
 from harness.studies.table import Measures, write_csv
 from harness.studies.variants import Variant
+from harness.studies.warm import Warm
 from harness.system.graph import checked
 
 _log = logging.getLogger("harness")
@@ -207,28 +206,7 @@ def _in_a_lane(free: SimpleQueue[_Lane], variant: Variant, file: Path, every: in
 # ---- in the process
 
 
-class _Warm:
-    """The one simulation of a process, made for its first run."""
-
-    def __init__(self, system: str | Path) -> None:
-        self.life = ExitStack()
-        self.system = self.life.enter_context(load(system))
-        self.simulation: Simulation | None = None
-
-    def fly(self, variant: Variant, every: int) -> Result:
-        """One run; what of the process has to be new is made anew after a failure."""
-        if self.simulation is None:
-            self.simulation = Simulation(self.system, **variant.changes)
-            self.life.enter_context(self.simulation)
-        return self.simulation.fly(every=every, **variant.changes)
-
-    @property
-    def pace(self) -> float:
-        """Time of a macro step of the last run [us]."""
-        return math.nan if self.simulation is None else 1e6 * self.simulation.pace
-
-
-_warm: _Warm | None = None
+_warm: Warm | None = None
 
 
 def _get_ready(system: str | Path) -> None:
@@ -239,8 +217,8 @@ def _get_ready(system: str | Path) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _log.setLevel(logging.ERROR)
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    _warm = _Warm(system)
-    atexit.register(_warm.life.close)
+    _warm = Warm(system)
+    atexit.register(_warm.close)
 
 
 def _end_with_parent() -> None:
@@ -252,7 +230,7 @@ def _end_with_parent() -> None:
 def _attempt(variant: Variant, file: Path, every: int) -> Outcome:
     assert _warm is not None
     try:
-        ResultFile(file).write(_warm.fly(variant, every))
+        ResultFile(file).write(_warm.fly(variant.changes, every))
     except RunError as error:
         if error.partial is not None:
             ResultFile(file).write(error.partial)
