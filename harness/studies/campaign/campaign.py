@@ -135,10 +135,10 @@ def like(text: str, system: str | Path) -> Changes:
     if not mark or not number.isdigit():
         raise UsageError(f"--like {text}: wants the dataset and the number of a run, OUT.zarr#7")
     store = Store.open(Path(name))
-    runs = len(store.group["status"])
+    runs = store.runs
     if int(number) >= runs:
         raise UsageError(f"--like {text}: there are runs 0 to {runs - 1}")
-    if not store.group["status"][int(number)]:
+    if not store.array("status")[int(number)]:
         raise UsageError(f"--like {text}: this run is still to come, see --resume")
     plan = Plan(*store.definition())
     if plan.system.read_bytes() != find_system(system).read_bytes():

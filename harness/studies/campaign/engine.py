@@ -12,6 +12,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any, NamedTuple
 
 from harness.changes import Changes
@@ -20,6 +21,8 @@ from harness.studies.campaign import worker
 from harness.studies.campaign.worker import Row, Task
 
 CRASH = "its process was ended from outside, or by a crash inside an FMU"
+DEATHS = 1
+"""Workers of its own that a block may lose before it is taken apart."""
 AHEAD = 3
 """Blocks per worker that are under way or wait."""
 
@@ -69,9 +72,14 @@ def _here(task: Task, blocks: Iterable[Block]) -> Flown:
 @contextmanager
 def _client(workers: Workers) -> Iterator[Any]:
     """A client of dask.distributed, with the cluster that it is for."""
+    from dask import config
     from distributed import Client
 
+    for name in list(logging.root.manager.loggerDict):  # what it logs is not for our user
+        if name.startswith("distributed"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)
     with ExitStack() as life:
+        life.enter_context(config.set({"distributed.scheduler.allowed-failures": DEATHS}))
         if workers.scheduler is not None:
             target: Any = workers.scheduler
         elif workers.slurm:
@@ -116,27 +124,25 @@ def _spread(
     with _client(workers) as client:
         if link := _dashboard(client):
             said(f"dashboard: {link}")
-        shared = client.scatter(task, broadcast=True)
         waiting: dict[Any, Block] = {}
         queue = as_completed()
 
-        def submit() -> None:
-            for block in blocks:
-                job = client.submit(worker.fly_block, shared, block.changes, pure=False)
+        def fill() -> None:
+            room = AHEAD * max(1, len(client.nthreads())) - len(waiting)
+            for block in islice(blocks, max(0, room)):
+                job = client.submit(worker.fly_block, task, block.changes, pure=False)
                 waiting[job] = block
                 queue.add(job)
-                return
 
-        for _ in range(AHEAD * max(1, len(client.scheduler_info(n_workers=-1)["workers"]))):
-            submit()
+        fill()
         for job in queue:
             block = waiting.pop(job)
             try:
                 rows = job.result()
             except KilledWorker:
-                rows = _one_by_one(client, shared, task, block)
+                rows = _one_by_one(client, task, block)
             job.release()
-            submit()
+            fill()
             yield block.first, rows
 
 
@@ -147,13 +153,13 @@ def _dashboard(client: Any) -> str:
     return str(client.dashboard_link or "") if find_spec("bokeh") else ""
 
 
-def _one_by_one(client: Any, shared: Any, task: Task, block: Block) -> list[Row]:
+def _one_by_one(client: Any, task: Task, block: Block) -> list[Row]:
     """The runs of a block that has killed its workers."""
     from distributed import KilledWorker
 
     rows = []
     for changes in block.changes:
-        job = client.submit(worker.fly_block, shared, [changes], pure=False)
+        job = client.submit(worker.fly_block, task, [changes], pure=False)
         try:
             rows += job.result()
         except KilledWorker:

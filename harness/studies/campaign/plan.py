@@ -321,7 +321,7 @@ class _Draft:
 
     def _known(self, name: str, variable: str, result: Result) -> None:
         if variable not in result:
-            close = did_you_mean(variable, [*result.vectors, *result.columns])
+            close = did_you_mean(variable, dict.fromkeys((*result.vectors, *result.columns)))
             self.problems.append(f"{name}: there is no variable {variable}{close}")
 
 

@@ -131,6 +131,11 @@ class Store:
         """Runs per block."""
         return int(self.group.attrs["block"])
 
+    @property
+    def runs(self) -> int:
+        """Number of runs of the campaign."""
+        return int(self.group["status"].shape[0])
+
     def pending(self) -> Iterator[int]:
         """First runs of the blocks that are not complete."""
         status = np.asarray(self.group["status"][:])

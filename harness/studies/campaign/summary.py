@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 Z95 = 1.959963984540054
 """Quantile of the normal distribution for 95 %, two-sided."""
+SUCCESS = "success"
+"""Name of the metric that is true for a run that has succeeded."""
 WORST = 10
 SHOWN = 5
 """Factors that are shown per metric."""
@@ -63,8 +65,8 @@ def factor_columns(store: Store) -> dict[str, Array]:
 
 
 def metric_columns(store: Store) -> dict[str, Array]:
-    """Metrics of all runs by name."""
-    return {name: store.array(name) for name in store.names("metric")}
+    """Metrics of all runs by name, without the success."""
+    return {name: store.array(name) for name in store.names("metric") if name != SUCCESS}
 
 
 def text(store: Store, shown: str) -> str:
@@ -74,8 +76,8 @@ def text(store: Store, shown: str) -> str:
     flown = int((status == COMPLETE).sum()) + failed
     metrics = metric_columns(store)
     lines = [f"{flown} runs, {failed} failed"]
-    if "success" in metrics:
-        lines.append(_success(metrics.pop("success"), flown))
+    if SUCCESS in store.names("metric"):
+        lines.append(_success(store.array(SUCCESS), flown))
     lines += ["", *_table(metrics)] if metrics else []
     factors = {name: c for name, c in factor_columns(store).items() if np.ptp(c[status != 0]) > 0}
     if metrics and factors:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.changes import Changes
-from harness.errors import HarnessError, RunError
+from harness.errors import HarnessError, InterruptionError, RunError
 from harness.results.result import Result
 from harness.studies.campaign.metrics import Metric, measured, metric
 from harness.studies.warm import Warm
@@ -102,6 +102,8 @@ def _fly(pilot: _Pilot, changes: Changes) -> Row:
     task = pilot.task
     try:
         return _row(pilot, COMPLETE, "", pilot.warm.fly(changes, task.every))
+    except InterruptionError as error:  # the user means the campaign, not this run
+        raise KeyboardInterrupt from error
     except RunError as error:
         if error.partial is not None:
             return _row(pilot, FAILED, str(error), error.partial)
