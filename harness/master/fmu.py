@@ -198,7 +198,8 @@ class Instance:
         """fmi2SetX for one value of a type, with buffers of its own; returns the FMI status."""
         function = getattr(self.library, f"fmi2Set{_suffix(kind)}")
         ctype = {"Real": ctypes.c_double, "String": ctypes.c_char_p}.get(kind, ctypes.c_int)
-        reference, buffer = (ctypes.c_uint * 1)(), (ctype * 1)()
+        reference = (ctypes.c_uint * 1)()
+        buffer: Any = (ctype * 1)()
 
         def put(number: int, value: Any) -> int:
             reference[0] = number

@@ -147,11 +147,11 @@ def _write_nc(result: Result, path: Path) -> None:
     with Dataset(path, "w", format="NETCDF4") as file:
         file.setncatts(attributes)
         _put(file, "time", ("time",), result.time, {"units": "s", "long_name": "time"})
-        histories = {name: rest for name, *rest in _variables(result)}
+        histories = {name for name, *_ in _variables(result)}
         for name, axes, values, about in _variables(result.parameters):
             if name not in histories:
                 _put(file, name, axes, values[0], about)
-        for name, (axes, values, about) in histories.items():
+        for name, axes, values, about in _variables(result):
             _put(file, name, ("time", *axes), values, about)
 
 

@@ -42,6 +42,7 @@ ONLY = {
     "rich": {"cli", "master"},
     "netCDF4": {"results"},
     "xarray": {"studies"},
+    "zarr": {"studies"},
     "dask": {"studies"},
     "distributed": {"studies"},
 }

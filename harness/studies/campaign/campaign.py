@@ -20,7 +20,7 @@ from harness.studies.campaign.worker import FAILED, Task
 
 ROWS = 200
 """Rows of kept histories, unless the campaign says otherwise."""
-BLOCKS, LARGEST_BLOCK = 64, 200
+BLOCKS, LARGEST_BLOCK = 32, 200
 """A campaign has about so many blocks, and a block at most so many runs."""
 
 
@@ -112,7 +112,8 @@ def _block(plan: Plan, store: Store, first: int) -> Block:
 
 def _created(path: Path, plan: Plan, task: Task, found: Layout) -> Store:
     block = min(LARGEST_BLOCK, max(1, plan.runs // BLOCKS))
-    time = found.start + np.arange(task.rows) * task.stride * plan.every * found.step
+    steps = np.arange(task.rows, dtype=np.float64) * task.stride * plan.every
+    time = found.start + steps * found.step
     return Store.create(path, plan, task, block, time)
 
 

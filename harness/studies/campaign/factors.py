@@ -203,7 +203,7 @@ def _inertia(principal: Any, spread: float, axes: float = 0.0) -> Draw:
 def _matrix(q: Array) -> Array:
     """Rotation matrix of a quaternion, scalar first."""
     x = np.array([[0, -q[3], q[2]], [q[3], 0, -q[1]], [-q[2], q[1], 0]])
-    return np.eye(3) + 2 * q[0] * x + 2 * x @ x
+    return np.asarray(np.eye(3) + 2 * q[0] * x + 2 * x @ x)
 
 
 def _symmetric(j: list[list[float]]) -> list[list[float]]:

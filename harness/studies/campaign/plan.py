@@ -11,11 +11,12 @@ import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harness.changes import Changes, apply
 from harness.errors import HarnessError, StructureError
@@ -129,7 +130,7 @@ class Plan:
         return self.cells * self.draws
 
     @cached_property
-    def _numbers(self) -> draws.Array:
+    def _numbers(self) -> NDArray[np.float64]:
         width = sum(f.draw.numbers for f in self.drawn if f.draw)
         return draws.numbers(self.sampler, self.draws, width, self.seed)
 
@@ -235,7 +236,7 @@ class _Draft:
             return {}
         made = {}
         for key, given in table.items():
-            found = self._one(f"{name}.{key}", lambda k=key, g=given: make(k, g))
+            found = self._one(f"{name}.{key}", partial(make, key, given))
             if found is not None:
                 made[key] = found
         return made

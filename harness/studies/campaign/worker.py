@@ -133,7 +133,7 @@ def _row(pilot: _Pilot, status: int, message: str, result: Result) -> Row:
 def _last(task: Task, result: Result) -> Array:
     """Last row in the columns of the campaign; a swapped FMU may have others."""
     if result.columns == task.columns:
-        return result.values[-1].copy()
+        return np.array(result.values[-1])
     given = dict(zip(result.columns, result.values[-1], strict=True))
     return np.array([given.get(name, np.nan) for name in task.columns])
 
