@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import islice
+from multiprocessing import resource_tracker
 from typing import Any, NamedTuple
 
 from harness.changes import Changes
@@ -95,14 +97,32 @@ def _client(workers: Workers) -> Iterator[Any]:
 def _local(count: int | None) -> Any:
     from distributed import LocalCluster
 
-    return LocalCluster(
-        n_workers=count or os.cpu_count() or 1,
-        threads_per_worker=1,
-        processes=True,
-        dashboard_address=":0",
-        silence_logs=logging.CRITICAL,
-        memory_limit=0,
-    )
+    with _ctrl_c_for_us_alone():
+        return LocalCluster(
+            n_workers=count or os.cpu_count() or 1,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=":0",
+            silence_logs=logging.CRITICAL,
+            memory_limit=0,
+        )
+
+
+@contextmanager
+def _ctrl_c_for_us_alone() -> Iterator[None]:
+    """Threads and processes that are started here never see SIGINT; it reaches us afterwards.
+
+    The thread of the cluster passes the mask on to all workers that it starts later.
+    """
+    if os.name != "posix":
+        yield
+        return
+    resource_tracker.ensure_running()  # it would lift the mask again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _slurm(count: int | None) -> Any:
