@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from harness.api import (
         Result,
         Simulation,
+        campaign,
         compare,
         export,
         linearize,
@@ -37,6 +38,7 @@ __all__ = [
     "Result",
     "Simulation",
     "__version__",
+    "campaign",
     "compare",
     "export",
     "linearize",

@@ -5,25 +5,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 from harness.changes import Changes, Pairs, apply, pairs
-from harness.exports.package import export
 from harness.master.simulation import Simulation, simulate
 from harness.results.files import read
 from harness.results.result import Result
 from harness.ssp.library import load
-from harness.studies import compare as comparison
-from harness.studies import linearize as linear
-from harness.studies import variants
-from harness.studies.measures import Limits
 from harness.system.model import System
 from harness.system.swap import find_fmu
 from harness.system.values import parse
 
+if TYPE_CHECKING:
+    from harness.studies.campaign.campaign import Campaign
+    from harness.studies.compare import Comparison
+    from harness.studies.linearize import LinearModel
+    from harness.studies.measures import Limits
+
 __all__ = [
     "Result",
     "Simulation",
+    "campaign",
     "compare",
     "export",
     "linearize",
@@ -74,7 +76,7 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     limits: Limits | None = None,
     every: int | None = None,
     progress: Callable[[int], None] | None = None,
-) -> comparison.Comparison:
+) -> Comparison:
     """Run every combination of the values given, in parallel, and measure the runs.
 
     params: parameter sets or files; swap: FMUs by component; latency: macro steps by component;
@@ -86,6 +88,9 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     Raises UsageError, what run() raises before its first step, and ResultsError; a run that fails
     under way ends early (Comparison.failures), the others go on.
     """
+    from harness.studies import compare as comparison
+    from harness.studies.variants import combinations
+
     varied = [
         (option, ",".join(values))
         for option, values in (("params", params), ("algorithm", algorithm))
@@ -93,10 +98,30 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     ]
     for option, given in (("swap", swap), ("latency", latency), ("set", vary)):
         varied += [(option, text) for text in _texts(given)]
-    chosen = variants.combinations({"set": set, "step": step, "stop": stop}, varied)
+
+    chosen = combinations({"set": set, "step": step, "stop": stop}, varied)
     return comparison.compare(
         system, chosen, Path(folder), limits=limits, every=every, progress=progress
     )
+
+
+def campaign(
+    definition: str | Path | Mapping[str, Any], output: str | Path, **how: Any
+) -> Campaign:
+    """Run a campaign; see harness.studies.campaign.campaign.campaign(), which has the options.
+
+    A script that calls it needs `if __name__ == "__main__":`, for the workers import it.
+    """
+    from harness.studies.campaign import campaign as study
+
+    return study.campaign(definition, output, **how)
+
+
+def export(system: str | Path | System, target: str | Path, **changes: Unpack[Changes]) -> Path:
+    """See harness.exports.package.export()."""
+    from harness.exports import package
+
+    return package.export(system, Path(target), **changes)
 
 
 def _texts(given: Several) -> list[str]:
@@ -108,11 +133,13 @@ def _texts(given: Several) -> list[str]:
 
 def linearize(
     fmu: str | Path, at: float = 0.0, step: float = 0.1, *, set: Pairs = ()
-) -> linear.LinearModel:
+) -> LinearModel:
     """Linear model of one FMU, given by name or path, after running alone for `at` seconds.
 
     at: operating point [s], a multiple of step; step: h [s]; set: parameters and held inputs, as
     texts `name=value` or a mapping. Raises UsageError, FmuError, RunError.
     """
+    from harness.studies import linearize as linear
+
     given = {name: parse(v) if isinstance(v, str) else v for name, v in pairs("--set", set)}
     return linear.linearize(find_fmu(fmu), at, step, given)

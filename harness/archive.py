@@ -41,14 +41,18 @@ _DAMAGE = (
 """What zipfile raises for damaged, encrypted or exotically compressed archives."""
 
 
-def unpack(path: Path, folder: Path, limit: int = MAX_UNPACKED) -> None:
+def unpack(
+    path: Path, folder: Path, limit: int = MAX_UNPACKED, content: bytes | None = None
+) -> None:
     """Unpack a zip archive into an existing folder; ArchiveError if it is missing, damaged or
     unsafe.
+
+    content: the bytes of the archive, if they have been read already.
     """
     if not path.is_file():
         raise ArchiveError(f"{path}: no such file")
     try:
-        with zipfile.ZipFile(path) as archive:
+        with zipfile.ZipFile(path if content is None else io.BytesIO(content)) as archive:
             _refuse_unsafe(path, archive.infolist(), limit)
             archive.extractall(folder)
     except _DAMAGE as error:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`harness run` and `harness compare`."""
+"""`harness run`, `harness compare` and `harness campaign`."""
 
 from __future__ import annotations
 
@@ -33,6 +33,10 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     ] = None,
     executor: Annotated[str, typer.Option(help="c or python (the same bits, for debugging)")] = "c",
     every: EveryOption = 1,
+    like: Annotated[
+        str | None,
+        typer.Option(metavar="OUT.zarr#N", help="as run N of a campaign, with figures"),
+    ] = None,
     quiet: QuietOption = False,
     changes: Any = None,
 ) -> None:
@@ -43,6 +47,11 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     from harness.api import run
     from harness.results.files import ResultFile
     from harness.results.notes import notes
+
+    if like is not None:
+        from harness.studies.campaign.campaign import like as found
+
+        changes = {**found(like, system), **changes}
 
     file = ResultFile(output or Path("results") / f"{Path(system).stem}.nc")
     began = perf_counter()
@@ -68,6 +77,11 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
         )
         for note in notes(result):
             typer.echo(f"note: {note}")
+    if like is not None:
+        from harness.figures.plots import plot
+
+        for path in plot(result, file.path.parent):
+            typer.echo(path)
 
 
 @app.command("compare")
@@ -102,6 +116,7 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     ] = None,
     keep_out: Annotated[float, typer.Option(help="radius about the target [m]")] = 0.0,
     ending: FormatOption = Format.PNG,
+    figures: Annotated[bool, typer.Option("--figures/--no-figures", help="draw them")] = True,
     quiet: QuietOption = False,
     changes: Any = None,
 ) -> None:
@@ -110,7 +125,6 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     Every combination of the values given is run, in parallel. Results, table and figures go to one
     folder.
     """
-    from harness.figures.plots import overlay
     from harness.master.progress import progress_bar
     from harness.studies import table
     from harness.studies.compare import compare
@@ -129,8 +143,12 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     typer.echo(table.text(found.measures, found.labels))
     for line in found.limits.notes():
         typer.echo(line)
-    figures = overlay(found.results, folder, ending.value)
-    typer.echo(f"\nresults, comparison.csv and {len(figures)} figures in {folder}")
+    drawn = ""
+    if figures:
+        from harness.figures.plots import overlay
+
+        drawn = f" and {len(overlay(found.results, folder, ending.value))} figures"
+    typer.echo(f"\nresults{',' if figures else ' and'} comparison.csv{drawn} in {folder}")
     if found.failures:
         raise ComparisonError("\n".join(found.failures))
 
@@ -157,3 +175,48 @@ def _positive(text: str) -> bool:
         return 0 < float(text) < math.inf
     except ValueError:
         return False
+
+
+@app.command("campaign")
+def campaign_command(  # noqa: PLR0913, PLR0917 - one argument per option
+    definition: Annotated[
+        Path, typer.Argument(metavar="CAMPAIGN.toml", help="system, factors, metrics")
+    ],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="dataset (default: results/CAMPAIGN.zarr)")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(help="processes, or jobs (default: processors; 0: no other)")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="of a Dask cluster")
+    ] = None,
+    slurm: Annotated[bool, typer.Option("--slurm", help="jobs of SLURM do the work")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="go on after an interruption")] = False,
+    ending: FormatOption = Format.PNG,
+    figures: Annotated[bool, typer.Option("--figures/--no-figures", help="draw them")] = True,
+    quiet: QuietOption = False,
+) -> None:
+    """Run a system by the thousand.
+
+    Factors vary as the file says; metrics, failures and histories go to one Zarr dataset.
+    """
+    from harness.cli.campaigns import counting, pictures
+    from harness.studies.campaign.campaign import campaign
+
+    folder = output or Path("results") / f"{definition.stem}.zarr"
+    shown = not quiet and sys.stderr.isatty()
+    with counting(definition.stem, shown) as show:
+        found = campaign(
+            definition,
+            folder,
+            workers=workers,
+            scheduler=scheduler,
+            slurm=slurm,
+            resume=resume,
+            progress=show,
+            said=(lambda text: None) if quiet else (lambda text: typer.echo(text, err=True)),
+        )
+    typer.echo(found.summary())
+    drawn = pictures(found.store, folder.parent, ending.value) if figures else []
+    typer.echo(f"\ndataset {folder}, {len(drawn)} figures in {folder.parent}")

@@ -17,7 +17,11 @@ from harness.results.result import Result
 Array = NDArray[np.float64]
 Axes = Any
 """Axes or figure of matplotlib, which is imported only when something is drawn."""
+Colour = Any
+"""A colour as matplotlib understands it: a name, or red, green, blue, opacity."""
 AXES = ("x", "y", "z")
+MANY = 10
+"""From so many runs on their names do not fit into a legend."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +114,7 @@ class Overlay:
     name: str
     title: str
     needs: tuple[str, ...]
-    draw: Callable[[Axes, Mapping[str, Result], Mapping[str, str]], None]
+    draw: Callable[[Axes, Mapping[str, Result], Mapping[str, Colour]], None]
     size: tuple[float, float] = (11, 5)
     parameters: tuple[str, ...] = ()
 
@@ -134,7 +138,7 @@ def draw_paths(
     paths: Mapping[str, tuple[Array, str]],
     names: tuple[str, str, str],
     plane: tuple[int, int],
-    colours: Mapping[str, str] | None = None,
+    colours: Mapping[str, Colour] | None = None,
 ) -> Axes:
     """Paths (rows, 3) with a style each, in space and seen along one axis; returns the axes of the
     plane.

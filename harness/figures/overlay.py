@@ -12,7 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from harness.figures.figure import AXES, Axes, Curve, Figure, Overlay, Panel, degrees, draw_paths
+from harness.figures.figure import (
+    AXES,
+    MANY,
+    Axes,
+    Colour,
+    Curve,
+    Figure,
+    Overlay,
+    Panel,
+    degrees,
+    draw_paths,
+)
 from harness.figures.ppc_tracking import LOS, quaternion
 from harness.results.derived import (
     ATTITUDE,
@@ -31,8 +42,6 @@ from harness.results.pitch import ANOMALY, PITCH, RATE, strobe
 from harness.results.result import Result
 
 ECCENTRICITY = "robot.e"
-NAMED = 10
-"""Runs whose names fit into a legend."""
 
 
 def _sum(name: str, first: int = 0, last: int | None = None) -> Curve:
@@ -49,15 +58,19 @@ def _per_axis(
     )
 
 
-def _trajectories(canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, str]) -> None:
+def _trajectories(
+    canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, Colour]
+) -> None:
     """Paths relative to the target, N axes."""
     paths = {label: (r[SERVICER] - r[TARGET], "-") for label, r in results.items()} | {
         "target": (np.zeros((1, 3)), "ko")
     }
-    draw_paths(canvas, paths, ("x [m]", "y [m]", "z [m]"), (0, 2), colours).legend(fontsize="small")
+    flat = draw_paths(canvas, paths, ("x [m]", "y [m]", "z [m]"), (0, 2), colours)
+    if len(results) < MANY:
+        flat.legend(fontsize="small")
 
 
-def _sections(canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, str]) -> None:
+def _sections(canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, Colour]) -> None:
     """Poincare sections of all runs in one, and their pitch over the eccentricity: the bifurcation
     diagram.
     """
@@ -69,7 +82,7 @@ def _sections(canvas: Axes, results: Mapping[str, Result], colours: Mapping[str,
         diagram.plot(eccentricity, np.degrees(pitch), ".", markersize=2, color=colours[label])
     section.set(xlabel="pitch [deg]", ylabel="its derivative by the true anomaly")
     diagram.set(xlabel="eccentricity", ylabel="pitch [deg]")
-    if len(results) <= NAMED:
+    if len(results) < MANY:
         section.legend(fontsize="small")
     for axes in (section, diagram):
         axes.grid(alpha=0.3)

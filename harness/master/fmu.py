@@ -9,7 +9,11 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
+from shutil import copytree
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -17,16 +21,20 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 from numpy.typing import NDArray
 
+from harness import cache
 from harness.archive import unpack
 from harness.errors import FmuError, RunError
 from harness.master import messages
 from harness.master.transfer import Transfer, transfers
-from harness.system.graph import Node, Setting
-from harness.system.interface import binaries
+from harness.system.graph import Node
+from harness.system.interface import Interface, binaries
 from harness.system.schedule import Verb
 
 OK, WARNING, FATAL = 0, 1, 4
 STATUS = {2: "fmi2Discard", 3: "fmi2Error", 4: "fmi2Fatal", 5: "fmi2Pending"}
+
+TOOL = "servicing-fmus"
+"""Generation tool of the FMUs of this project."""
 
 Slave = Any
 """FMPy's FMU2Slave, which is not typed."""
@@ -35,34 +43,66 @@ ERROR_CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "l
 """Log categories of FMI 2.0 that are listened to; everything else stays off."""
 
 
+def ours(interface: Interface) -> bool:
+    """Whether an FMU was built by this project: it holds no globals, and its tests prove its
+    reset.
+    """
+    return str(interface.model.generationTool or "").startswith(TOOL)
+
+
+def _suffix(kind: str) -> str:
+    """X of fmi2SetX by the type of a variable."""
+    return "Integer" if kind == "Enumeration" else kind
+
+
 class Instance:
     """An instance of an FMU in its place in the system."""
 
     def __init__(self, node: Node, folder: Path) -> None:
         """Unpack below `folder`, load and instantiate; FmuError if that fails."""
-        self.node = node
         self.name = node.component.name
-        self.every = node.component.every
-        self.latency = node.component.latency
         self._states: list[ctypes.c_void_p] = []
         self._status = OK
         self._stepping = False
-        self.slave = self._load(folder / self.name)
+        self._used = False
+        self.node = node
+        self._place, self._files = folder, ExitStack()
+        try:
+            self.slave = self._load()
+        except BaseException:
+            self._files.close()
+            raise
         self.library = self.slave.dll
         self.handle = ctypes.c_void_p(self.slave.component)
         self.do_step = self.library.fmi2DoStep
         self.no_rollback = 0 if node.interface.model.coSimulation.canGetAndSetFMUstate else 1
-        self.transfers = {
-            Verb.SET: list(transfers("Set", self.library, self.handle, node.inputs)),
+        self.transfers = self._transfers()
+        self.resettable = True if ours(node.interface) else None
+        """Whether fmi2Reset leaves nothing of a run behind; None: not known yet."""
+
+    @property
+    def every(self) -> int:
+        """Macro steps per step of the instance."""
+        return self.node.component.every
+
+    @property
+    def latency(self) -> int:
+        """Macro steps by which it publishes later."""
+        return self.node.component.latency
+
+    def _transfers(self) -> dict[Verb, list[Transfer]]:
+        return {
+            Verb.SET: list(transfers("Set", self.library, self.handle, self.node.inputs)),
             Verb.STEP: [],
-            Verb.GET: list(transfers("Get", self.library, self.handle, node.outputs)),
+            Verb.GET: list(transfers("Get", self.library, self.handle, self.node.outputs)),
         }
 
     # ---- life
 
-    def _load(self, folder: Path) -> Slave:
+    def _load(self) -> Slave:
         model = self.node.interface.model
-        library = self._unpacked(folder)
+        folder = self._unpacked()
+        library = self._library(folder)
         messages.forget(self.name)
         try:
             with contextlib.chdir(Path.cwd()):  # FMPy does not return from a library that fails
@@ -82,10 +122,24 @@ class Instance:
         self._listen(slave)
         return slave
 
-    def _unpacked(self, folder: Path) -> Path:
-        """Unpack the FMU and return the path of its library."""
-        folder.mkdir()
-        unpack(self.node.interface.path, folder)
+    def _unpacked(self) -> Path:
+        """The unpacked FMU: in the cache, or as a copy of its own below `place`.
+
+        An FMU from elsewhere may keep globals, and a library that is loaded twice from one file has
+        them once: each of its instances needs files of its own.
+        """
+        kept = self._files.enter_context(cache.unpacked(self.node.interface.path))
+        if kept is not None and ours(self.node.interface):
+            return kept
+        folder = Path(self._files.enter_context(TemporaryDirectory(prefix="fmu-", dir=self._place)))
+        if kept is not None:
+            copytree(kept, folder, dirs_exist_ok=True)
+        else:
+            unpack(self.node.interface.path, folder)
+        return folder
+
+    def _library(self, folder: Path) -> Path:
+        """Path of its library in the unpacked FMU."""
         places = (folder / name for name in binaries(self.node.interface))
         if (library := next((place for place in places if place.is_file()), None)) is None:
             raise FmuError(
@@ -104,22 +158,56 @@ class Instance:
             with contextlib.suppress(FMICallException):
                 slave.setDebugLogging(True, categories)
 
+    def renew(self, node: Node, *, trial: bool = False) -> bool:
+        """Go back to what instantiation left, in a place of the same FMU; False if that cannot be
+        done.
+
+        trial: also an FMU whose reset is not proved.
+        """
+        if node.interface is not self.node.interface:
+            return False
+        if self._used and not self._reset(trial):
+            return False
+        self._used = False
+        old, self.node = self.node, node
+        if node.inputs != old.inputs or node.outputs != old.outputs:
+            self.transfers = self._transfers()
+        messages.forget(self.name)
+        self._listen(self.slave)
+        return True
+
+    def _reset(self, trial: bool) -> bool:
+        unable = self.resettable is False or (self.resettable is None and not trial)
+        if unable or self._status not in (OK, WARNING):
+            return False
+        self._terminate()
+        if self.library.fmi2Reset(self.handle) not in (OK, WARNING):
+            self.resettable = False
+            messages.note_irreversible([self.name])
+        return self.resettable is not False
+
     def set_start_values(self, time: float) -> None:
         """Set parameters and start values one by one, so that a refused one is named."""
-        for setting in self.node.settings:
-            self._set(setting, time)
+        self._used = True
+        setters = {kind: self._setter(kind) for kind in {v.type for v, _ in self.node.settings}}
+        for variable, value in self.node.settings:
+            if (status := setters[variable.type](variable.reference, value)) not in (OK, WARNING):
+                doing = f"set{_suffix(variable.type)} refused {value}"
+                raise self._failure(status, doing, time, variable.name)
 
-    def _set(self, setting: Setting, time: float) -> None:
-        variable, value = setting
-        setter = {"Real": "setReal", "Boolean": "setBoolean", "String": "setString"}.get(
-            variable.type, "setInteger"
-        )
-        try:
-            getattr(self.slave, setter)([variable.reference], [value])
-        except FMICallException as error:
-            raise self._failure(
-                error.status, f"{setter} refused {value}", time, variable.name
-            ) from error
+    def _setter(self, kind: str) -> Callable[[int, Any], int]:
+        """fmi2SetX for one value of a type, with buffers of its own; returns the FMI status."""
+        function = getattr(self.library, f"fmi2Set{_suffix(kind)}")
+        ctype = {"Real": ctypes.c_double, "String": ctypes.c_char_p}.get(kind, ctypes.c_int)
+        reference = (ctypes.c_uint * 1)()
+        buffer: Any = (ctype * 1)()
+
+        def put(number: int, value: Any) -> int:
+            reference[0] = number
+            buffer[0] = value.encode("utf-8") if isinstance(value, str) else value
+            return int(function(self.handle, reference, 1, buffer))
+
+        return put
 
     def enter_initialization(self, start: float, stop: float) -> None:
         """fmi2SetupExperiment and fmi2EnterInitializationMode."""
@@ -136,14 +224,19 @@ class Instance:
         library.
         """
         messages.report_warnings(self.name)
-        if self._status == FATAL:
-            return
-        for state in list(self._states):
-            self.free(state)
+        if self._status != FATAL:
+            for state in list(self._states):
+                self.free(state)
+            self._terminate()
+            self.slave.freeInstance()
+        self._files.close()
+
+    def _terminate(self) -> None:
+        """End a run; an FMU that does not want to is not asked twice."""
         with contextlib.suppress(FMICallException):
             if self._stepping and self._status in (OK, WARNING):
                 self.slave.terminate()
-        self.slave.freeInstance()
+        self._stepping = False
 
     # ---- the macro step
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import ctypes
 import logging
 from collections import Counter, deque
+from collections.abc import Sequence
 
 from fmpy import calloc, free
 from fmpy.fmi2 import (
@@ -88,3 +89,11 @@ def forget(instance: str) -> None:
     """Drop what an earlier instance of the same name has said."""
     _warnings.pop(instance, None)
     take_error(instance)
+
+
+def note_irreversible(instances: Sequence[str]) -> None:
+    """Say that these instances are loaded anew for every further run."""
+    _log.warning(
+        "%s: fmi2Reset does not bring back the beginning, loaded anew for every further run",
+        " or ".join(instances),
+    )

@@ -4,21 +4,24 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any, Self
+from typing import Any, Self, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.changes import Changes, apply
 from harness.errors import InterruptionError, RunError, UsageError
+from harness.master import messages
 from harness.master.executors import EXECUTORS, Clock
 from harness.master.fmu import Instance
 from harness.master.progress import progress_bar
 from harness.master.recorder import Recorder
 from harness.results.result import Result
-from harness.system.graph import Slot, checked, constants
+from harness.system.graph import Checked, Node, Slot, checked, constants, rechecked
 from harness.system.model import System
 from harness.system.schedule import schedule
 from harness.temporary import PrivateFolder
@@ -31,6 +34,8 @@ half of them.
 CHUNK_SECONDS = 0.1
 """Wall-clock time between two looks at the keyboard and two updates of the progress bar."""
 
+REHEARSED = 100
+"""Rows of a run that are repeated to see whether an FMU from elsewhere can be reset."""
 
 _log = logging.getLogger("harness")
 
@@ -52,22 +57,45 @@ class Simulation:
     with Simulation(system) as simulation:
         simulation.advance()
         result = simulation.result()
+        other = simulation.fly(set={"servicer.mass_0": 120})
+
+    It stays warm: a further run resets the FMUs that are loaded and gives the bits of a fresh one.
     """
 
-    def __init__(self, system: System, *, executor: str = "c", every: int = 1) -> None:
-        """Check the system; nothing is loaded before `with`. Raises StructureError, FmuError or
-        UsageError.
+    def __init__(
+        self,
+        system: System,
+        *,
+        executor: str = "c",
+        every: int = 1,
+        **changes: Unpack[Changes],
+    ) -> None:
+        """Check the system with these changes; nothing is loaded before `with`. Raises
+        StructureError, FmuError or UsageError.
         """
         if executor not in EXECUTORS:
             raise UsageError(f"there is no executor {executor}, only {' and '.join(EXECUTORS)}")
+        self.base = system
+        self.every = every
+        self.instances: list[Instance] = []
+        self._executor_name = executor
+        self._folder: PrivateFolder | None = None
+        changed = apply(system, **changes)
+        found = checked(changed)
+        self._lay_out(changed, found, self._recorder(found, every))
+
+    def _recorder(self, found: Checked, every: int) -> Recorder:
+        return Recorder(found.steps, len(found.graph.slots), every)
+
+    def _lay_out(self, system: System, found: Checked, recorder: Recorder) -> None:
         self.system = system
-        self.graph, self.steps = checked(system)
+        self.graph, self.steps = found
         self.clock = Clock(system.experiment.start, system.experiment.step or 0.0)
         self.bus: NDArray[np.float64] = np.zeros(len(self.graph.slots))
         self.settled: NDArray[np.intp] = np.zeros(len(self.graph.slots), dtype=np.intp)
-        self.recorder = Recorder(self.steps, len(self.graph.slots), every)
-        self.instances: list[Instance] = []
-        self._executor_name = executor
+        self.recorder = recorder
+        self.pace = math.inf
+        """Time of a macro step so far, of the quickest stretch between two looks [s]."""
         self._initialised = False
 
     # ---- life
@@ -76,12 +104,7 @@ class Simulation:
         """Load and instantiate all FMUs; FmuError or ArchiveError if one cannot be."""
         self._folder = PrivateFolder()
         try:
-            for node in self.graph.nodes:
-                self.instances.append(Instance(node, self._folder.path))
-            plan = schedule(self.system.experiment.algorithm, self.instances)
-            self._executor = EXECUTORS[self._executor_name](
-                plan, self.bus, self.recorder, self.clock
-            )
+            self._assemble()
         except BaseException:
             self.close()
             raise
@@ -94,7 +117,109 @@ class Simulation:
         """Terminate and free all FMUs and remove what was unpacked."""
         while self.instances:
             self.instances.pop().close()
-        self._folder.close()
+        if self._folder is not None:
+            self._folder.close()
+            self._folder = None
+
+    # ---- a further run
+
+    def fly(
+        self,
+        *,
+        every: int | None = None,
+        progress: Callable[[int], None] | None = None,
+        **changes: Unpack[Changes],
+    ) -> Result:
+        """Run the system that the simulation was made with, with these changes: the same bits as
+        run().
+
+        every: record every N-th macro step (default: as for the simulation). Raises what run()
+        raises; whatever became of a run, the next one knows nothing of it.
+        """
+        self.begin(apply(self.base, **changes), every)
+        try:
+            self.advance(progress=progress)
+            return self.result()
+        finally:
+            for instance in self.instances:
+                messages.report_warnings(instance.name)
+
+    def begin(self, system: System, every: int | None = None) -> None:
+        """Go back to before the initialization, with this system in the place of the present one.
+
+        FMUs are reset; only those that were not there before, or cannot be reset to the bit, are
+        loaded. Raises what the constructor and `with` raise.
+        """
+        if self._folder is None:
+            raise UsageError("a Simulation can run inside its `with` block only")
+        found = rechecked(system, self.system, self.graph)
+        recorder = self._recorder(found, self.every if every is None else every)
+        if self._initialised and len(self.recorder.rows) > 1 and self._unproved():
+            self._rehearse()
+        self._lay_out(system, found, recorder)
+        self._assemble()
+
+    def _assemble(self, *, trial: bool = False) -> None:
+        """An instance for every node: the one of that name if it can go back, else a new one."""
+        before = {instance.name: instance for instance in self.instances}
+        self.instances = []
+        try:
+            for node in self.graph.nodes:
+                earlier = before.get(node.component.name)
+                if earlier is not None and earlier.renew(node, trial=trial):
+                    self.instances.append(before.pop(node.component.name))
+                else:
+                    self.instances.append(self._loaded(node, before.pop(node.component.name, None)))
+        finally:
+            for left in before.values():
+                left.close()
+        plan = schedule(self.system.experiment.algorithm, self.instances)
+        self._executor = EXECUTORS[self._executor_name](plan, self.bus, self.recorder, self.clock)
+
+    def _loaded(self, node: Node, earlier: Instance | None) -> Instance:
+        """A new instance; of the earlier one only what is known of its reset is kept."""
+        assert self._folder is not None
+        if earlier is not None:
+            earlier.close()
+        instance = Instance(node, self._folder.path)
+        if earlier is not None and earlier.node.interface is node.interface:
+            instance.resettable = earlier.resettable
+        return instance
+
+    # ---- whether a reset leaves nothing behind
+
+    def _unproved(self) -> list[Instance]:
+        return [i for i in self.instances if i.resettable is None]
+
+    def _rehearse(self) -> None:
+        """Repeat the beginning of the run that is over: an FMU from elsewhere may reset itself
+        badly, then the same run has other bits.
+
+        If it has, every FMU whose reset was not proved is loaded anew for every run from now on.
+        """
+        every = self.recorder.every
+        wanted = self.recorder.rows[: max(REHEARSED // every, 1) + 1].copy()
+        again = Recorder((len(wanted) - 1) * every, len(self.bus), every)
+        self._lay_out(self.system, Checked(self.graph, self.steps), again)
+        self._assemble(trial=True)
+        same = self._repeats(wanted)
+        unproved = self._unproved()
+        for instance in unproved:
+            instance.resettable = same
+        if unproved and not same:
+            messages.note_irreversible([instance.name for instance in unproved])
+
+    def _repeats(self, wanted: NDArray[np.float64]) -> bool:
+        last = (len(wanted) - 1) * self.recorder.every
+        try:
+            self.initialize()
+            self._advance(last, None)
+        except RunError:
+            return False
+        finally:
+            for instance in self.instances:
+                messages.forget(instance.name)
+        return self.recorder.rows.tobytes() == wanted.tobytes()
 
     # ---- initialization
 
@@ -165,7 +290,7 @@ class Simulation:
         (InterruptionError on Ctrl-C) whose `partial` holds everything recorded.
         """
         try:
-            if not self.instances:
+            if self._folder is None:
                 raise UsageError("a Simulation can advance inside its `with` block only")
             if not self._initialised:
                 self.initialize()
@@ -178,11 +303,13 @@ class Simulation:
     def _advance(self, to: int, progress: Callable[[int], None] | None) -> None:
         chunk = 1
         while self.step < to:
-            began = perf_counter()
-            self._executor.run(self.step, min(self.step + chunk, to))
+            first, began = self.step, perf_counter()
+            self._executor.run(first, min(first + chunk, to))
+            seconds = perf_counter() - began
+            self.pace = min(self.pace, seconds / (self.step - first))
             if progress is not None:
                 progress(self.step)
-            chunk = 2 * chunk if perf_counter() - began < CHUNK_SECONDS / 2 else chunk
+            chunk = 2 * chunk if seconds < CHUNK_SECONDS / 2 else chunk
 
     def _partial(self, error: RunError) -> RunError:
         if self._initialised:

@@ -139,25 +139,38 @@ def _last_line(file: TextIO) -> str:
 
 
 def _write_nc(result: Result, path: Path) -> None:
-    import xarray
+    from netCDF4 import Dataset
 
-    histories = {
-        name: (("time", *axes), data, about) for name, axes, data, about in _variables(result)
-    }
-    fixed = {
-        name: (axes, data[0], about) for name, axes, data, about in _variables(result.parameters)
-    }
-    variables = fixed | histories
     attributes = {
         "system": result.system,
         "complete": int(result.complete),
         "message": result.message,
     }
-    time = ("time", result.time, {"units": "s", "long_name": "time"})
-    data = xarray.Dataset(variables, coords={"time": time}, attrs=attributes)
-    data.to_netcdf(
-        path, engine="netcdf4", encoding={name: {"_FillValue": None} for name in data.variables}
-    )
+    with Dataset(path, "w", format="NETCDF4") as file:
+        file.setncatts(attributes)
+        _put(file, "time", ("time",), result.time, {"units": "s", "long_name": "time"})
+        histories = {name for name, *_ in _variables(result)}
+        for name, axes, values, about in _variables(result.parameters):
+            if name not in histories:
+                _put(file, name, axes, values[0], about)
+        for name, axes, values, about in _variables(result):
+            _put(file, name, ("time", *axes), values, about)
+
+
+def _put(
+    file: Any,
+    name: str,
+    axes: tuple[str, ...],
+    values: NDArray[np.float64],
+    about: Mapping[str, str],
+) -> None:
+    """One variable of a netCDF4 file, without fill values."""
+    for axis, size in zip(axes, values.shape, strict=True):
+        if axis not in file.dimensions:
+            file.createDimension(axis, size)
+    variable = file.createVariable(name, "f8", axes, fill_value=False)
+    variable.setncatts(about)
+    variable[...] = values
 
 
 def _variables(
@@ -183,21 +196,21 @@ def _dimensions(shape: tuple[int, ...]) -> tuple[str, ...]:
 
 
 def _read_nc(path: Path) -> Result:
-    import xarray
+    from netCDF4 import Dataset
 
-    with xarray.open_dataset(path, engine="netcdf4", decode_cf=False) as data:
-        variables = {str(name): variable for name, variable in data.data_vars.items()}
-        time = data["time"].to_numpy()
-        about = data.attrs
-        system = about.get("system", path.stem)
-        histories = {
-            name: (v.to_numpy(), v.attrs) for name, v in variables.items() if "time" in v.dims
+    with Dataset(path) as file:
+        file.set_auto_maskandscale(False)
+        variables = {
+            name: (np.asarray(v[...], dtype=np.float64), v.__dict__, "time" in v.dimensions)
+            for name, v in file.variables.items()
         }
-        fixed = {
-            name: (v.to_numpy()[None], v.attrs)
-            for name, v in variables.items()
-            if "time" not in v.dims
-        }
+        about = file.__dict__
+    time = variables.pop("time")[0]
+    system = about.get("system", path.stem)
+    histories = {
+        name: (values, units) for name, (values, units, moves) in variables.items() if moves
+    }
+    fixed = {name: (v[None], units) for name, (v, units, moves) in variables.items() if not moves}
     parameters = _table(system, time[:1], fixed) if fixed else None
     complete, message = bool(about.get("complete", 1)), about.get("message", "")
     return replace(

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from harness import cache
 from harness.archive import unpack
 from harness.errors import StructureError
 from harness.ssp import xml
@@ -35,19 +36,29 @@ _log = logging.getLogger("harness")
 
 @contextmanager
 def opened(path: Path) -> Iterator[System]:
-    """The system in an .ssp, unpacked to a private temporary folder that is removed at the end of
-    the `with` block.
+    """The system in an .ssp, whose files are there until the end of the `with` block: unpacked in
+    the cache, else in a private temporary folder.
 
     Raises ArchiveError (damaged or unsafe archive) or StructureError (all problems of the
     description).
     """
-    with PrivateFolder() as folder:
-        unpack(path, folder)
+    with _unpacked(path) as folder:
         try:
             system = read(folder)
         except StructureError as error:
             raise StructureError(f"{path.name}: {problem}" for problem in error.problems) from error
         yield system
+
+
+@contextmanager
+def _unpacked(path: Path) -> Iterator[Path]:
+    with cache.unpacked(path) as kept:
+        if kept is not None:
+            yield kept
+            return
+        with PrivateFolder() as folder:
+            unpack(path, folder)
+            yield folder
 
 
 def read(folder: Path) -> System:

@@ -12,6 +12,7 @@ from typing import Any
 import fmpy
 from lxml import etree
 
+from harness import cache
 from harness.archive import has_doctype
 from harness.errors import StructureError
 from harness.system.values import Scalar
@@ -85,7 +86,12 @@ def parse(source: Path | bytes, schema: str, name: str = "") -> XmlElement:
         raise StructureError([f"{name}: not a readable XML file ({error})"]) from error
     if tree is None or tree.docinfo.doctype:
         raise StructureError([f"{name}: a document type declaration is not allowed"])
-    return valid(tree.getroot(), schema, name)
+    root = tree.getroot()
+    _as_version_1(root)
+    cache.passed(
+        f"{schema} of fmpy {fmpy.__version__}", data, lambda: _validate(root, schema, name)
+    )
+    return root
 
 
 def embedded(element: XmlElement, schema: str) -> XmlElement:
@@ -101,12 +107,16 @@ def valid(root: XmlElement, schema: str, name: str) -> XmlElement:
     the file.
     """
     _as_version_1(root)
+    _validate(root, schema, name)
+    return root
+
+
+def _validate(root: XmlElement, schema: str, name: str) -> None:
     validator = _schema(schema)
     if not validator.validate(root):
         raise StructureError(
             f"{name}, line {e.line}: {' '.join(e.message.split())}" for e in validator.error_log
         )
-    return root
 
 
 def _as_version_1(root: XmlElement) -> None:

@@ -1,55 +1,55 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Several runs of one system side by side, in parallel, measured and put into one table.
 
-Each run has a process of its own, so that an FMU that crashes takes no other run with it.
-Computing time is measured afterwards, one run at a time and all in turn.
+They are run by as many processes as there are processors, each with a simulation that stays warm.
+An FMU that crashes ends the process of its own run; the next one gets a new process.
 """
 
 from __future__ import annotations
 
+import atexit
 import logging
 import math
 import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
+from queue import SimpleQueue
 
 from harness.changes import apply
 from harness.errors import HarnessError, RunError
-from harness.master.simulation import Simulation, simulate
 from harness.results.files import ResultFile, read
 from harness.results.result import Result
 from harness.ssp.library import load
 from harness.studies.measures import Limits, measures
 from harness.studies.table import Measures, write_csv
 from harness.studies.variants import Variant
+from harness.studies.warm import Warm
 from harness.system.graph import checked
-from harness.system.model import System
 
 _log = logging.getLogger("harness")
 
 ROWS = 20_000
 """Rows that a run has at most unless the user wants otherwise."""
-ROUNDS, TIMED_STEPS = 3, 5000
-"""Rounds of the measurement of computing time, and macro steps of one round."""
 
 
 @dataclass(frozen=True)
 class Outcome:
     """What came of a variant: its results file, and the one line that says why it ended early ("":
     it did not).
+
+    pace: time of a macro step, of the quickest tenth of a second of the run [us].
     """
 
     variant: Variant
     file: Path
     failure: str = ""
+    pace: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -100,20 +100,15 @@ def compare(  # noqa: PLR0913 - what a comparison can be told
     for file in files:
         file.unlink(missing_ok=True)
     thinning = [every or _thinning(n) for n in steps]
-    failures = _run_all(system, list(zip(variants, files, thinning, strict=True)), progress)
-    outcomes = tuple(
-        Outcome(variant, file, failures[variant.label])
-        for variant, file in zip(variants, files, strict=True)
-    )
+    outcomes = _run_all(system, list(zip(variants, files, thinning, strict=True)), progress)
     results = {
         outcome.variant.label: read(outcome.file) for outcome in outcomes if outcome.file.is_file()
     }
     held = (limits or Limits()).common(results)
     taken = measures(results, held)
     labels = [outcome.variant.label for outcome in outcomes]
-    comparison = Comparison(
-        outcomes, results, held, taken | {("macro step", "us"): _computing_times(system, outcomes)}
-    )
+    paces = {outcome.variant.label: outcome.pace for outcome in outcomes if not outcome.failure}
+    comparison = Comparison(outcomes, results, held, taken | {("macro step", "us"): paces})
     write_csv(comparison.measures, labels, directory / "comparison.csv")
     return comparison
 
@@ -144,27 +139,32 @@ def _run_all(
     system: str | Path,
     variants: Sequence[tuple[Variant, Path, int]],
     progress: Callable[[int], None] | None,
-) -> dict[str, str]:
-    """Run as many variants at once as there are processors; returns by label why a run ended
-    early ("": it did not).
+) -> tuple[Outcome, ...]:
+    """Run as many variants at once as there are processors.
 
     variants: with the file for the results and the macro steps per row.
     """
-    failures = {}
-    with ThreadPoolExecutor(min(len(variants), os.cpu_count() or 1)) as pool:
-        jobs = {pool.submit(_isolated, system, *variant): variant[0] for variant in variants}
+    count = min(len(variants), os.cpu_count() or 1)
+    free: SimpleQueue[_Lane] = SimpleQueue()
+    for _ in range(count):
+        free.put(_Lane(system))
+    with ThreadPoolExecutor(count) as pool:
+        jobs = [pool.submit(_in_a_lane, free, *variant) for variant in variants]
         try:
             for done, job in enumerate(as_completed(jobs), start=1):
-                failures[jobs[job].label] = job.result()
+                job.result()
                 if progress is not None:
                     progress(done)
         except BaseException:
             _end(jobs)
             raise
-    return failures
+        finally:
+            while not free.empty():
+                free.get().close()
+    return tuple(job.result() for job in jobs)
 
 
-def _end(jobs: Iterable[Future[str]]) -> None:
+def _end(jobs: Iterable[Future[Outcome]]) -> None:
     """Cancel what waits and end what runs."""
     for job in jobs:
         job.cancel()
@@ -172,34 +172,56 @@ def _end(jobs: Iterable[Future[str]]) -> None:
         process.terminate()
 
 
-def _isolated(system: str | Path, variant: Variant, file: Path, every: int) -> str:
-    """Run one variant in a process of its own; returns why it ended early."""
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(1, context, initializer=_in_the_background) as process:
+class _Lane:
+    """A process that runs one variant after the other, exchanged when one has ended it."""
+
+    def __init__(self, system: str | Path) -> None:
+        self.system = system
+        self.process: ProcessPoolExecutor | None = None
+
+    def run(self, variant: Variant, file: Path, every: int) -> Outcome:
+        """Run one variant."""
+        if self.process is None:
+            context = multiprocessing.get_context("spawn")
+            self.process = ProcessPoolExecutor(1, context, _get_ready, (self.system,))
         try:
-            return process.submit(_attempt, system, variant, file, every).result()
+            return self.process.submit(_attempt, variant, file, every).result()
         except BrokenProcessPool:
-            return "its process was ended from outside, or by a crash inside an FMU"
+            self.close()
+            crash = "its process was ended from outside, or by a crash inside an FMU"
+            return Outcome(variant, file, crash)
+
+    def close(self) -> None:
+        """End the process."""
+        if self.process is not None:
+            self.process.shutdown()
+            self.process = None
 
 
-@contextmanager
-def _silence() -> Iterator[None]:
-    """No warnings: _check() has already logged them."""
-    level = _log.level
-    _log.setLevel(logging.ERROR)
+def _in_a_lane(free: SimpleQueue[_Lane], variant: Variant, file: Path, every: int) -> Outcome:
+    lane = free.get()
     try:
-        yield
+        return lane.run(variant, file, every)
     finally:
-        _log.setLevel(level)
+        free.put(lane)
 
 
-def _in_the_background() -> None:
-    """Leave Ctrl-C and the warnings that _check() has already logged to the parent, and end when it
-    ends.
+# ---- in the process
+
+
+_warm: Warm | None = None
+
+
+def _get_ready(system: str | Path) -> None:
+    """Leave Ctrl-C and the warnings that _check() has already logged to the parent, end when it
+    ends, and clean up at the end.
     """
+    global _warm  # noqa: PLW0603 - a process has one simulation
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _log.setLevel(logging.ERROR)
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    _warm = Warm(system)
+    atexit.register(_warm.close)
 
 
 def _end_with_parent() -> None:
@@ -208,45 +230,14 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _attempt(system: str | Path, variant: Variant, file: Path, every: int) -> str:
+def _attempt(variant: Variant, file: Path, every: int) -> Outcome:
+    assert _warm is not None
     try:
-        ResultFile(file).write(_run(system, variant, every))
+        ResultFile(file).write(_warm.fly(variant.changes, every))
     except RunError as error:
         if error.partial is not None:
             ResultFile(file).write(error.partial)
-        return str(error)
+        return Outcome(variant, file, str(error))
     except HarnessError as error:
-        return str(error)
-    return ""
-
-
-def _run(system: str | Path, variant: Variant, every: int) -> Result:
-    with load(system) as found:
-        return simulate(apply(found, **variant.changes), every=every)
-
-
-# ---- computing time
-
-
-def _computing_times(system: str | Path, outcomes: Sequence[Outcome]) -> dict[str, float]:
-    """Time of a macro step of every complete run [us], the fastest of several rounds in turn."""
-    best: dict[str, float] = {}
-    with load(system) as found, _silence():
-        complete = [
-            (f.variant.label, apply(found, **f.variant.changes)) for f in outcomes if not f.failure
-        ]
-        for _ in range(ROUNDS):
-            for label, changed in complete:
-                best[label] = min(best.get(label, math.inf), _computing_time(changed))
-    return best
-
-
-def _computing_time(system: System) -> float:
-    """Time of a macro step from the start of the run on [us]."""
-    with Simulation(system, every=TIMED_STEPS) as simulation:
-        simulation.initialize()
-        simulation.advance(to=min(100, simulation.steps))
-        first, last = simulation.step, min(simulation.steps, TIMED_STEPS)
-        began = perf_counter()
-        simulation.advance(to=last)
-        return 1e6 * (perf_counter() - began) / max(last - first, 1)
+        return Outcome(variant, file, str(error))
+    return Outcome(variant, file, "", _warm.pace)

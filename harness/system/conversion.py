@@ -18,11 +18,11 @@ def way(connection: Connection, interfaces: Mapping[str, Interface]) -> Affine:
     """What happens to a signal between its output and its input; ValueError if the units do not
     fit.
     """
-    source, target = (interfaces[port.component] for port in (connection.source, connection.target))
-    start = source.unit(source.variables[connection.source.variable])
-    return compose(
-        start, connection.hops, target.unit(target.variables[connection.target.variable])
-    )
+    ends = [(interfaces[port.component], port.variable) for port in connection[:2]]
+    units = [interface.unit(interface.variables[variable]) for interface, variable in ends]
+    if not connection.hops and units[0] and units[1] and units[0].name == units[1].name:
+        return IDENTITY
+    return compose(units[0], connection.hops, units[1])
 
 
 def final(parameter: Parameter, variable: Variable, interface: Interface) -> Scalar:
@@ -30,7 +30,7 @@ def final(parameter: Parameter, variable: Variable, interface: Interface) -> Sca
     value = parameter.value
     if variable.type == "Enumeration" and isinstance(value, str):
         return _item(variable, value)
-    if parameter.unit is None and not parameter.hops:
+    if not parameter.hops and parameter.unit in (None, variable.unit):
         return coerce(value, variable.type)
     start = None if parameter.unit is None else parameter.meaning or Unit(parameter.unit)
     change = compose(start, parameter.hops, interface.unit(variable))

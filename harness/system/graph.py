@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from harness.errors import FmuError, StructureError
@@ -110,6 +110,55 @@ def checked(system: System) -> Checked:
     """
     graph = build_graph(system)
     return Checked(graph, macro_steps(system.experiment, [c.every for c in system.components]))
+
+
+def rechecked(system: System, known: System, graph: Graph) -> Checked:
+    """What checked() gives; from the graph of `known` is taken whatever has not changed since."""
+    if not _same_structure(system, known, graph):
+        return checked(system)
+    pairs = zip(graph.nodes, system.components, strict=True)
+    changed = [c for node, c in pairs if c.parameters != node.component.parameters]
+    interfaces = {node.component.name: node.interface for node in graph.nodes}
+    if any(_value_problems(system, interfaces, changed)):
+        return checked(system)  # it raises, with every problem
+    nodes = tuple(_adapted(*pair) for pair in zip(graph.nodes, system.components, strict=True))
+    steps = macro_steps(system.experiment, [c.every for c in system.components])
+    return Checked(replace(graph, nodes=nodes), steps)
+
+
+def _same_structure(system: System, known: System, graph: Graph) -> bool:
+    """Whether two systems differ in values only: parameters, schedule, experiment."""
+    return (
+        system.connections == known.connections
+        and system.strict == known.strict
+        and system.declared == known.declared
+        and len(system.components) == len(graph.nodes)
+        and all(
+            component.name == node.component.name
+            and component.fmu == node.component.fmu
+            and read_interface(component.fmu) is node.interface
+            for component, node in zip(system.components, graph.nodes, strict=True)
+        )
+    )
+
+
+def _value_problems(
+    system: System, interfaces: Mapping[str, Interface], changed: Sequence[Component]
+) -> Iterator[str]:
+    """Problems that new values alone can cause."""
+    yield from schedule_problems(system.experiment.algorithm, system.components)
+    if system.strict and changed:
+        yield from _open_inputs(system, interfaces)
+    for component in changed:
+        yield from _parameter_problems(component, interfaces[component.name])
+
+
+def _adapted(node: Node, component: Component) -> Node:
+    """The node with another component of the same FMU; settings are made anew if they differ."""
+    if component.parameters == node.component.parameters:
+        return replace(node, component=component)
+    settings = tuple(_settings(component, node.interface))
+    return replace(node, component=component, settings=settings)
 
 
 def read_interfaces(system: System) -> dict[str, Interface]:

@@ -12,9 +12,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import fmpy
 from fmpy import platform, platform_tuple, read_model_description, sharedLibraryExtension
 from fmpy.model_description import ValidationError
 
+from harness import cache
 from harness.archive import has_doctype, read_entry
 from harness.errors import ArchiveError, FmuError
 from harness.system.units import Unit
@@ -107,12 +109,19 @@ def _description(path: Path) -> FmpyObject:
     before it reads.
     """
     try:
-        if has_doctype(read_entry(path, "modelDescription.xml")):
+        text = read_entry(path, "modelDescription.xml")
+        if has_doctype(text):
             raise FmuError(
                 f"{path.name}: modelDescription.xml has a document type declaration, which is "
                 "not allowed"
             )
-        return read_model_description(str(path), validate=True)
+        checked: list[FmpyObject] = []
+        cache.passed(
+            f"modelDescription.xml by fmpy {fmpy.__version__}",
+            text,
+            lambda: checked.append(read_model_description(str(path), validate=True)),
+        )
+        return checked[0] if checked else read_model_description(str(path), validate=False)
     except ValidationError as error:
         raise FmuError(
             "\n".join(f"{path.name}: {problem}" for problem in error.problems)

@@ -44,6 +44,7 @@ class Model:
     step: str = ""
     check: str = ""
     can_save: bool = True
+    reset: str = "c->latched = 0; @START@ return fmi2OK;"
     units: Sequence[str] = field(default=("1", "m", "s"))
 
 
@@ -208,9 +209,7 @@ fmi2Status fmi2Terminate(fmi2Component c) NOTHING
 fmi2Status fmi2Reset(fmi2Component m)
 {
     Instance *c = m;
-    c->latched = 0;
-    @START@
-    return fmi2OK;
+    @RESET@
 }
 fmi2Status fmi2GetReal(fmi2Component m, const fmi2ValueReference vr[], size_t n, fmi2Real value[])
 {
@@ -330,6 +329,7 @@ def source_text(model: Model) -> str:
         for v in model.variables
     ]
     parts = {
+        "RESET": model.reset,
         "COUNT": str(len(model.variables) + 1),
         "NAMES": "\n".join(f"#define {name} c->{array[i]}[{i}]" for name, i in names.items()),
         "NO_NAMES": "\n".join(f"#undef {name}" for name in names),

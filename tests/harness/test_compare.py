@@ -11,12 +11,15 @@ import sys
 import time
 import tomllib
 
+import numpy as np
 import pytest
 
 from harness import run
 from harness.cli.app import main
 from harness.errors import StructureError, UsageError
+from harness.figures import Curve, Figure, Panel, plots
 from harness.results.files import ResultFile, read
+from harness.results.result import Result
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from harness.studies import table
@@ -217,3 +220,33 @@ def test_no_flight_goes_on_when_the_comparison_is_killed(comparing):
     comparing.kill()
     comparing.communicate(timeout=60)  # returns when nobody holds the pipes any more
     assert comparing.returncode == -signal.SIGKILL
+
+
+# ---- many variants
+
+
+def test_ten_variants_have_a_scale_of_colours_and_bands_instead_of_a_legend():
+    names = [f"k={value}" for value in range(1, 11)]
+    time_ = np.linspace(0.0, 1.0, 5)
+    results = {
+        name: Result("s", time_, ("y",), ("1",), np.full((5, 1), float(k)))
+        for k, name in enumerate(names)
+    }
+    figure = Figure("f", "title", (Panel("y", (Curve("y"),)),))
+    few, many = dict(list(results.items())[:9]), results
+    canvas = plots.paint_overlay(figure, few, plots._colours(list(few)))
+    assert (len(canvas.legends), len(canvas.axes)) == (1, 1)
+    canvas = plots.paint_overlay(figure, many, plots._colours(names))
+    assert (len(canvas.legends), len(canvas.axes)) == (0, 2)
+    panel, scale = canvas.axes
+    assert (scale.get_ylabel(), scale.get_ylim()) == ("k", (1.0, 10.0))
+    assert panel.get_lines()[-1].get_ydata().tolist() == [4.5] * 5  # the median of 0 .. 9
+    band = panel.collections[0].get_paths()[0].vertices[:, 1]
+    assert (band.min(), band.max()) == pytest.approx((0.45, 8.55))
+
+
+def test_no_figures_are_drawn_if_none_are_wanted(system, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(plots, "overlay", lambda *_: pytest.fail("drawn"))
+    assert main(["compare", "demo.ssp", "--algorithm", "jacobi,gauss-seidel", "--no-figures"]) == 0
+    assert "results and comparison.csv in results/demo" in capsys.readouterr().out

@@ -19,11 +19,12 @@ LAYERS = (
     ("cli",),
     ("api",),
     ("studies", "exports", "bench", "validation", "figures", "claims"),
-    ("changes",),
     ("master",),
+    ("changes",),
     ("ssp",),
     ("results",),
     ("system",),
+    ("cache",),
     ("archive",),
     ("output", "paths", "temporary", "spelling"),
     ("errors",),
@@ -40,7 +41,11 @@ ONLY = {
     "matplotlib": {"figures"},
     "typer": {"cli"},
     "rich": {"cli", "master"},
-    "xarray": {"results"},
+    "netCDF4": {"results"},
+    "xarray": {"studies"},
+    "zarr": {"studies"},
+    "dask": {"studies"},
+    "distributed": {"studies"},
 }
 """Libraries, and the only rooms that may import them."""
 

@@ -252,6 +252,7 @@ def test_the_temporary_folder_is_removed_also_when_the_run_fails(write, tmp_path
     path = write()
     scratch = tmp_path / "scratch"
     scratch.mkdir()
+    monkeypatch.setenv("HARNESS_CACHE", "off")
     monkeypatch.setattr(tempfile, "tempdir", str(scratch))
     with pytest.raises(ZeroDivisionError), ssp.opened(path):
         assert [p.stat().st_mode & 0o077 for p in scratch.iterdir()] == [0]  # private
@@ -285,7 +286,8 @@ def test_parameters_of_all_types_are_read(tmp_path):
     assert read["r"].unit == "m"
 
 
-def test_a_private_folder_of_the_reader_is_not_the_callers_problem(write):
+def test_a_private_folder_of_the_reader_is_not_the_callers_problem(write, monkeypatch):
+    monkeypatch.setenv("HARNESS_CACHE", "off")
     with ssp.opened(write()) as system:
         fmu = system.components[0].fmu
         assert fmu.is_file()

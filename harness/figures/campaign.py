@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Pictures of a campaign: histograms of the metrics, the factors that matter, bands over time."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.figures.plots import new_canvas, save
+
+Array = NDArray[np.float64]
+
+COLUMNS = 4
+"""Panels side by side."""
+
+
+def histograms(metrics: Mapping[str, Array], folder: Path, ending: str) -> Path:
+    """One histogram per metric."""
+    canvas, panels = _grid("Metrics of all runs", len(metrics))
+    for axes, (name, values) in zip(panels, metrics.items(), strict=True):
+        axes.hist(values[np.isfinite(values)], bins="auto", color="C0")
+        axes.set(xlabel=name, ylabel="runs")
+    return save(canvas, folder / f"campaign_histograms.{ending}")
+
+
+def scatter(
+    metric: str, values: Array, factors: Mapping[str, Array], folder: Path, ending: str
+) -> Path:
+    """One metric against factors, those first that matter most."""
+    canvas, panels = _grid(metric, len(factors))
+    for axes, (name, x) in zip(panels, factors.items(), strict=True):
+        axes.plot(x, values, ".", markersize=3, alpha=0.5)
+        axes.set(xlabel=name, ylabel=metric)
+        axes.grid(alpha=0.3)
+    stem = re.sub(r"[^\w.-]+", "_", metric)
+    return save(canvas, folder / f"campaign_{stem}.{ending}")
+
+
+def bands(  # noqa: PLR0913, PLR0917 - what is drawn, and where it goes
+    name: str, time: Array, percentiles: Sequence[float], band: Array, folder: Path, ending: str
+) -> Path:
+    """Percentiles (percentile, time, element) over time, the outermost pairs filled."""
+    canvas, panels = _grid(name, band.shape[2])
+    for k, axes in enumerate(panels):
+        for low in range(len(percentiles) // 2):
+            edges = band[low, :, k], band[-1 - low, :, k]
+            label = f"{percentiles[low]:g} to {percentiles[-1 - low]:g} %"
+            axes.fill_between(time, *edges, color="C0", alpha=0.25, linewidth=0, label=label)
+        axes.plot(time, band[len(percentiles) // 2, :, k], "C0", label="median")
+        axes.set(xlabel="time [s]", ylabel=f"{name}[{k + 1}]" if band.shape[2] > 1 else name)
+        axes.grid(alpha=0.3)
+    panels[0].legend(fontsize="small")
+    stem = re.sub(r"[^\w.-]+", "_", name)
+    return save(canvas, folder / f"campaign_band_{stem}.{ending}")
+
+
+def _grid(title: str, count: int) -> tuple[Any, list[Any]]:
+    columns = min(count, COLUMNS)
+    rows = -(-count // columns)
+    canvas = new_canvas(title, (1 + 3.4 * columns, 1 + 2.8 * rows))
+    return canvas, [canvas.add_subplot(rows, columns, k + 1) for k in range(count)]

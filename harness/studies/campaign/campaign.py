@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A campaign from its table to its dataset: plan, store, blocks, bands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness.changes import Changes
+from harness.errors import UsageError
+from harness.ssp.library import find_system
+from harness.studies.campaign.engine import Block, Workers, fly
+from harness.studies.campaign.plan import Layout, Plan, layout, read_plan
+from harness.studies.campaign.store import Store
+from harness.studies.campaign.summary import text
+from harness.studies.campaign.worker import FAILED, Task
+
+ROWS = 200
+"""Rows of kept histories, unless the campaign says otherwise."""
+BLOCKS, LARGEST_BLOCK = 32, 200
+"""A campaign has about so many blocks, and a block at most so many runs."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Runs that are over, of how many, and how many of them have failed."""
+
+    done: int
+    runs: int
+    failed: int
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A dataset that is complete, or what there is of it."""
+
+    path: Path
+    store: Store
+
+    def summary(self) -> str:
+        """Success, metrics, rank correlations, failures and the worst runs, for reading."""
+        return text(self.store, str(self.path))
+
+    @property
+    def data(self) -> Any:
+        """The dataset as xarray has it: runs with labelled factors and metrics."""
+        import xarray
+
+        return xarray.open_zarr(self.path, consolidated=False, chunks=None)
+
+
+def campaign(  # noqa: PLR0913 - every one is an option of the command line
+    definition: str | Path | Mapping[str, Any],
+    output: str | Path,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    slurm: bool = False,
+    resume: bool = False,
+    progress: Callable[[Progress], None] | None = None,
+    said: Callable[[str], None] = lambda _: None,
+) -> Campaign:
+    """Run a campaign into a Zarr dataset.
+
+    definition: path of a .toml, or the table itself; workers: processes of this machine (default:
+    one per processor, 0: this one), or jobs of SLURM; scheduler: address of a Dask scheduler;
+    resume: go on with an interrupted campaign; progress: called after every block; said: called
+    with what the user should know.
+
+    Raises UsageError, StructureError with all that is wrong before the first run, and ResultsError.
+    A run that fails is a row of the dataset.
+    """
+    plan = read_plan(definition if isinstance(definition, Mapping) else Path(definition))
+    path, found = Path(output), layout(plan)
+    task = _task(plan, found)
+    store = _opened(path, plan) if resume and path.exists() else _created(path, plan, task, found)
+    status = store.array("status")
+    done, failed = int((status != 0).sum()), int((status == FAILED).sum())
+    blocks = (_block(plan, store, first) for first in store.pending())
+    for first, rows in fly(task, blocks, Workers(workers, scheduler, slurm), said):
+        earlier = status[first : first + len(rows)]
+        store.write(first, [plan.values(first + k) for k in range(len(rows))], rows)
+        done += len(rows) - int((earlier != 0).sum())
+        failed += sum(row.status == FAILED for row in rows) - int((earlier == FAILED).sum())
+        if progress is not None:
+            progress(Progress(done, plan.runs, failed))
+    store.finish()
+    return Campaign(path, store)
+
+
+def _task(plan: Plan, found: Layout) -> Task:
+    texts = {name: str(text) for name, text in plan.definition.get("metrics", {}).items()}
+    if plan.success is not None:
+        texts["success"] = plan.success
+    keep = plan.keep
+    kept = tuple(dict.fromkeys((*keep.get("histories", ()), *keep.get("bands", ()))))
+    recorded = found.steps // plan.every + 1
+    stride = max(1, -(-recorded // int(keep.get("rows", ROWS))))
+    rows = -(-recorded // stride)
+    return Task(
+        plan.digest, plan.system, plan.folder, plan.every, texts, found.columns, kept, stride, rows
+    )
+
+
+def _block(plan: Plan, store: Store, first: int) -> Block:
+    runs = range(first, min(first + store.block, plan.runs))
+    return Block(first, [plan.changes(plan.values(run)) for run in runs])
+
+
+def _created(path: Path, plan: Plan, task: Task, found: Layout) -> Store:
+    block = min(LARGEST_BLOCK, max(1, plan.runs // BLOCKS))
+    steps = np.arange(task.rows, dtype=np.float64) * task.stride * plan.every
+    time = found.start + steps * found.step
+    return Store.create(path, plan, task, block, time)
+
+
+def _opened(path: Path, plan: Plan) -> Store:
+    store = Store.open(path)
+    if store.group.attrs["digest"] != plan.digest:
+        raise UsageError(f"{path}: is of another campaign or of another state of its system")
+    return store
+
+
+# ---- one run again
+
+
+def like(text: str, system: str | Path) -> Changes:
+    """Changes of one run of a dataset, `OUT.zarr#1234`, for run().
+
+    Raises UsageError (no such run, or the dataset is of another system) or ResultsError.
+    """
+    name, mark, number = text.rpartition("#")
+    if not mark or not number.isdigit():
+        raise UsageError(f"--like {text}: wants the dataset and the number of a run, OUT.zarr#7")
+    store = Store.open(Path(name))
+    runs = store.runs
+    if int(number) >= runs:
+        raise UsageError(f"--like {text}: there are runs 0 to {runs - 1}")
+    if not store.array("status")[int(number)]:
+        raise UsageError(f"--like {text}: this run is still to come, see --resume")
+    plan = Plan(*store.definition())
+    if plan.system.read_bytes() != find_system(system).read_bytes():
+        raise UsageError(f"--like {text}: is of {plan.system.stem}, not of {Path(system).stem}")
+    return plan.changes(store.values(int(number)))

@@ -1,0 +1,362 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The plan of a campaign: every run of it by its number, and all that is wrong before any is run.
+
+Listed values are combined as a grid, the last factor changing fastest; drawn ones differ from draw
+to draw and are the same in every cell of the grid. Run i is cell i % cells of draw i // cells.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.changes import Changes, apply
+from harness.errors import HarnessError, StructureError
+from harness.results.result import Result
+from harness.spelling import did_you_mean
+from harness.ssp.library import find_system, load
+from harness.studies.campaign import draws, metrics
+from harness.studies.campaign.factors import Factor, factor
+from harness.system.graph import checked
+from harness.system.model import System
+from harness.system.tables import read_toml
+
+KEYS = {
+    "system", "runs", "seed", "sampler", "every", "fixed", "factors", "seeds", "metrics",
+    "success", "worst", "keep",
+}  # fmt: skip
+FIXED = ("params", "set", "swap", "latency", "step", "stop", "algorithm")
+NAMED = ("swap", "latency")
+KEEP = {"histories", "bands", "rows"}
+
+Values = dict[str, Any]
+"""Values of all factors of a run by name."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A campaign that makes sense. definition: the table it was read from; folder: where files that
+    it names are looked for.
+    """
+
+    definition: Mapping[str, Any]
+    folder: Path
+    factors: tuple[Factor, ...] = ()
+    metrics: Mapping[str, metrics.Metric] = field(default_factory=dict)
+
+    # ---- what the definition says
+
+    @property
+    def system(self) -> Path:
+        """Path of the .ssp."""
+        beside = self.folder / str(self.definition["system"])
+        return beside if beside.is_file() else find_system(str(self.definition["system"]))
+
+    @property
+    def seed(self) -> int:
+        """Where all random numbers come from."""
+        return int(self.definition.get("seed", 0))
+
+    @property
+    def sampler(self) -> str:
+        """Name of the sampler of the draws."""
+        return str(self.definition.get("sampler", "random"))
+
+    @property
+    def every(self) -> int:
+        """Every N-th macro step is recorded."""
+        return int(self.definition.get("every", 1))
+
+    @property
+    def fixed(self) -> Changes:
+        """Changes common to all runs."""
+        return dict(self.definition.get("fixed", {}))  # type: ignore[return-value]
+
+    @property
+    def seeds(self) -> tuple[str, ...]:
+        """Parameters that receive a seed of their own in every draw."""
+        return tuple(self.definition.get("seeds", ()))
+
+    @property
+    def keep(self) -> Mapping[str, Any]:
+        """What histories are kept: `histories` of every run, `bands` over all, in `rows` rows."""
+        found: Mapping[str, Any] = self.definition.get("keep", {})
+        return found
+
+    @property
+    def success(self) -> str | None:
+        """Expression that is true for a run that has succeeded."""
+        return self.definition.get("success")
+
+    @property
+    def digest(self) -> str:
+        """Hash of the definition and of the system; runs of equal ones are the same runs."""
+        text = json.dumps(self.definition, sort_keys=True, default=str).encode()
+        return hashlib.sha256(text + self.system.read_bytes()).hexdigest()
+
+    # ---- runs
+
+    @property
+    def listed(self) -> list[Factor]:
+        """Factors of the grid."""
+        return [f for f in self.factors if f.draw is None]
+
+    @property
+    def drawn(self) -> list[Factor]:
+        """Factors that are drawn."""
+        return [f for f in self.factors if f.draw is not None]
+
+    @property
+    def cells(self) -> int:
+        """Combinations of the listed values."""
+        return math.prod(len(f.choices) for f in self.listed)
+
+    @property
+    def draws(self) -> int:
+        """Draws of every cell."""
+        return int(self.definition.get("runs", 1))
+
+    @property
+    def runs(self) -> int:
+        """Number of runs."""
+        return self.cells * self.draws
+
+    @cached_property
+    def _numbers(self) -> NDArray[np.float64]:
+        width = sum(f.draw.numbers for f in self.drawn if f.draw)
+        return draws.numbers(self.sampler, self.draws, width, self.seed)
+
+    def values(self, run: int) -> Values:
+        """Values of all factors of a run, the seeds among them."""
+        draw, cell = divmod(run, self.cells)
+        values: Values = dict(zip((f.name for f in self.listed), self._cell(cell), strict=True))
+        place = 0
+        for each in self.drawn:
+            assert each.draw is not None
+            numbers = self._numbers[draw, place : place + each.draw.numbers]
+            values[each.name] = each.draw.value(numbers)
+            place += each.draw.numbers
+        seeds = {name: draws.run_seed(self.seed, draw, k) for k, name in enumerate(self.seeds)}
+        return values | seeds
+
+    def _cell(self, cell: int) -> tuple[Any, ...]:
+        shape = [len(f.choices) for f in self.listed]
+        places = np.unravel_index(cell, shape) if shape else ()
+        return tuple(f.choices[int(k)] for f, k in zip(self.listed, places, strict=True))
+
+    def whole(self, name: str) -> bool:
+        """Whether all values of a factor are whole numbers."""
+        listed = {f.name: f.choices for f in self.factors}
+        return name in self.seeds or (
+            name in listed
+            and bool(listed[name])
+            and all(isinstance(choice, int) for choice in listed[name])
+        )
+
+    def changes(self, values: Values) -> Changes:
+        """What run() takes for a run of these values."""
+        changes: dict[str, Any] = {**self.fixed}
+        for name, value in values.items():
+            option, _, rest = name.partition(".")
+            if name in FIXED:
+                changes[name] = value
+            else:
+                kind, key = (option, rest) if option in NAMED else ("set", name)
+                changes[kind] = {**changes.get(kind, {}), key: value}
+        return changes  # type: ignore[return-value]
+
+
+def read_plan(definition: Path | Mapping[str, Any]) -> Plan:
+    """The plan of a table, or of the .toml that holds it.
+
+    Raises UsageError (no such file or system) or StructureError with all that is wrong.
+    """
+    path = definition if isinstance(definition, Path) else None
+    table: Mapping[str, Any] = read_toml(path) if path else definition  # type: ignore[assignment]
+    name = path.name if path else "campaign"
+    if not isinstance(table.get("system"), str):
+        raise StructureError([f"{name}: wants system, its name or the path of its .ssp"])
+    plan = Plan(table, (path.parent if path else Path.cwd()).resolve())
+    draft = _Draft(plan)
+    draft.read()
+    if draft.problems:
+        raise StructureError(f"{name}: {problem}" for problem in draft.problems)
+    return draft.plan
+
+
+class _Draft:
+    """A plan on its way, and the problems met (one line each)."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.problems: list[str] = []
+
+    def read(self) -> None:
+        table = self.plan.definition
+        for key in table:
+            if key not in KEYS:
+                self.problems.append(f"{key}: there is no such entry{did_you_mean(key, KEYS)}")
+        self._whole("runs", 1)
+        self._whole("seed", 0)
+        self._whole("every", 1)
+        sampler = self.plan.sampler
+        if sampler not in draws.SAMPLERS:
+            close = did_you_mean(sampler, draws.SAMPLERS)
+            self.problems.append(f"sampler: there is no {sampler}{close}, only {_all_samplers()}")
+        factors = self._each("factors", factor)
+        found = self._each("metrics", lambda _, text: metrics.metric(str(text), self.plan.folder))
+        if self.plan.success is not None:
+            found["success"] = self._one(
+                "success", lambda: metrics.metric(str(self.plan.success), self.plan.folder)
+            )
+        self.plan = Plan(
+            table, self.plan.folder, tuple(factors.values()), {k: m for k, m in found.items() if m}
+        )
+        with load(self.plan.system) as system:
+            self._fits(system)
+
+    def _whole(self, name: str, least: int) -> None:
+        given = self.plan.definition.get(name, least)
+        if not isinstance(given, int) or isinstance(given, bool) or given < least:
+            self.problems.append(f"{name}: must be a whole number of at least {least}, not {given}")
+
+    def _each(self, name: str, make: Callable[[str, Any], Any]) -> dict[str, Any]:
+        """What is made of every entry of a table, without those that make no sense."""
+        table = self.plan.definition.get(name, {})
+        if not isinstance(table, Mapping):
+            self.problems.append(f"{name}: wants a table")
+            return {}
+        made = {}
+        for key, given in table.items():
+            found = self._one(f"{name}.{key}", partial(make, key, given))
+            if found is not None:
+                made[key] = found
+        return made
+
+    def _one(self, name: str, make: Callable[[], Any]) -> Any:
+        try:
+            return make()
+        except ValueError as error:
+            self.problems.append(f"{name}: {error}")
+            return None
+
+    # ---- against the system
+
+    def _fits(self, system: System) -> None:
+        fixed = self.plan.fixed
+        for key in fixed:
+            if key not in FIXED:
+                close = did_you_mean(key, FIXED)
+                self.problems.append(f"fixed.{key}: there is no such change{close}")
+        if any(key not in FIXED for key in fixed):
+            return
+        start = self._applied("fixed", system, fixed)
+        if start is None:
+            return
+        for each in self.plan.factors:
+            if len({_shape(choice) for choice in each.choices}) > 1:
+                self.problems.append(f"factors.{each.name}: its values are of several kinds")
+            for value in each.choices or ([_sample(each)] if each.draw else []):
+                self._applied(f"factors.{each.name}", start, self._only({each.name: value}))
+        for name in self.plan.seeds:
+            self._applied(f"seeds.{name}", start, self._only({name: 1}))
+        if not self.problems:
+            self._flies(system)
+
+    def _only(self, values: Values) -> Changes:
+        return Plan({"system": ""}, self.plan.folder).changes(values)
+
+    def _applied(self, name: str, system: System, changes: Changes) -> System | None:
+        try:
+            return apply(system, **changes)
+        except HarnessError as error:
+            self._complain(name, error)
+            return None
+
+    def _complain(self, name: str, error: HarnessError) -> None:
+        for line in str(error).splitlines():
+            problem = f"{name}: {line.removeprefix('--set ')}"
+            if problem not in self.problems:
+                self.problems.append(problem)
+
+    def _flies(self, system: System) -> None:
+        """The structure of every cell, and what metrics and histories need of the first."""
+        for cell in range(self.plan.cells):
+            try:
+                found = checked(apply(system, **self.plan.changes(self.plan.values(cell))))
+            except HarnessError as error:
+                self._complain(f"run {cell}", error)
+                continue
+            if cell == 0:
+                slots = tuple(slot.name for slot in found.graph.slots)
+                empty = np.empty((1, len(slots)))
+                self._names(Result("", np.zeros(1), slots, ("",) * len(slots), empty))
+
+    def _names(self, result: Result) -> None:
+        wanted = [(f"metrics.{k}", t) for k, t in self.plan.definition.get("metrics", {}).items()]
+        if self.plan.success is not None:
+            wanted.append(("success", self.plan.success))
+        for name, text in wanted:
+            for variable in metrics.variables(str(text)):
+                self._known(name, variable, result)
+        for key, given in self.plan.keep.items():
+            if key not in KEEP:
+                self.problems.append(f"keep.{key}: there is no such entry{did_you_mean(key, KEEP)}")
+            elif key != "rows":
+                for variable in given:
+                    self._known(f"keep.{key}", str(variable), result)
+        worst = str(self.plan.definition.get("worst", "")).lstrip("-")
+        if worst and worst not in self.plan.metrics:
+            close = did_you_mean(worst, self.plan.metrics)
+            self.problems.append(f"worst: there is no metric {worst}{close}")
+        if self.plan.keep and any(f.name == "step" for f in self.plan.factors):
+            self.problems.append("keep: histories of runs with several macro steps do not fit")
+
+    def _known(self, name: str, variable: str, result: Result) -> None:
+        if variable not in result:
+            close = did_you_mean(variable, dict.fromkeys((*result.vectors, *result.columns)))
+            self.problems.append(f"{name}: there is no variable {variable}{close}")
+
+
+def _sample(each: Factor) -> Any:
+    assert each.draw is not None
+    return each.draw.value(np.full(each.draw.numbers, 0.5))
+
+
+def _shape(choice: Any) -> tuple[bool, tuple[int, ...]]:
+    """Whether a value is a text, and its shape."""
+    return isinstance(choice, str), np.shape(choice)
+
+
+def _all_samplers() -> str:
+    return ", ".join(draws.SAMPLERS)
+
+
+class Layout(NamedTuple):
+    """What the dataset needs to know of the results: columns of a row, macro steps of the longest
+    run, start [s], macro step [s].
+    """
+
+    columns: tuple[str, ...]
+    steps: int
+    start: float
+    step: float
+
+
+def layout(plan: Plan) -> Layout:
+    """Find it out from the first run and the grid."""
+    with load(plan.system) as system:
+        cells = [apply(system, **plan.changes(plan.values(k))) for k in range(plan.cells)]
+        found = [checked(cell) for cell in cells]
+        first = cells[0].experiment
+        columns = tuple(slot.name for slot in found[0].graph.slots)
+        return Layout(columns, max(f.steps for f in found), first.start, first.step or 0.0)

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What a campaign says: how often it succeeds, what its metrics are, which factor matters, and
+which runs are worth a look.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.studies.campaign.store import Store
+from harness.studies.campaign.worker import COMPLETE, FAILED
+
+Array = NDArray[np.float64]
+
+Z95 = 1.959963984540054
+"""Quantile of the normal distribution for 95 %, two-sided."""
+SUCCESS = "success"
+"""Name of the metric that is true for a run that has succeeded."""
+WORST = 10
+SHOWN = 5
+"""Factors that are shown per metric."""
+PERCENTILES = (5, 50, 95)
+
+
+def wilson(successes: int, n: int, z: float = Z95) -> tuple[float, float]:
+    """Interval of a probability estimated by successes of n trials (Wilson 1927).
+
+    centre = (p + z^2 / 2n) / (1 + z^2 / n)
+    half   = z sqrt(p (1 - p) / n + z^2 / 4n^2) / (1 + z^2 / n)
+    """
+    if n == 0:
+        return 0.0, 1.0
+    p = successes / n
+    scale = 1 + z * z / n
+    centre = (p + z * z / (2 * n)) / scale
+    half = z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n)) / scale
+    return max(0.0, centre - half), min(1.0, centre + half)
+
+
+def rank_correlation(x: Array, y: Array) -> float:
+    """Spearman's rank correlation of the rows where both exist; NaN where one does not vary."""
+    from scipy.stats import rankdata
+
+    both = np.isfinite(x) & np.isfinite(y)
+    a, b = rankdata(x[both]), rankdata(y[both])
+    if len(a) < 3 or np.ptp(a) == 0 or np.ptp(b) == 0:
+        return math.nan
+    return float(np.corrcoef(a, b)[0, 1])
+
+
+def factor_columns(store: Store) -> dict[str, Array]:
+    """Numbers of all factors, one column per element, by name; texts are numbered."""
+    columns = {}
+    for name in store.names("factor"):
+        values = store.array(name)
+        if values.dtype.kind not in "fiu":
+            values = np.unique(values, return_inverse=True)[1].astype(np.float64)
+        flat = values.reshape(len(values), -1)
+        for k in range(flat.shape[1]):
+            columns[f"{name}[{k + 1}]" if values.ndim > 1 else name] = flat[:, k]
+    return columns
+
+
+def metric_columns(store: Store) -> dict[str, Array]:
+    """Metrics of all runs by name, without the success."""
+    return {name: store.array(name) for name in store.names("metric") if name != SUCCESS}
+
+
+def text(store: Store, shown: str) -> str:
+    """The summary for reading; shown: name of the dataset in the commands."""
+    status = store.array("status")
+    failed = int((status == FAILED).sum())
+    flown = int((status == COMPLETE).sum()) + failed
+    metrics = metric_columns(store)
+    lines = [f"{flown} runs, {failed} failed"]
+    if SUCCESS in store.names("metric"):
+        lines.append(_success(store.array(SUCCESS), flown))
+    lines += ["", *_table(metrics)] if metrics else []
+    factors = {name: c for name, c in factor_columns(store).items() if np.ptp(c[status != 0]) > 0}
+    if metrics and factors:
+        lines += ["", "rank correlation with the factors", *_ranks(metrics, factors)]
+    lines += _failures(store, status)
+    if metrics:
+        lines += ["", *_worst(store, metrics, shown)]
+    return "\n".join(lines)
+
+
+def _success(column: Array, flown: int) -> str:
+    """A run that has failed has not succeeded."""
+    count = int(np.nansum(column > 0))
+    low, high = wilson(count, flown)
+    share = 100 * count / max(flown, 1)
+    return (
+        f"success: {count} of {flown}, {share:.1f} % (95 %: {100 * low:.1f} to {100 * high:.1f} %)"
+    )
+
+
+def _table(metrics: Mapping[str, Array]) -> Iterator[str]:
+    width = max(map(len, metrics))
+    heads = ("mean", "std", "least", *(f"{p} %" for p in PERCENTILES), "most")
+    yield " " * width + "".join(f"{head:>12}" for head in heads)
+    for name, column in metrics.items():
+        values = column[np.isfinite(column)]
+        if len(values):
+            middle = np.percentile(values, PERCENTILES)
+            numbers = (values.mean(), values.std(), values.min(), *middle, values.max())
+            yield f"{name:{width}}" + "".join(f"{number:12.5g}" for number in numbers)
+
+
+def _ranks(metrics: Mapping[str, Array], factors: Mapping[str, Array]) -> Iterator[str]:
+    for name, column in metrics.items():
+        found = {f: rank_correlation(x, column) for f, x in factors.items()}
+        best = sorted((f for f in found if found[f] == found[f]), key=lambda f: -abs(found[f]))
+        if best:
+            yield f"  {name}: " + ", ".join(f"{f} {found[f]:+.2f}" for f in best[:SHOWN])
+
+
+def _failures(store: Store, status: Array) -> Iterator[str]:
+    found = np.flatnonzero(status == FAILED)
+    messages = store.array("message")
+    for run in found[:WORST]:
+        yield f"failed: run {run}: {messages[run]}"
+    if len(found) > WORST:
+        yield f"failed: and {len(found) - WORST} more"
+
+
+def worst(store: Store, metrics: Mapping[str, Array]) -> tuple[str, list[int]]:
+    """Metric and numbers of the ten worst runs: largest first, or smallest if the campaign says
+    `worst = "-metric"`.
+    """
+    given = str(store.definition()[0].get("worst") or next(iter(metrics)))
+    name = given.removeprefix("-")
+    sign = 1.0 if given.startswith("-") else -1.0
+    order = np.argsort(sign * metrics[name], kind="stable")
+    return name, [int(k) for k in order if np.isfinite(metrics[name][k])][:WORST]
+
+
+def _worst(store: Store, metrics: Mapping[str, Array], shown: str) -> Iterator[str]:
+    name, found = worst(store, metrics)
+    yield f"worst by {name}"
+    system = store.group.attrs["system"]
+    for run in found:
+        yield f"  {metrics[name][run]:12.5g}  harness run {system} --like {shown}#{run}"

@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What one process does: runs of a block, one after the other, with a simulation that stays warm.
+
+A run that fails is a row like the others: its message, the time, the last state. The same code runs
+in this process, on the processors of this machine and in a cluster.
+"""
+
+from __future__ import annotations
+
+import atexit
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.changes import Changes
+from harness.errors import HarnessError, InterruptionError, RunError
+from harness.results.result import Result
+from harness.studies.campaign.metrics import Metric, measured, metric
+from harness.studies.warm import Warm
+
+Array = NDArray[np.float64]
+
+PENDING, COMPLETE, FAILED = 0, 1, 2
+"""Status of a run."""
+
+_log = logging.getLogger("harness")
+
+
+@dataclass(frozen=True)
+class Task:
+    """What all runs of a campaign have in common, as plain data.
+
+    metrics: texts by name; kept: variables whose histories are wanted, in rows that are `stride`
+    recorded rows apart, `rows` of them.
+    """
+
+    key: str
+    system: Path
+    folder: Path
+    every: int
+    metrics: dict[str, str]
+    columns: tuple[str, ...]
+    kept: tuple[str, ...] = ()
+    stride: int = 1
+    rows: int = 0
+
+
+class Row(NamedTuple):
+    """What is kept of one run; histories: (rows, elements) by variable, NaN beyond its end."""
+
+    status: int
+    message: str
+    time: float
+    last: Array
+    metrics: dict[str, float]
+    histories: dict[str, Array]
+
+
+@dataclass
+class _Pilot:
+    """The warm simulation of this process, and its metrics."""
+
+    task: Task
+    warm: Warm
+    metrics: dict[str, Metric] = field(default_factory=dict)
+
+
+_pilots: dict[str, _Pilot] = {}
+
+
+def _pilot(task: Task) -> _Pilot:
+    """The one of this campaign; that of an earlier one is closed."""
+    if task.key not in _pilots:
+        close()
+        _log.setLevel(logging.ERROR)  # what there is to say was said when the plan was made
+        found = {name: metric(text, task.folder) for name, text in task.metrics.items()}
+        _pilots[task.key] = _Pilot(task, Warm(task.system), found)
+    return _pilots[task.key]
+
+
+@atexit.register
+def close() -> None:
+    """End the simulation of this process."""
+    while _pilots:
+        _pilots.popitem()[1].warm.close()
+
+
+def fly_block(task: Task, block: Sequence[Changes]) -> list[Row]:
+    """All runs of a block."""
+    level = _log.level
+    try:
+        return [_fly(_pilot(task), changes) for changes in block]
+    finally:
+        _log.setLevel(level)
+
+
+def _fly(pilot: _Pilot, changes: Changes) -> Row:
+    task = pilot.task
+    try:
+        return _row(pilot, COMPLETE, "", pilot.warm.fly(changes, task.every))
+    except InterruptionError as error:  # the user means the campaign, not this run
+        raise KeyboardInterrupt from error
+    except RunError as error:
+        if error.partial is not None:
+            return _row(pilot, FAILED, str(error), error.partial)
+        return lost(task, str(error), error.time)
+    except HarnessError as error:
+        return lost(task, str(error))
+
+
+def lost(task: Task, message: str, time: float = float("nan")) -> Row:
+    """The row of a run that has left nothing but a message."""
+    last = np.full(len(task.columns), np.nan)
+    return Row(FAILED, message, time, last, dict.fromkeys(task.metrics, float("nan")), {})
+
+
+def _row(pilot: _Pilot, status: int, message: str, result: Result) -> Row:
+    task = pilot.task
+    return Row(
+        status,
+        message,
+        float(result.time[-1]),
+        _last(task, result),
+        measured(pilot.metrics, result),
+        {name: _thinned(task, result[name]) for name in task.kept if name in result},
+    )
+
+
+def _last(task: Task, result: Result) -> Array:
+    """Last row in the columns of the campaign; a swapped FMU may have others."""
+    if result.columns == task.columns:
+        return np.array(result.values[-1])
+    given = dict(zip(result.columns, result.values[-1], strict=True))
+    return np.array([given.get(name, np.nan) for name in task.columns])
+
+
+def _thinned(task: Task, history: Array) -> Array:
+    rows = history.reshape(len(history), -1)[:: task.stride][: task.rows]
+    full = np.full((task.rows, rows.shape[1]), np.nan)
+    full[: len(rows)] = rows
+    return full

@@ -1,0 +1,451 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Campaigns: draws, bad files, the same runs whoever flies them, failures, interruptions,
+numbers.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+
+import numpy as np
+import psutil
+import pytest
+from scipy import stats
+
+from harness import campaign, run
+from harness.cli.app import main
+from harness.errors import StructureError, UsageError
+from harness.results.files import read
+from harness.ssp.build import system_of
+from harness.ssp.writer import write_ssp
+from harness.studies.campaign import draws, metrics, summary
+from harness.studies.campaign.campaign import like
+from harness.studies.campaign.factors import factor
+from harness.studies.campaign.plan import read_plan
+from harness.studies.campaign.store import Store
+from tests.harness.foreign_fmu import Model, build, p, u, y
+
+TOML = """
+name = "demo"
+[experiment]
+stop = 6.0
+step = 1.0
+[components]
+count = "counter"
+twice = "gain"
+bad = "failing"
+slow = "slow"
+[connections]
+"twice.u" = "count.n"
+[parameters.bad]
+t_fail = 100.0
+"""
+
+
+@pytest.fixture
+def system(fmus, tmp_path):
+    write_ssp(system_of(tomllib.loads(TOML), fmus), tmp_path / "demo.ssp")
+    return tmp_path / "demo.ssp"
+
+
+def table(system, **more):
+    return {
+        "system": str(system),
+        "runs": 24,
+        "seed": 5,
+        "factors": {
+            "twice.k": {"normal": {"mean": 2.0, "sigma": 0.5}},
+            "count.n_0": {"uniform": {"low": 0.0, "high": 10.0}},
+        },
+        "metrics": {"end": "twice.y[-1]", "most": "max(twice.y) - count.n[0]"},
+        **more,
+    }
+
+
+def arrays(store):
+    return {name: store.array(name) for name, _ in store.group.arrays()}
+
+
+def same(a, b):
+    one, two = arrays(a), arrays(b)
+    assert one.keys() == two.keys()
+    for name in one:
+        if one[name].dtype == object:
+            assert one[name].tolist() == two[name].tolist(), name
+        else:
+            assert one[name].tobytes() == two[name].tobytes(), name
+    return True
+
+
+# ---- draws
+
+
+def sample(kind, n=4000, **given):
+    made = factor("x", {kind: given})
+    numbers = draws.numbers("random", n, made.draw.numbers, 7)
+    return np.array([made.draw.value(row) for row in numbers])
+
+
+def test_normal_log_normal_uniform_and_truncated_draws_have_their_distributions():
+    cases = {
+        "normal": ({"mean": 3.0, "sigma": 2.0}, stats.norm(3.0, 2.0)),
+        "log_normal": ({"median": 3.0, "sigma": 0.5}, stats.lognorm(0.5, scale=3.0)),
+        "uniform": ({"low": -1.0, "high": 4.0}, stats.uniform(-1.0, 5.0)),
+    }
+    for kind, (given, distribution) in cases.items():
+        assert stats.kstest(sample(kind, **given), distribution.cdf).pvalue > 1e-3
+    cut = sample("normal", mean=0.0, sigma=1.0, within=[-0.5, 2.0])
+    assert stats.kstest(cut, stats.truncnorm(-0.5, 2.0).cdf).pvalue > 1e-3
+
+
+def test_correlated_draws_have_their_covariance():
+    covariance = np.array([[4.0, 1.2, 0.0], [1.2, 1.0, -0.3], [0.0, -0.3, 0.5]])
+    x = sample("normal", n=20_000, mean=[1.0, 2.0, 3.0], covariance=covariance.tolist())
+    assert x.mean(axis=0) == pytest.approx([1, 2, 3], abs=5 * 2.0 / 20_000**0.5)
+    assert np.cov(x.T) == pytest.approx(covariance, abs=5 * 4.0 * (2 / 20_000) ** 0.5)
+
+
+def test_rotations_turn_an_attitude_by_vectors_of_their_deviation():
+    phi = sample("rotation", sigma=0.1)
+    assert phi.std(axis=0) == pytest.approx([0.1] * 3, rel=0.06)
+    start = np.array([0.5, 0.5, -0.5, 0.5])
+    q = sample("rotation", sigma=0.1, attitude=start.tolist())
+    assert np.linalg.norm(q, axis=1) == pytest.approx(np.ones(len(q)), abs=1e-12)
+    angle = 2 * np.arccos(np.clip(np.abs(q @ start), 0, 1))
+    assert angle == pytest.approx(np.linalg.norm(phi, axis=1), abs=1e-7)
+
+
+def test_inertias_are_positive_definite_and_obey_the_triangle_rule_however_wide_the_spread():
+    j = sample("inertia", n=500, principal=[10.0, 12.0, 20.0], spread=1.5, axes=1.0)
+    assert np.array_equal(j, np.swapaxes(j, 1, 2))
+    moments = np.linalg.eigvalsh(j)
+    assert (moments > 0).all()
+    assert (moments[:, 0] + moments[:, 1] >= moments[:, 2] * (1 - 1e-12)).all()
+    still = sample("inertia", n=2, principal=[10.0, 12.0, 20.0], spread=0.0)
+    assert still[0] == pytest.approx(np.diag([10.0, 12.0, 20.0]), abs=1e-12)
+
+
+@pytest.mark.parametrize("sampler", ["latin-hypercube", "sobol"])
+def test_samples_fill_every_stratum(sampler):
+    numbers = draws.numbers(sampler, 64, 3, 1)
+    for column in numbers.T:
+        assert sorted((column * 64).astype(int)) == list(range(64))
+
+
+def test_run_i_of_a_random_campaign_does_not_depend_on_the_number_of_runs(system):
+    short, long = (read_plan(table(system, runs=n, seeds=["count.n_0"])) for n in (5, 50))
+    assert [short.values(i) for i in range(5)] == [long.values(i) for i in range(5)]
+    assert len({long.values(i)["count.n_0"] for i in range(50)}) == 50
+
+
+def test_listed_values_are_a_grid_and_every_cell_has_the_same_draws(system):
+    given = table(system, runs=3)
+    given["factors"] |= {"bad.t_fail": {"list": [50.0, 60.0]}, "latency.count": {"list": [0, 1]}}
+    plan = read_plan(given)
+    values = [plan.values(i) for i in range(plan.runs)]
+    assert plan.runs == 12
+    cells = [(v["bad.t_fail"], v["latency.count"]) for v in values]
+    assert cells[:4] == [(50.0, 0), (50.0, 1), (60.0, 0), (60.0, 1)]
+    assert len({v["twice.k"] for v in values[:4]}) == 1
+    assert len({v["twice.k"] for v in values}) == 3
+    assert plan.changes(values[1])["latency"] == {"count": 1}
+
+
+# ---- files that make no sense
+
+
+def test_everything_that_is_wrong_is_said_at_once_and_before_the_first_run(system, tmp_path):
+    bad = table(
+        system,
+        runs=0,
+        sampler="sobel",
+        colour="red",
+        factors={
+            "twice.q": {"normal": {"mean": 1.0, "sigma": 1.0}},
+            "twice.k": {"normal": {"mean": 1.0, "sigma": -1.0}},
+            "count.n_0": {"list": []},
+            "bad.t_fail": {"normal": {"mean": [1.0, 2.0], "covariance": [[1.0, 2.0], [2.0, 1.0]]}},
+            "bad.status": {"gaussian": {}},
+            "swap.twice": {"list": ["nothing"]},
+        },
+        metrics={"end": "twice.y[-1", "other": "delta v", "third": "open('x')"},
+        success="nonsense(twice.y)",
+    )
+    with pytest.raises(StructureError) as caught:
+        campaign(bad, tmp_path / "out.zarr", workers=0)
+    text = str(caught.value)
+    for line in (
+        "colour: there is no such entry",
+        "runs: must be a whole number of at least 1, not 0",
+        "sampler: there is no sobel (close: sobol)",
+        "factors.twice.q: twice.q: there is no such variable",
+        "factors.twice.k: normal: sigma must be positive, not -1.0",
+        "factors.count.n_0: list: is empty",
+        "factors.bad.t_fail: normal: covariance must be positive definite",
+        "factors.bad.status: there is no gaussian",
+        "factors.swap.twice: nothing: there is no such FMU",
+        "metrics.end: there is no such measure, and it is no expression",
+        "metrics.other: there is no such measure, and it is no expression (close: delta-v)",
+        "metrics.third: there is no function open",
+        "success: there is no function nonsense",
+    ):
+        assert line in text
+    assert not (tmp_path / "out.zarr").exists()
+
+
+def test_metrics_and_histories_of_variables_that_do_not_exist_are_refused(system, tmp_path):
+    bad = table(system, metrics={"end": "twice.yy[-1]"}, keep={"bands": ["count.m"], "band": []})
+    with pytest.raises(StructureError) as caught:
+        campaign(bad, tmp_path / "out.zarr", workers=0)
+    assert "metrics.end: there is no variable twice.yy (close: twice.y)" in str(caught.value)
+    assert "keep.bands: there is no variable count.m" in str(caught.value)
+    assert "keep.band: there is no such entry (close: bands)" in str(caught.value)
+
+
+def test_a_factor_of_the_wrong_shape_is_refused(system, tmp_path):
+    bad = table(system, factors={"twice.k": {"normal": {"mean": [1.0, 2.0], "sigma": 1.0}}})
+    with pytest.raises(StructureError, match=r"factors\.twice\.k: .* wants a number"):
+        campaign(bad, tmp_path / "out.zarr", workers=0)
+
+
+# ---- metrics
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["().__class__", "twice.y.__class__()", "[1]", "lambda: 1", "max(twice.y, key=1)", "f'{1}'"],
+)
+def test_an_expression_holds_nothing_but_numbers(text, tmp_path):
+    with pytest.raises(ValueError, match=r"expression|function"):
+        metrics.metric(text, tmp_path)
+
+
+def test_expressions_compute_what_they_say(system):
+    result = run(system)
+    for text, value in {
+        "twice.y[-1]": 12.0,
+        "mean(count.n)": 3.0,
+        "rms(count.n - 3)": 2.0,
+        "parameter(twice.k) ** 2": 4.0,
+        "count.n[2] < 3 and time[-1] == 6": 1.0,
+        "-max(count.n[1:3]) / 2": -1.0,
+        "percentile(count.n, 50)": 3.0,
+    }.items():
+        assert metrics.metric(text, system.parent)(result) == value
+
+
+def test_a_function_of_the_user_is_a_metric(system, tmp_path):
+    (tmp_path / "mine.py").write_text(
+        "def spread(result):\n    return 7.5 + result['count.n'][0] * 0\n"
+    )
+    given = table(system, runs=2, metrics={"mine": f"{tmp_path}/mine.py:spread"})
+    found = campaign(given, tmp_path / "out.zarr", workers=0)
+    assert found.store.array("mine").tolist() == [7.5, 7.5]
+
+
+# ---- runs
+
+
+@pytest.fixture
+def serial(system, tmp_path):
+    """The campaign, run by this process alone."""
+    return campaign(with_bands(system), tmp_path / "serial.zarr", workers=0)
+
+
+def with_bands(system):
+    keep = {"histories": ["twice.y"], "bands": ["count.n"], "rows": 4}
+    return table(system, keep=keep, success="twice.y[-1] > 20")
+
+
+def test_every_run_is_a_run_of_its_own_to_the_bit(system, serial):
+    store = serial.store
+    for k in (0, 7, 23):
+        alone = run(system, **like(f"{serial.path}#{k}", system))
+        assert store.array("last")[k].tobytes() == alone.values[-1].tobytes()
+        assert store.array("end")[k] == alone["twice.y"][-1]
+        assert store.array("twice.y")[k, :, 0].tobytes() == alone["twice.y"][::2].tobytes()
+    assert set(store.array("status")) == {1}
+
+
+def test_bands_are_the_percentiles_of_all_histories(serial):
+    starts = serial.store.array("count.n_0")
+    wanted = np.percentile(starts[:, None] + [0, 2, 4, 6], [5, 25, 50, 75, 95], axis=0)
+    assert serial.store.array("count.n_band")[:, :, 0] == pytest.approx(wanted, rel=1e-14)
+    assert serial.store.names("history") == ["twice.y"]
+
+
+def test_xarray_opens_the_dataset_with_labelled_factors_and_metrics(serial):
+    data = serial.data
+    assert data["end"].dims == ("run",)
+    assert data.sizes == {"run": 24, "column": 6, "time": 4, "percentile": 5} | {
+        k: v for k, v in data.sizes.items() if k.endswith("_element")
+    }
+    assert float(data["end"][3]) == serial.store.array("end")[3]
+    assert data["time"].values.tolist() == [0, 2, 4, 6]
+
+
+def test_two_workers_give_the_bits_of_one_process_also_if_one_of_them_is_killed(
+    system, serial, tmp_path
+):
+    killed = []
+
+    def kill(progress):
+        if not killed:
+            workers = [
+                c for c in psutil.Process().children() if "spawn_main" in " ".join(c.cmdline())
+            ]
+            killed.append(workers[-1].pid)
+            os.kill(killed[0], signal.SIGKILL)
+
+    found = campaign(with_bands(system), tmp_path / "two.zarr", workers=2, progress=kill)
+    assert killed
+    assert same(found.store, serial.store)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_an_interrupted_campaign_goes_on_where_it_was(system, tmp_path):
+    given = with_bands(system)
+    text = f"""
+system = "{system}"
+runs = 24
+seed = 5
+success = "{given["success"]}"
+[metrics]
+end = "{given["metrics"]["end"]}"
+most = "{given["metrics"]["most"]}"
+[keep]
+histories = ["twice.y"]
+bands = ["count.n"]
+rows = 4
+[fixed]
+stop = 60.0
+[factors]
+"twice.k" = {{normal = {{mean = 2.0, sigma = 0.5}}}}
+"count.n_0" = {{uniform = {{low = 0.0, high = 10.0}}}}
+"""
+    (tmp_path / "c.toml").write_text(text)
+    out = tmp_path / "c.zarr"
+    command = [sys.executable, "-m", "harness", "campaign", "c.toml", "-o", "c.zarr", "-q"]
+    command += ["--workers", "0", "--no-figures"]
+    process = subprocess.Popen(
+        command,
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
+    )
+    until = time.monotonic() + 60
+    while process.poll() is None and time.monotonic() < until:
+        if (out / "status" / "c" / "3").exists():
+            process.send_signal(signal.SIGINT)
+            break
+        time.sleep(0.001)
+    _, errors = process.communicate(timeout=60)
+    assert (errors, process.returncode) == ("harness: interrupted\n", 1)
+    done = int((Store.open(out).array("status") != 0).sum())
+    assert 3 < done < 24
+    with pytest.raises(UsageError, match="is there already"):
+        campaign(tmp_path / "c.toml", out, workers=0)
+    seen = []
+    found = campaign(
+        tmp_path / "c.toml", out, workers=0, resume=True, progress=lambda p: seen.append(p.done)
+    )
+    assert seen[0] == done + 1
+    whole = campaign(tmp_path / "c.toml", tmp_path / "whole.zarr", workers=0)
+    assert same(found.store, whole.store)
+
+
+def test_another_campaign_is_not_resumed(system, serial):
+    with pytest.raises(UsageError, match="of another campaign"):
+        campaign(table(system, seed=6), serial.path, workers=0, resume=True)
+
+
+def test_runs_that_fail_are_data(system, tmp_path):
+    given = table(system, runs=1, success="twice.y[-1] > 0", keep={"bands": ["count.n"]})
+    given["factors"] = {"bad.t_fail": {"list": [3.0, 50.0]}, "bad.status": {"list": [3.0, 4.0]}}
+    found = campaign(given, tmp_path / "out.zarr", workers=0)
+    store = found.store
+    assert store.array("status").tolist() == [2, 2, 1, 1]
+    wanted = "bad: step failed: burnt through after too much heat (at t = 3 s)"
+    assert store.array("message").tolist() == [wanted, wanted, "", ""]
+    assert store.array("end_time").tolist() == [3.0, 3.0, 6.0, 6.0]
+    assert store.array("last")[0, 0] == 3.0
+    text = found.summary()
+    assert text.startswith("4 runs, 2 failed\n")
+    assert f"failed: run 0: {wanted}" in text
+
+
+def test_an_fmu_that_crashes_costs_its_own_run_only(fmus, tmp_path):
+    model = Model("crash_if", [u("u"), y("y"), p("k")], "y = u;", "if (k > 0.5) abort();")
+    toml = TOML.replace('"failing"', '"crash_if"').replace("t_fail = 100.0", "k = 0.0")
+    toml = toml.replace("[connections]", '[connections]\n"bad.u" = "count.n"')
+    known = fmus | {"crash_if": build(model, tmp_path)}
+    write_ssp(system_of(tomllib.loads(toml), known), tmp_path / "crash.ssp")
+    given = table(tmp_path / "crash.ssp", runs=1, metrics={"end": "bad.y[-1]"})
+    given["factors"] = {"bad.k": {"list": [0.0, 0.0, 1.0, 0.0]}}
+    store = campaign(given, tmp_path / "out.zarr", workers=2).store
+    assert store.array("status").tolist() == [1, 1, 2, 1]
+    assert "crash inside an FMU" in store.array("message")[2]
+    assert store.array("end")[[0, 1, 3]].tolist() == [6.0, 6.0, 6.0]
+
+
+# ---- numbers
+
+
+@pytest.mark.parametrize(("successes", "n"), [(0, 10), (10, 10), (3, 20), (81, 263)])
+def test_the_wilson_interval_is_that_of_scipy(successes, n):
+    wanted = stats.binomtest(successes, n).proportion_ci(0.95, method="wilson")
+    assert summary.wilson(successes, n) == pytest.approx((wanted.low, wanted.high), abs=1e-12)
+
+
+def test_rank_correlation_is_that_of_scipy():
+    rng = np.random.default_rng(1)
+    x = rng.integers(0, 5, 200).astype(float)
+    z = x**3 + rng.normal(size=200)
+    z[7] = np.nan
+    wanted = stats.spearmanr(np.delete(x, 7), np.delete(z, 7)).statistic
+    assert summary.rank_correlation(x, z) == pytest.approx(wanted, abs=1e-12)
+
+
+# ---- the command
+
+
+def test_the_command_shows_the_summary_and_repeats_a_run(system, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "few.toml").write_text(
+        'system = "demo.ssp"\nruns = 12\nsuccess = "twice.y[-1] > 0"\n'
+        + '[factors]\n"twice.k" = {uniform = {low = 1.0, high = 2.0}}\n'
+        + '[metrics]\nend = "twice.y[-1]"\n[keep]\nbands = ["twice.y"]\n'
+    )
+    assert main(["campaign", "few.toml", "-o", "few.zarr", "--workers", "0"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("12 runs, 0 failed\nsuccess: 12 of 12, 100.0 % (95 %: 75.8 to 100.0 %)\n")
+    assert "end: twice.k +1.00" in out
+    assert "dataset few.zarr, 3 figures in ." in out
+    ends = Store.open(tmp_path / "few.zarr").array("end")
+    worst = int(np.argmax(ends))
+    command = f"harness run demo --like few.zarr#{worst}"
+    assert next(line for line in out.splitlines() if command in line)
+    arguments = ["run", "demo.ssp", "--like", f"few.zarr#{worst}", "-o", "again.csv"]
+    status = main(arguments)
+    assert capsys.readouterr().err.count("\n") == status  # no figure fits the demo: one line
+    assert read(tmp_path / "again.csv")["twice.y"][-1] == ends[worst]
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("few", "wants the dataset and the number of a run"),
+        ("serial.zarr#99", "there are runs 0 to 23"),
+    ],
+)
+def test_runs_that_do_not_exist_cannot_be_repeated(system, serial, monkeypatch, text, problem):
+    monkeypatch.chdir(serial.path.parent)
+    with pytest.raises(UsageError, match=problem):
+        like(text, system)

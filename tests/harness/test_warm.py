@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A simulation that stays warm: every further run has the bits of a fresh one, whatever was before
+it.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+
+import pytest
+
+from harness import Simulation, load, paths, run
+from harness.changes import set_names
+from harness.errors import InterruptionError, RunError, StructureError, UsageError
+from tests.harness.foreign_fmu import MODELS, Model, build, p, u, x, y
+
+SYSTEMS = sorted(paths.systems())
+
+
+def same_bits(a, b):
+    assert a.columns == b.columns
+    assert a.time.tobytes() == b.time.tobytes()
+    assert a.values.tobytes() == b.values.tobytes()
+    assert a.parameters.columns == b.parameters.columns
+    assert a.parameters.values.tobytes() == b.parameters.values.tobytes()
+    assert (a.units, a.descriptions) == (b.units, b.descriptions)
+    assert (a.complete, a.message) == (b.complete, b.message)
+    return True
+
+
+def short(system):
+    """Some twenty steps, whole ones for the slowest component."""
+    with load(system) as found:
+        return {"stop": found.experiment.start + 20 * found.experiment.step}
+
+
+def loads(monkeypatch):
+    """Names of the instances that are loaded from now on."""
+    from harness.master import fmu
+
+    seen, original = [], fmu.Instance._load
+    monkeypatch.setattr(
+        fmu.Instance,
+        "_load",
+        lambda self: (seen.append(self.name), original(self))[1],
+    )
+    return seen
+
+
+# ---- the systems of the project
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_every_set_of_every_system_has_the_bits_of_a_fresh_run(name, monkeypatch):
+    with load(name) as system, Simulation(system) as simulation:
+        simulation.fly(**short(name))
+        seen = loads(monkeypatch)
+        for params in (*set_names(system), "default"):
+            warm = simulation.fly(params=params, **short(name))
+            assert seen == []
+            with Simulation(replace(simulation.system)) as fresh:
+                fresh.advance()
+                assert same_bits(warm, fresh.result())
+            seen.clear()
+
+
+def test_step_stop_latency_algorithm_and_start_values_may_change(monkeypatch):
+    variants = [
+        {"stop": 4.0},
+        {"stop": 2.0, "step": 0.05},
+        {"stop": 2.0, "latency": {"guidance": 1}},
+        {"stop": 2.0, "algorithm": "jacobi"},
+        {"stop": 2.0, "set": {"servicer.mass_0": 77.0, "target.omega_TN_T_0": [0.01, 0.02, 0.0]}},
+        {"stop": 4.0},
+    ]
+    with load("sync_approach") as system, Simulation(system) as simulation:
+        seen = loads(monkeypatch)
+        warm = [simulation.fly(**changes) for changes in variants]
+        assert seen == []
+    for result, changes in zip(warm, variants, strict=True):
+        assert same_bits(result, run("sync_approach", **changes))
+
+
+def test_a_swap_loads_the_new_fmu_only(monkeypatch):
+    with load("sync_approach") as system, Simulation(system) as simulation:
+        swap = {"controller": "pid_controller"}
+        simulation.fly(stop=2.0)
+        seen = loads(monkeypatch)
+        swapped = simulation.fly(stop=2.0, swap=swap)
+        assert seen == ["controller"]
+        simulation.fly(stop=2.0, swap=swap)
+        assert seen == ["controller"]
+        back = simulation.fly(stop=2.0)
+        assert seen == ["controller", "controller"]
+    assert same_bits(swapped, run("sync_approach", stop=2.0, swap=swap))
+    assert same_bits(back, run("sync_approach", stop=2.0))
+
+
+def test_a_result_is_not_touched_by_later_runs():
+    with load("sync_approach") as system, Simulation(system) as simulation:
+        first = simulation.fly(stop=2.0)
+        before = first.values.copy()
+        simulation.fly(stop=2.0, set={"servicer.mass_0": 50.0})
+    assert first.values.tobytes() == before.tobytes()
+
+
+# ---- runs that ended early
+
+
+def test_a_run_after_one_that_was_stopped_in_the_middle(monkeypatch):
+    def stop(done):
+        if done > 5:
+            raise KeyboardInterrupt
+
+    with load("sync_approach") as system, Simulation(system) as simulation:
+        with pytest.raises(InterruptionError) as caught:
+            simulation.fly(stop=1800.0, progress=stop)
+        assert not caught.value.partial.complete
+        assert same_bits(simulation.fly(stop=2.0), run("sync_approach", stop=2.0))
+
+
+def test_a_run_after_one_whose_parameters_an_fmu_refused():
+    with load("sync_approach") as system, Simulation(system) as simulation:
+        for _ in range(2):
+            with pytest.raises(RunError, match="mass_0"):
+                simulation.fly(set={"servicer.mass_0": -1.0})
+        assert same_bits(simulation.fly(stop=2.0), run("sync_approach", stop=2.0))
+
+
+def test_changes_that_make_no_sense_leave_the_simulation_as_it_is():
+    with load("sync_approach") as system, Simulation(system) as simulation:
+        with pytest.raises(UsageError, match=r"--set servicer\.masse"):
+            simulation.fly(set={"servicer.masse": 1.0})
+        with pytest.raises(StructureError, match="not a multiple"):
+            simulation.fly(stop=2.05)
+        with pytest.raises(StructureError, match="guidance: latency must lie in"):
+            simulation.fly(latency={"guidance": 7})
+        assert same_bits(simulation.fly(stop=2.0), run("sync_approach", stop=2.0))
+
+
+def test_a_closed_simulation_does_not_fly():
+    with load("sync_approach") as system, Simulation(system) as simulation:
+        pass
+    with pytest.raises(UsageError, match="inside its `with` block only"):
+        simulation.fly()
+
+
+# ---- FMUs from elsewhere
+
+
+FINE = [m.name for m in MODELS if m.name not in ("crashing", "slow", "mixed", "failing", "silent")]
+
+
+@pytest.mark.parametrize("name", FINE)
+def test_foreign_fmus_too(make, name):
+    system = make({"a": name}, stop=3.0)
+    try:
+        fresh = run(system)
+    except RunError as error:
+        fresh = error.partial
+    with Simulation(system) as simulation:
+        for _ in range(3):
+            try:
+                again = simulation.fly()
+            except RunError as error:
+                again = error.partial
+            assert same_bits(again, fresh)
+
+
+@pytest.mark.parametrize("status", [2, 3, 4])
+def test_a_foreign_fmu_that_failed_flies_again(make, status):
+    system = make({"counter": "counter", "bad": "failing"}, parameters={"bad.status": status})
+    fresh = run(system, set={"bad.t_fail": 50.0})
+    with Simulation(system) as simulation:
+        for _ in range(2):
+            with pytest.raises(RunError, match=r"burnt through .* \(at t = 3 s\)") as caught:
+                simulation.fly()
+            assert caught.value.partial["counter.n"].tolist() == [0, 1, 2, 3]
+            assert same_bits(simulation.fly(set={"bad.t_fail": 50.0}), fresh)
+
+
+STUBBORN = Model(
+    "stubborn", [u("u"), y("y"), p("y_0"), x("z")], "y = z + y_0;", "z += h * u + c->real[4];"
+)
+"""An integrator; its spare number c->real[4] is no variable and adds to every step."""
+
+VICES = {
+    "refuses": "return fmi2Error;",
+    "keeps its state": "return fmi2OK;",
+    "keeps something hidden": "c->latched = 0; @START@ c->real[4] = 0.25; return fmi2OK;",
+}
+
+
+@pytest.mark.parametrize("vice", VICES)
+def test_an_fmu_that_does_not_reset_is_loaded_anew_and_that_is_said_once(
+    make, tmp_path, monkeypatch, caplog, vice
+):
+    path = build(replace(STUBBORN, reset=VICES[vice]), tmp_path)
+    system = make({"a": "integrator", "b": "counter"}, ["b.n > a.u"])
+    system = replace(
+        system, components=(replace(system.components[0], fmu=path), system.components[1])
+    )
+    fresh = run(system)
+    with Simulation(system) as simulation:
+        simulation.fly()
+        seen = loads(monkeypatch)
+        for _ in range(3):
+            assert same_bits(simulation.fly(), fresh)
+    assert seen.count("a") >= 3
+    said = [m for m in caplog.messages if "loaded anew for every further run" in m]
+    assert len(said) == 1
+    assert said[0].startswith("a")
+
+
+# ---- cost
+
+SET_UP = """
+import json, sys
+from time import process_time
+from harness import Simulation, load
+with load("sync_approach") as system, Simulation(system) as s:
+    s.fly(stop=1.0)
+    best = []
+    for k in range(40):
+        began = process_time()
+        s.fly(stop=0.1, set={"servicer.mass_0": 100.0 + k})
+        best.append(process_time() - began)
+print(json.dumps(min(best)))
+"""
+
+
+def test_setting_up_a_second_run_takes_no_more_than_five_milliseconds():
+    """One macro step is in it (some microseconds); processor time of the quickest of forty."""
+    out = subprocess.run([sys.executable, "-c", SET_UP], capture_output=True, text=True, check=True)
+    assert json.loads(out.stdout) <= 5e-3
