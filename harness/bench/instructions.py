@@ -70,7 +70,7 @@ def _counted(valgrind: str, system: str, contender: str, steps: int) -> int:
 
 def fly(name: str, contender: str, steps: int) -> None:
     """Fly a system of the project with one contender of harness.bench."""
-    from harness.bench.bench import CONTENDERS
+    from harness.bench.contenders import CONTENDERS
     from harness.ssp.library import load
 
     with load(name) as system:

@@ -209,7 +209,7 @@ def test_metrics_and_histories_of_variables_that_do_not_exist_are_refused(system
 
 def test_a_factor_of_the_wrong_shape_is_refused(system, tmp_path):
     bad = table(system, factors={"twice.k": {"normal": {"mean": [1.0, 2.0], "sigma": 1.0}}})
-    with pytest.raises(StructureError, match=r"factors\.twice\.k: .* wants a number"):
+    with pytest.raises(StructureError, match=r"factors\.twice\.k: .* expected a number"):
         campaign(bad, tmp_path / "out.zarr", workers=0)
 
 

@@ -59,7 +59,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "steady": steady_error,
     "total": _total,
 }
-"""Functions of an expression; `settling_time` takes time, error and band, `steady` time and error."""
+"""Functions of an expression; `settling_time` takes time, error, band, `steady` time, error."""
 
 _BINARY: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
