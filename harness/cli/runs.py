@@ -31,6 +31,9 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     ] = None,
     executor: Annotated[str, typer.Option(help="c or python (the same bits, for debugging)")] = "c",
     every: EveryOption = 1,
+    in_process: Annotated[
+        bool, typer.Option("--in-process", help="foreign FMUs in this process too, for debugging")
+    ] = False,
     quiet: QuietOption = False,
     changes: Any = None,
 ) -> None:
@@ -49,6 +52,7 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
             executor=executor,
             every=every,
             progress=not quiet and sys.stderr.isatty(),
+            in_process=in_process,
             **changes,
         )
     except RunError as error:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from harness.archive import unpack
 from harness.errors import FmuError, RunError
-from harness.master import messages
+from harness.master import messages, place
 from harness.master.transfer import Transfer, transfers
 from harness.system.graph import Node, Setting
 from harness.system.interface import binaries
@@ -63,6 +63,7 @@ class Instance:
         model = self.node.interface.model
         library = self._unpacked(folder)
         messages.forget(self.name)
+        place.enter(self.name, "fmi2Instantiate")
         try:
             with contextlib.chdir(Path.cwd()):  # FMPy does not return from a library that fails
                 slave = FMU2Slave(
@@ -100,6 +101,7 @@ class Instance:
             c.name for c in self.node.interface.model.logCategories if c.name in ERROR_CATEGORIES
         ]
         if categories:
+            place.enter(self.name, "fmi2SetDebugLogging")
             with contextlib.suppress(FMICallException):
                 slave.setDebugLogging(True, categories)
 
@@ -113,6 +115,7 @@ class Instance:
         setter = {"Real": "setReal", "Boolean": "setBoolean", "String": "setString"}.get(
             variable.type, "setInteger"
         )
+        place.enter(self.name, f"fmi2{setter[0].upper()}{setter[1:]}")
         try:
             getattr(self.slave, setter)([variable.reference], [value])
         except FMICallException as error:
@@ -141,7 +144,9 @@ class Instance:
             self.free(state)
         with contextlib.suppress(FMICallException):
             if self._stepping and self._status in (OK, WARNING):
+                place.enter(self.name, "fmi2Terminate")
                 self.slave.terminate()
+        place.enter(self.name, "fmi2FreeInstance")
         self.slave.freeInstance()
 
     # ---- the macro step
@@ -165,12 +170,14 @@ class Instance:
         """Set the inputs in initialization mode, as far as what drives them has been computed
         yet.
         """
+        place.enter(self.name, Verb.SET.call)
         for transfer in self.transfers[Verb.SET]:
             if np.isfinite(bus[transfer.slots]).all():
                 self.raise_if_failed(Verb.SET, transfer.write(bus), time)
 
     def propagate_outputs(self, bus: NDArray[np.float64], time: float) -> None:
         """Read the outputs in initialization mode, where they may not be finite yet."""
+        place.enter(self.name, Verb.GET.call)
         for transfer in self.transfers[Verb.GET]:
             self.raise_if_failed(Verb.GET, transfer.read(bus), time)
 
@@ -219,6 +226,7 @@ class Instance:
     # ---- calls
 
     def _call(self, function: str, time: float, *arguments: object) -> None:
+        place.enter(self.name, function)
         status = getattr(self.library, function)(self.handle, *arguments)
         if status not in (OK, WARNING):
             raise self._failure(status, f"{function} failed", time)

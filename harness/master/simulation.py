@@ -186,6 +186,10 @@ class Simulation:
             error.partial = self.result(str(error))
         return error
 
+    def calls(self) -> list[tuple[str, str]]:
+        """Instance and FMI function of every call of a macro step, as the recorder counts them."""
+        return self._executor.calls
+
     # ---- rollback
 
     def save(self) -> Snapshot:

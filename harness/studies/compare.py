@@ -11,7 +11,6 @@ import math
 import multiprocessing
 import os
 import signal
-import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -22,7 +21,9 @@ from time import perf_counter
 
 from harness.changes import apply
 from harness.errors import HarnessError, RunError
-from harness.master.simulation import Simulation, simulate
+from harness.master.child import end_with_parent
+from harness.master.isolated import in_child, simulate
+from harness.master.simulation import Simulation
 from harness.results.files import ResultFile, read
 from harness.results.result import Result
 from harness.ssp.library import load
@@ -196,13 +197,7 @@ def _in_the_background() -> None:
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _log.setLevel(logging.ERROR)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    if parent := multiprocessing.parent_process():
-        parent.join()
-        os._exit(1)
+    end_with_parent()
 
 
 def _attempt(system: str | Path, variant: Variant, file: Path, every: int) -> str:

@@ -23,6 +23,11 @@ class Verb(Enum):
     STEP = "step"
     GET = "get"
 
+    @property
+    def call(self) -> str:
+        """The FMI functions that it stands for."""
+        return {"set": "fmi2SetReal", "step": "fmi2DoStep", "get": "fmi2GetReal"}[self.value]
+
 
 class Periodic(Protocol):
     """What a schedule needs to know of an instance: its name, period and latency in macro steps."""
