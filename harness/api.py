@@ -47,10 +47,10 @@ def run(
     """Run a system and return what was recorded.
 
     system: name of a system of the project, path of an .ssp, or a System; executor: c or python
-    (same bits); every: record every N-th macro step; progress: show a bar on stderr; in_process: run
-    FMUs that are not ours in this process too (docs/robustness.md); changes: what shall be otherwise
-    than the system says, see harness.changes.Changes (params, set, swap, latency, step, stop,
-    algorithm).
+    (same bits); every: record every N-th macro step; progress: show a bar on stderr; in_process:
+    run FMUs that are not ours in this process too (docs/robustness.md); changes: what shall be
+    otherwise than the system says, see harness.changes.Changes (params, set, swap, latency, step,
+    stop, algorithm).
 
     Raises UsageError, ArchiveError, StructureError, FmuError, or RunError, whose `partial` is what
     was recorded so far.

@@ -29,7 +29,9 @@ class HarnessError(Exception):
         return _rebuilt, (type(self), self.args, {**self.__dict__, "partial": None})
 
 
-def _rebuilt(kind: type[HarnessError], args: tuple[Any, ...], about: dict[str, Any]) -> HarnessError:
+def _rebuilt(
+    kind: type[HarnessError], args: tuple[Any, ...], about: dict[str, Any]
+) -> HarnessError:
     error = kind.__new__(kind)
     error.args = args
     error.__dict__.update(about)

@@ -20,6 +20,7 @@ from typing import Self
 from harness.bench.monolith import Monolith, SlaveLoop
 from harness.errors import HarnessError
 from harness.master.fmu import Instance
+from harness.master.isolated import guarded
 from harness.master.simulation import Simulation
 from harness.paths import systems
 from harness.ssp.library import load
@@ -263,7 +264,7 @@ def bench(name: str) -> str:
     UsageError if unknown.
     """
     with load(name) as system:
-        rows = list(measure(system))
+        rows = guarded([c.fmu for c in system.components], _rows, system)
     base = next((row.seconds for row in rows if row.name == CONTENDERS[1][0] and row.seconds), None)
     lines = [
         f"{name}: cost of one macro step, fastest of {ROUNDS} rounds",
@@ -274,6 +275,10 @@ def bench(name: str) -> str:
         f"command-line start-up {start_up():.2f} s, memory of a whole run {run_memory(name):.0f} MB"
     ]
     return "\n".join(lines)
+
+
+def _rows(system: System) -> list[Row]:
+    return list(measure(system))
 
 
 def _line(row: Row, base: float | None) -> str:

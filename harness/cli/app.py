@@ -14,6 +14,7 @@ from typing import Annotated
 
 import typer
 
+from harness import signals
 from harness.cli import look, models, runs
 from harness.errors import HarnessError
 
@@ -44,6 +45,11 @@ def options(
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit status."""
+    with signals.as_interrupts():
+        return _main(arguments)
+
+
+def _main(arguments: Sequence[str] | None) -> int:
     logging.basicConfig(format="harness: note: %(message)s", level=logging.WARNING)
     try:
         status = app(

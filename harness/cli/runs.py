@@ -41,32 +41,38 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
 
     Default: results/SYSTEM.nc.
     """
-    from harness.api import run
+    from harness.changes import apply
+    from harness.master.isolated import simulate
     from harness.results.files import ResultFile
+    from harness.signals import held
+    from harness.ssp.library import load
 
     file = ResultFile(output or Path("results") / f"{Path(system).stem}.nc")
     began = perf_counter()
-    try:
-        result = run(
-            system,
-            executor=executor,
-            every=every,
-            progress=not quiet and sys.stderr.isatty(),
-            in_process=in_process,
-            **changes,
-        )
-    except RunError as error:
-        if error.partial is not None:
-            file.write(error.partial)
-            error.append(f"{len(error.partial.time)} rows kept in {file.path}")
-        raise
-    seconds = perf_counter() - began
-    file.write(result)
-    if not quiet:
-        typer.echo(
-            f"{result.system}: {result.time[-1]:g} s in {seconds:.2f} s, "
-            f"{len(result.time)} rows in {file.path}"
-        )
+    with load(system) as found:
+        changed = apply(found, **changes)
+        file.accept(changed)
+        with held():  # from here on nothing that was recorded is lost
+            try:
+                result = simulate(
+                    changed,
+                    executor=executor,
+                    every=every,
+                    progress=not quiet and sys.stderr.isatty(),
+                    in_process=in_process,
+                )
+            except RunError as error:
+                if error.partial is not None:
+                    kept = file.keep(error.partial)
+                    error.append(f"{len(error.partial.time)} rows kept in {kept}")
+                raise
+            seconds = perf_counter() - began
+            file.write(result)
+            if not quiet:
+                typer.echo(
+                    f"{result.system}: {result.time[-1]:g} s in {seconds:.2f} s, "
+                    f"{len(result.time)} rows in {file.path}"
+                )
 
 
 @app.command("compare")

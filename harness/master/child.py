@@ -145,9 +145,7 @@ class Child:
         """Say in one note what was written to the terminal, if anything was."""
         if words := self.last_words():
             count = max(self._lines, 1)
-            _log.warning(
-                "the FMUs wrote %d line%s, the last: %s", count, "s" * (count > 1), words
-            )
+            _log.warning("the FMUs wrote %d line%s, the last: %s", count, "s" * (count > 1), words)
 
 
 # ---- in the child
@@ -224,4 +222,4 @@ def _redirect(terminal: Connection) -> None:
             stream.flush()
     for number in (1, 2):
         os.dup2(terminal.fileno(), number)
-    sys.stdout = sys.stderr = open(2, "w", closefd=False, errors="replace")  # noqa: PTH123, SIM115
+    sys.stdout = sys.stderr = open(2, "w", closefd=False, errors="replace")  # noqa: SIM115

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from harness import signals
 from harness.errors import FmuError, HarnessError, InterruptionError, RunError
 from harness.master import memory
 from harness.master import simulation as here
@@ -119,6 +120,7 @@ class _Run:
                 self.over = self.closed = True
             if show is not None:
                 show(self.simulation.step)
+            signals.check()
 
     def _interrupt(self) -> None:
         """Ask the child to stop, and end it if it does not or the user insists."""
@@ -154,7 +156,9 @@ class _Run:
         instance, call = self.child.place
         if self.calls is not None:
             instance, call = self.calls[simulation.recorder.call]
-        return RunError(instance or simulation.system.name, simulation.time, f"{call} {self.child.end()}")
+        return RunError(
+            instance or simulation.system.name, simulation.time, f"{call} {self.child.end()}"
+        )
 
 
 def _share(simulation: Simulation, table: memory.Block, marks: memory.Block) -> None:
@@ -168,7 +172,7 @@ def _share(simulation: Simulation, table: memory.Block, marks: memory.Block) -> 
 # ---- in the child
 
 
-def _run(
+def _run(  # noqa: PLR0913, PLR0917 - two blocks of memory
     send: Send, system: System, executor: str, every: int, table: memory.Block, marks: memory.Block
 ) -> None:
     """Run the system into shared memory; the outcome is sent before the FMUs are freed."""

@@ -19,7 +19,7 @@ class Recorder:
         """
         if every < 1:
             raise UsageError(f"--every must be at least 1, not {every}")
-        self.every = every
+        self.every = min(every, steps + 1)  # more means the first row only
         self.marks: NDArray[np.int64] = np.zeros(3, dtype=np.int64)
         rows = steps // every + 1
         try:

@@ -11,6 +11,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from harness import signals
 from harness.errors import InterruptionError, RunError, UsageError
 from harness.master.executors import EXECUTORS, Clock
 from harness.master.fmu import Instance
@@ -179,6 +180,7 @@ class Simulation:
             self._executor.run(self.step, min(self.step + chunk, to))
             if progress is not None:
                 progress(self.step)
+            signals.check()
             chunk = 2 * chunk if perf_counter() - began < CHUNK_SECONDS / 2 else chunk
 
     def _partial(self, error: RunError) -> RunError:

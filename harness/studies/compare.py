@@ -14,13 +14,14 @@ import signal
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 from harness.changes import apply
-from harness.errors import HarnessError, RunError
+from harness.errors import HarnessError, RunError, UsageError
 from harness.master.child import end_with_parent
 from harness.master.isolated import in_child, simulate
 from harness.master.simulation import Simulation
@@ -37,18 +38,19 @@ _log = logging.getLogger("harness")
 
 ROWS = 20_000
 """Rows that a run has at most unless the user wants otherwise."""
+TABLE = "comparison.csv"
 ROUNDS, TIMED_STEPS = 3, 5000
 """Rounds of the measurement of computing time, and macro steps of one round."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a variant: its results file, and the one line that says why it ended early ("": it
-    did not).
+    """What came of a variant: its results file, if there are results (of a run that ended early the
+    partial one), and the one line that says why it ended early ("": it did not).
     """
 
     variant: Variant
-    file: Path
+    file: Path | None
     failure: str = ""
 
 
@@ -92,19 +94,12 @@ def compare(
     progress: called with the number of runs that are over. Raises what run() raises before its
     first step, and ResultsError; a run that fails under way ends early, the others go on.
     """
-    steps = _check(system, variants)
+    steps = _check(system, variants, ResultFile(directory / "any.nc"), every)
     files = [ResultFile(directory / f"{variant.file}.nc").path for variant in variants]
-    for file in files:
-        file.unlink(missing_ok=True)
-    thinning = [every or _thinning(n) for n in steps]
-    failures = _run_all(system, list(zip(variants, files, thinning, strict=True)), progress)
-    outcomes = tuple(
-        Outcome(variant, file, failures[variant.label])
-        for variant, file in zip(variants, files, strict=True)
-    )
-    results = {
-        outcome.variant.label: read(outcome.file) for outcome in outcomes if outcome.file.is_file()
-    }
+    thinning = [_thinning(n) if every is None else every for n in steps]
+    done = _run_all(system, list(zip(variants, files, thinning, strict=True)), progress)
+    outcomes = tuple(Outcome(variant, *done[variant.label]) for variant in variants)
+    results = {outcome.variant.label: read(outcome.file) for outcome in outcomes if outcome.file}
     measures = {
         (m.name, m.unit): {label: m(result) for label, result in results.items()} for m in MEASURES
     }
@@ -112,18 +107,24 @@ def compare(
     comparison = Comparison(
         outcomes, results, measures | {("macro step", "us"): _computing_times(system, outcomes)}
     )
-    write_csv(comparison.measures, labels, directory / "comparison.csv")
+    write_csv(comparison.measures, labels, directory / TABLE)
     return comparison
 
 
-def _check(system: str | Path, variants: Sequence[Variant]) -> list[int]:
+def _check(
+    system: str | Path, variants: Sequence[Variant], file: ResultFile, every: int | None
+) -> list[int]:
     """Find everything that is wrong with a variant before any is run; returns the macro steps of
     each.
     """
     steps = []
+    if every is not None and every < 1:
+        raise UsageError(f"--every must be at least 1, not {every}")
     with load(system) as found:
         for variant in variants:
-            steps.append(checked(apply(found, **variant.changes)).steps)
+            changed = apply(found, **variant.changes)
+            file.accept(changed)
+            steps.append(checked(changed).steps)
     return steps
 
 
@@ -142,27 +143,27 @@ def _run_all(
     system: str | Path,
     variants: Sequence[tuple[Variant, Path, int]],
     progress: Callable[[int], None] | None,
-) -> dict[str, str]:
-    """Run as many variants at once as there are processors; returns by label why a run ended
-    early ("": it did not).
+) -> dict[str, tuple[Path | None, str]]:
+    """Run as many variants at once as there are processors; returns by label the file of a run and
+    why it ended early ("": it did not).
 
     variants: with the file for the results and the macro steps per row.
     """
-    failures = {}
+    outcomes = {}
     with ThreadPoolExecutor(min(len(variants), os.cpu_count() or 1)) as pool:
         jobs = {pool.submit(_isolated, system, *variant): variant[0] for variant in variants}
         try:
             for done, job in enumerate(as_completed(jobs), start=1):
-                failures[jobs[job].label] = job.result()
+                outcomes[jobs[job].label] = job.result()
                 if progress is not None:
                     progress(done)
         except BaseException:
             _end(jobs)
             raise
-    return failures
+    return outcomes
 
 
-def _end(jobs: Iterable[Future[str]]) -> None:
+def _end(jobs: Iterable[Future[Any]]) -> None:
     """Cancel what waits and end what runs."""
     for job in jobs:
         job.cancel()
@@ -170,14 +171,16 @@ def _end(jobs: Iterable[Future[str]]) -> None:
         process.terminate()
 
 
-def _isolated(system: str | Path, variant: Variant, file: Path, every: int) -> str:
-    """Run one variant in a process of its own; returns why it ended early."""
+def _isolated(
+    system: str | Path, variant: Variant, file: Path, every: int
+) -> tuple[Path | None, str]:
+    """Run one variant in a process of its own; returns its file and why it ended early."""
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(1, context, initializer=_in_the_background) as process:
         try:
             return process.submit(_attempt, system, variant, file, every).result()
         except BrokenProcessPool:
-            return "its process was ended from outside, or by a crash inside an FMU"
+            return None, "its process was ended from outside, or by a crash inside an FMU"
 
 
 @contextmanager
@@ -200,16 +203,31 @@ def _in_the_background() -> None:
     end_with_parent()
 
 
-def _attempt(system: str | Path, variant: Variant, file: Path, every: int) -> str:
+def _attempt(
+    system: str | Path, variant: Variant, path: Path, every: int
+) -> tuple[Path | None, str]:
+    file = ResultFile(path)
     try:
-        ResultFile(file).write(_run(system, variant, every))
+        result = _run(system, variant, every)
+        _retire_table(path.parent)
+        file.write(result)
     except RunError as error:
-        if error.partial is not None:
-            ResultFile(file).write(error.partial)
-        return str(error)
+        if error.partial is None:
+            return None, str(error)
+        try:
+            file.keep(error.partial)
+        except HarnessError as lost:
+            return None, f"{error}; {lost}"
+        return file.partial if file.partial.is_file() else None, str(error)
     except HarnessError as error:
-        return str(error)
-    return ""
+        return None, str(error)
+    return path, ""
+
+
+def _retire_table(folder: Path) -> None:
+    """Remove the table of an earlier comparison when its first results are replaced."""
+    with suppress(OSError):
+        (folder / TABLE).unlink()
 
 
 def _run(system: str | Path, variant: Variant, every: int) -> Result:
@@ -229,8 +247,16 @@ def _computing_times(system: str | Path, outcomes: Sequence[Outcome]) -> dict[st
         ]
         for _ in range(ROUNDS):
             for label, changed in complete:
-                best[label] = min(best.get(label, math.inf), _computing_time(changed))
+                best[label] = min(best.get(label, math.inf), _time_apart(changed))
     return best
+
+
+def _time_apart(system: System) -> float:
+    """Computing time, measured in a process of its own; NaN if an FMU does not survive it."""
+    try:
+        return float(in_child(_computing_time, system))
+    except HarnessError:
+        return math.nan
 
 
 def _computing_time(system: System) -> float:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from harness.archive import unpack
 from harness.errors import FmuError, RunError, UsageError
-from harness.master import messages
+from harness.master import messages, place
 from harness.system.interface import Interface, read_interface
 from harness.system.values import assign, base, index
 from harness.temporary import PrivateFolder
@@ -72,7 +72,8 @@ class LinearModel:
             "h": np.array(self.h),
         }
         everything: dict[str, Any] = {**matrices, **texts, **units, **points}
-        np.savez(path, **everything)
+        with path.open("wb") as file:  # savez would append .npz to another name
+            np.savez(file, **everything)
 
 
 def linearize(
@@ -139,6 +140,7 @@ class _Bench:
 
     def _load(self) -> Any:
         model = self.interface.model
+        place.enter(model.modelName, "fmi2Instantiate")
         try:
             slave = FMU2Slave(
                 guid=model.guid,
@@ -154,26 +156,32 @@ class _Bench:
         return slave
 
     def __exit__(self, *_: object) -> None:
-        self._slave.freeInstance()
+        self._call("freeInstance")
         self._folder.close()
 
     def run(self, values: Mapping[str, float], start: float, steps: int, h: float) -> Array:
         """Outputs after `steps` steps of h from `start` with these values beside the settings."""
         everything = {**self.settings, **values}
         try:
-            self._slave.reset()
-            self._slave.setReal([self._reference(n) for n in everything], list(everything.values()))
-            self._slave.setupExperiment(startTime=start)
-            self._slave.enterInitializationMode()
-            self._slave.exitInitializationMode()
+            self._call("reset")
+            self._call("setReal", [self._reference(n) for n in everything], [*everything.values()])
+            self._call("setupExperiment", startTime=start)
+            self._call("enterInitializationMode")
+            self._call("exitInitializationMode")
             for k in range(steps):
-                self._slave.doStep(currentCommunicationPoint=start + k * h, communicationStepSize=h)
-            return np.array(self._slave.getReal([self._reference(n) for n in self.outputs]))
+                self._call(
+                    "doStep", currentCommunicationPoint=start + k * h, communicationStepSize=h
+                )
+            return np.array(self._call("getReal", [self._reference(n) for n in self.outputs]))
         except Exception as error:
             name = self.interface.model.modelName
             raise RunError(
                 name, start, messages.take_error(name) or " ".join(str(error).split())
             ) from error
+
+    def _call(self, function: str, *arguments: Any, **named: Any) -> Any:
+        place.enter(self.interface.model.modelName, f"fmi2{function[0].upper()}{function[1:]}")
+        return getattr(self._slave, function)(*arguments, **named)
 
     def _reference(self, name: str) -> int:
         return self.interface.variables[name].reference

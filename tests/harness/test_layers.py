@@ -25,6 +25,7 @@ LAYERS = (
     ("system",),
     ("archive",),
     ("output", "paths", "temporary", "spelling"),
+    ("signals",),
     ("errors",),
 )
 """From the top down; rooms of one layer do not know each other."""
