@@ -19,7 +19,6 @@ from harness.system.graph import read_interfaces
 from harness.system.model import DEFAULT_SET, System
 from harness.system.swap import exchange
 from harness.system.tables import Assignments, read_toml
-from harness.system.values import parse
 from harness.system.wiring import split
 
 Pairs = Sequence[str] | Mapping[str, Any]
@@ -142,7 +141,7 @@ def _single_values(system: System, pairs: Iterator[tuple[str, Any]]) -> System:
         except ValueError as error:
             values.problems.append(str(error))
         else:
-            values.set(component, variable, parse(value) if isinstance(value, str) else value)
+            (values.write if isinstance(value, str) else values.set)(component, variable, value)
     if values.problems:
         raise UsageError("\n".join(f"--set {problem}" for problem in values.problems))
     return _with(system, values)

@@ -32,6 +32,9 @@ from harness.system.graph import read_interfaces
 from harness.system.model import Port, System
 from harness.system.values import expand
 
+ELEMENTS = "elements"
+"""Attribute with the names of the elements of a vector where they are not counted from 1."""
+
 INCOMPLETE = "# incomplete: "
 AXES = {3: "axis"}
 """Name of the second dimension of a vector by its length; other lengths n are called axis_n."""
@@ -246,6 +249,10 @@ def _variables(
     for name in (*result.vectors, *single):
         values = result[name]
         attributes = {"units": result.unit(name), "long_name": result.description(name)}
+        if name in result.vectors:
+            given = [result.columns[i] for i in result.vectors[name].flat]
+            if given != _element_names(name, values.shape[1:]):
+                attributes[ELEMENTS] = "\n".join(given)
         yield name, _dimensions(values.shape[1:]), values, attributes
 
 
@@ -286,7 +293,8 @@ def _table(
     """Variables with their attributes as flat columns."""
     columns, blocks, units, descriptions = [], [np.empty((len(time), 0))], [], []
     for name, (values, about) in variables.items():
-        names = _element_names(name, values.shape[1:])
+        given = about.get(ELEMENTS)
+        names = given.split("\n") if given else _element_names(name, values.shape[1:])
         columns += names
         blocks.append(values.reshape(len(values), -1))
         units += [about.get("units", "")] * len(names)

@@ -24,7 +24,8 @@ from harness.archive import unpack
 from harness.errors import FmuError, RunError, UsageError
 from harness.master import messages, place
 from harness.system.interface import Interface, read_interface
-from harness.system.values import assign, base, index
+from harness.system.names import base, index
+from harness.system.values import assign
 from harness.temporary import PrivateFolder
 
 Array = NDArray[np.float64]

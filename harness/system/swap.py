@@ -15,7 +15,7 @@ from harness.spelling import did_you_mean
 from harness.system.graph import read_interfaces
 from harness.system.interface import Interface, read_interface, units_agree
 from harness.system.model import Component, Connection, Parameters, ParameterSet, Port, System
-from harness.system.values import base
+from harness.system.names import base
 from harness.system.wiring import drivers
 
 SHOWN = 5
@@ -74,16 +74,16 @@ def _missing_outputs(
     for source, target, hops in system.connections:
         if source.component != name:
             continue
-        reader = f"{target.component}.{base(target.variable)}"
+        reader = f"{target.component}.{target.signal}"
         if source.variable not in offered:
-            yield f"it has no output {base(source.variable)}, which {reader} needs"
+            yield f"it has no output {source.signal}, which {reader} needs"
             continue
         unit, wanted = (
             offered[source.variable].unit,
             interfaces[target.component].variables[target.variable].unit,
         )
         if not hops and not units_agree(unit, wanted):
-            yield f"its output {base(source.variable)} is in {unit}, {reader} wants {wanted}"
+            yield f"its output {source.signal} is in {unit}, {reader} wants {wanted}"
 
 
 def _rewired(
@@ -110,8 +110,8 @@ def _rewired(
 
 def _undriven(port: Port, sources: Sequence[Port]) -> str:
     if not sources:
-        return f"its input {base(port.variable)} is driven by no output of that name"
-    return f"its input {base(port.variable)} is ambiguous: {' and '.join(s.component for s in sources)} have that output"
+        return f"its input {port.signal} is driven by no output of that name"
+    return f"its input {port.signal} is ambiguous: {' and '.join(s.component for s in sources)} have that output"
 
 
 def _warn_of_dropped(old: Component, path: Path, interface: Interface) -> None:
