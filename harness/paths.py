@@ -19,6 +19,14 @@ def fmus() -> dict[str, Path]:
     return _files("fmus", "fmu")
 
 
+def is_file(path: str | Path) -> bool:
+    """Whether there is a file of this name; no name is too long or too odd to ask."""
+    try:
+        return Path(path).is_file()
+    except (OSError, ValueError):
+        return False
+
+
 def is_ours(fmu: Path) -> bool:
     """Whether a file is one of the FMUs of the project, wherever it stands: the same bytes."""
     size = fmu.stat().st_size

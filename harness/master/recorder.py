@@ -24,7 +24,7 @@ class Recorder:
         rows = steps // every + 1
         try:
             self.table: NDArray[np.float64] = np.empty((rows, slots))
-        except MemoryError as error:
+        except (MemoryError, ValueError, OverflowError) as error:
             raise UsageError(
                 f"{rows} rows of {slots} values do not fit into memory: record fewer with --every"
             ) from error

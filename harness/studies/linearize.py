@@ -86,13 +86,19 @@ def linearize(
     name, vectors as lists. Raises UsageError for unknown names or a time that is no multiple of the
     step, FmuError, RunError.
     """
-    if step <= 0 or at < 0 or abs(at / step - round(at / step)) > 1e-9 * max(1.0, at / step):
+    if not _is_multiple(at, step):
         raise UsageError(
             f"the operating point {at:g} s must be a multiple of the step {step:g} s, which must be positive"
         )
     interface = read_interface(fmu)
     with _Bench(interface, _settings(interface, values or {})) as bench:
         return _Differences(bench, at, step).model()
+
+
+def _is_multiple(at: float, step: float) -> bool:
+    if not (step > 0 and at >= 0 and at / step < 2**53):  # NaN is none either
+        return False
+    return abs(at / step - round(at / step)) <= 1e-9 * max(1.0, at / step)
 
 
 def _settings(interface: Interface, values: Mapping[str, Any]) -> dict[str, float]:

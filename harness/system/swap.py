@@ -29,7 +29,7 @@ def find_fmu(name: str | Path) -> Path:
     known = paths.fmus()
     if str(name) in known:
         return known[str(name)]
-    if Path(name).is_file():
+    if paths.is_file(name):
         return Path(name)
     raise UsageError(f"{name}: there is no such FMU{did_you_mean(str(name), known)}")
 

@@ -51,7 +51,8 @@ class Assignments:
             if component == SHARED and isinstance(table, Mapping):
                 continue
             if component not in (*self.interfaces, SHARED) or not isinstance(table, Mapping):
-                close = did_you_mean(component, (SHARED, *self.interfaces))
+                known = {SHARED, *self.interfaces} - {component}
+                close = did_you_mean(component, sorted(known))
                 self.problems.append(
                     f"{component}: parameters stand in a table per component, and this is none{close}"
                 )

@@ -25,9 +25,11 @@ def parse(text: str) -> Value:
     itself.
     """
     try:
-        return float(text)
+        number = float(text)
     except ValueError:
         pass
+    else:  # not a number so large that it is infinite
+        return text if math.isinf(number) and any(c.isdigit() for c in text) else number
     try:
         value: Value = tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):  # no TOML, a number of thousands of digits, deep nesting

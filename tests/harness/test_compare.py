@@ -85,8 +85,8 @@ def test_long_flights_are_thinned_to_twenty_thousand_rows_with_the_end_if_possib
 def test_values_of_a_parameter_are_compared(system, tmp_path):
     found = flown(system, tmp_path, ("set", "twice.k=3,-1"), set=["bad.t_fail=50"], stop=2.0)
     assert {label: r["twice.y"].tolist() for label, r in found.results.items()} == {
-        "k=3": [0, 3, 6],
-        "k=-1": [0, -1, -2],
+        "twice.k=3": [0, 3, 6],
+        "twice.k=-1": [0, -1, -2],
     }
 
 
