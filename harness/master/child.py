@@ -17,7 +17,9 @@ import time
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from multiprocessing.connection import Connection, wait
+from pathlib import Path
 from typing import Any, Self
 
 from harness.errors import HarnessError
@@ -160,6 +162,7 @@ def _work(
 ) -> None:
     _stand_alone()
     _redirect(terminal)
+    _let_go_of_files({messages.fileno(), terminal.fileno()})
     place.keep_in(memory.array(note, (place.SIZE,), "uint8"))
 
     def send(kind: str, content: Any) -> None:
@@ -211,6 +214,21 @@ def _wait_for_parent() -> None:
     if parent := multiprocessing.parent_process():
         parent.join()
         os._exit(1)
+
+
+def _let_go_of_files(needed: set[int]) -> None:
+    """Close what a fork has inherited: foreign code must not write into files of ours, nor keep
+    pipes open that others wait for.
+    """
+    files = Path("/proc/self/fd")
+    parent = multiprocessing.parent_process()
+    if not memory.FORK or not files.is_dir() or parent is None:
+        return
+    needed |= {0, 1, 2, parent.sentinel}
+    for number in [int(file.name) for file in files.iterdir()]:
+        if number not in needed:
+            with suppress(OSError):  # the one that has listed them
+                os.close(number)
 
 
 def _redirect(terminal: Connection) -> None:
