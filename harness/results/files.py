@@ -52,7 +52,11 @@ class ResultFile:
         self.path = path
         self._target = path.absolute()  # wherever an FMU may lead this process
         self.partial = path.with_name(f"{path.stem}.partial{path.suffix}")
-        self._special = path.exists() and not path.is_file()
+        try:
+            self._special = path.exists() and not path.is_file()
+        except (OSError, ValueError) as error:  # a name that no file can have
+            reason = getattr(error, "strerror", None) or str(error)
+            raise ResultsError(f"{path}: cannot be written ({reason})") from error
         if path.is_dir():
             raise ResultsError(f"{path}: cannot be written, it is a folder")
         if path.exists() and not os.access(path, os.W_OK):
