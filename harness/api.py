@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 from harness.changes import Changes, Pairs, apply, pairs
-from harness.master.simulation import Simulation, simulate
+from harness.master.isolated import guarded, simulate
+from harness.master.simulation import Simulation
 from harness.results.files import read
 from harness.results.result import Result
 from harness.ssp.library import load
@@ -44,21 +45,25 @@ def run(
     executor: str = "c",
     every: int = 1,
     progress: bool = False,
+    in_process: bool = False,
     **changes: Unpack[Changes],
 ) -> Result:
     """Run a system and return what was recorded.
 
     system: name of a system of the project, path of an .ssp, or a System; executor: c or python
-    (same bits); every: record every N-th macro step; progress: show a bar on stderr; changes: what
-    shall be otherwise than the system says, see harness.changes.Changes (params, set, swap,
-    latency, step, stop, algorithm).
+    (same bits); every: record every N-th macro step; progress: show a bar on stderr; in_process:
+    run FMUs that are not ours in this process too (docs/robustness.md); changes: what shall be
+    otherwise than the system says, see harness.changes.Changes (params, set, swap, latency, step,
+    stop, algorithm).
 
     Raises UsageError, ArchiveError, StructureError, FmuError, or RunError, whose `partial` is what
     was recorded so far.
     """
     with load(system) as found:
         changed = apply(found, **changes)
-        return simulate(changed, executor=executor, every=every, progress=progress)
+        return simulate(
+            changed, executor=executor, every=every, progress=progress, in_process=in_process
+        )
 
 
 def compare(  # noqa: PLR0913 - every one is an option of the command line
@@ -142,4 +147,6 @@ def linearize(
     from harness.studies import linearize as linear
 
     given = {name: parse(v) if isinstance(v, str) else v for name, v in pairs("--set", set)}
-    return linear.linearize(find_fmu(fmu), at, step, given)
+    path = find_fmu(fmu)
+    model: linear.LinearModel = guarded([path], linear.linearize, path, at, step, given)
+    return model

@@ -7,6 +7,7 @@ MAX_UNPACKED bytes.
 
 from __future__ import annotations
 
+import errno
 import io
 import stat
 import zipfile
@@ -16,6 +17,7 @@ from pathlib import Path, PurePosixPath
 
 from harness.errors import ArchiveError
 from harness.output import written
+from harness.paths import is_file
 
 MAX_UNPACKED = 2 * 1024**3
 """Largest sum of unpacked sizes of one archive [bytes]."""
@@ -41,6 +43,10 @@ _DAMAGE = (
 """What zipfile raises for damaged, encrypted or exotically compressed archives."""
 
 
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EMFILE, errno.EFBIG)
+"""Faults of the temporary folder, not of the archive."""
+
+
 def unpack(
     path: Path, folder: Path, limit: int = MAX_UNPACKED, content: bytes | None = None
 ) -> None:
@@ -49,13 +55,17 @@ def unpack(
 
     content: the bytes of the archive, if they have been read already.
     """
-    if not path.is_file():
+    if not is_file(path):
         raise ArchiveError(f"{path}: no such file")
     try:
         with zipfile.ZipFile(path if content is None else io.BytesIO(content)) as archive:
             _refuse_unsafe(path, archive.infolist(), limit)
             archive.extractall(folder)
     except _DAMAGE as error:
+        if isinstance(error, OSError) and error.errno in _NO_ROOM:
+            raise ArchiveError(
+                f"{path}: cannot be unpacked into {folder.parent} ({error.strerror})"
+            ) from error
         raise ArchiveError(
             f"{path}: cannot be unpacked, the file is damaged or not a zip archive ({error})"
         ) from error

@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import Any, TypedDict
 
 from harness.errors import StructureError, UsageError
+from harness.paths import is_file
 from harness.spelling import did_you_mean
 from harness.ssp.parameters import read_ssv
 from harness.system.graph import read_interfaces
-from harness.system.model import DEFAULT_SET, System
+from harness.system.model import DEFAULT_SET, Port, System
 from harness.system.swap import exchange
 from harness.system.tables import Assignments, read_toml
-from harness.system.values import parse
 from harness.system.wiring import split
 
 Pairs = Sequence[str] | Mapping[str, Any]
@@ -58,13 +58,13 @@ def apply(  # noqa: PLR0913 - every one is an option of the command line
     """
     if params is not None and (chosen := str(params)) in set_names(system):
         system, params = choose_set(system, chosen), None
-    for component, fmu in pairs("--swap", swap):
+    for component, fmu in _once("--swap", swap):
         system = exchange(system, component, fmu)
     if params is not None:
         system = _parameter_file(system, Path(params))
     if set:
-        system = _single_values(system, pairs("--set", set))
-    for component, steps in pairs("--latency", latency):
+        system = _single_values(system, _once("--set", set))
+    for component, steps in _once("--latency", latency):
         system = _delayed(system, component, steps)
     given = {"step": step, "stop": stop, "algorithm": algorithm}
     changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
@@ -81,6 +81,16 @@ def pairs(option: str, given: Pairs) -> Iterator[tuple[str, Any]]:
         if not equals:
             raise UsageError(f"{option} {text}: expected name=value")
         yield name.strip(), value.strip()
+
+
+def _once(option: str, given: Pairs) -> Iterator[tuple[str, Any]]:
+    """pairs(), of which no name may be given twice."""
+    seen = []
+    for name, value in pairs(option, given):
+        if name in seen:
+            raise UsageError(f"{option} {name}: is given twice")
+        seen.append(name)
+        yield name, value
 
 
 def set_names(system: System) -> list[str]:
@@ -111,7 +121,7 @@ def _parameter_file(system: System, path: Path) -> System:
         names = set_names(system)
         hint = did_you_mean(str(path), names) or f", only {', '.join(names)}"
         raise UsageError(f"--params {path}: {system.name} has no such set{hint}")
-    if not path.is_file():
+    if not is_file(path):
         raise UsageError(f"--params {path}: no such file")
     values = Assignments(read_interfaces(system))
     readers[path.suffix](values, path)
@@ -143,10 +153,20 @@ def _single_values(system: System, pairs: Iterator[tuple[str, Any]]) -> System:
         except ValueError as error:
             values.problems.append(str(error))
         else:
-            values.set(component, variable, parse(value) if isinstance(value, str) else value)
+            (values.write if isinstance(value, str) else values.set)(component, variable, value)
+    values.problems += _without_effect(system, values)
     if values.problems:
         raise UsageError("\n".join(f"--set {problem}" for problem in values.problems))
     return _with(system, values)
+
+
+def _without_effect(system: System, values: Assignments) -> Iterator[str]:
+    """Values for inputs that are driven, which would be overwritten before anybody reads them."""
+    drivers = {c.target: c.source for c in system.connections}
+    ports = (Port(c, v) for c, parameters in values.parameters.items() for v in parameters)
+    for port in ports:
+        if port in drivers:
+            yield f"{port}: is driven by {drivers[port]}, a value of its own has no effect"
 
 
 def _delayed(system: System, name: str, steps: Any) -> System:

@@ -26,6 +26,19 @@ class HarnessError(Exception):
 
     exit_status = 1
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For the way to another process: as it is, whatever its arguments were; no results."""
+        return _rebuilt, (type(self), self.args, {**self.__dict__, "partial": None})
+
+
+def _rebuilt(
+    kind: type[HarnessError], args: tuple[Any, ...], about: dict[str, Any]
+) -> HarnessError:
+    error = kind.__new__(kind)
+    error.args = args
+    error.__dict__.update(about)
+    return error
+
 
 class UsageError(HarnessError):
     """The request itself makes no sense."""

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Files that appear whole or not at all."""
+"""Files that appear whole or not at all, whatever ends the program meanwhile."""
 
 from __future__ import annotations
 
 import os
+import re
 import secrets
 import shutil
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from harness.errors import ResultsError
+from harness.signals import held
 
 
 @contextmanager
@@ -19,27 +21,53 @@ def written(path: Path) -> Iterator[Path]:
 
     It stands beside `path`, in a folder that is made if it is missing. If anything fails, an
     earlier file stays as it was. A link is followed, and the permissions of an earlier file are
-    kept. Raises ResultsError if the file cannot be written.
+    kept. Ctrl-C waits until the file is complete. Raises ResultsError if the file cannot be
+    written.
     """
-    target = path.resolve()
-    with _naming(path):
+    with held(), _naming(path):
+        target = path.resolve()
         beside = new_beside(target)
-    try:
-        with _naming(path):
+        try:
             yield beside
             if target.exists():
                 shutil.copymode(target, beside)
             beside.replace(target)
-    finally:
-        beside.unlink(missing_ok=True)
+        finally:
+            beside.unlink(missing_ok=True)
 
 
 def new_beside(target: Path) -> Path:
-    """A new empty file in the folder of `target` under a name that nobody can foresee; OSError."""
-    beside = target.with_name(f".{target.stem[:100]}-{secrets.token_hex(6)}{target.suffix}")
+    """A new empty file in the folder of `target` under a name that nobody can foresee; OSError.
+
+    What a killed process has left of an earlier one is removed.
+    """
     target.parent.mkdir(parents=True, exist_ok=True)
+    _sweep(target)
+    word = f"{os.getpid()}-{secrets.token_hex(6)}"
+    beside = target.with_name(f".{target.stem[:100]}-{word}{target.suffix}")
     os.close(os.open(beside, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     return beside
+
+
+def _sweep(target: Path) -> None:
+    left = re.compile(
+        rf"\.{re.escape(target.stem[:100])}-(\d+)-[0-9a-f]{{12}}{re.escape(target.suffix)}"
+    )
+    for file in target.parent.iterdir():
+        if (match := left.fullmatch(file.name)) and not _is_running(int(match[1])):
+            file.unlink(missing_ok=True)
+
+
+def _is_running(process: int) -> bool:
+    if os.name != "posix":  # asking would end it there
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):
+        return True
+    return True
 
 
 @contextmanager

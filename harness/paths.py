@@ -7,6 +7,7 @@ The environment variable SERVICING_FMUS_BUILD names another build folder, which 
 
 from __future__ import annotations
 
+import filecmp
 import os
 from pathlib import Path
 
@@ -17,6 +18,21 @@ BUILD = PACKAGE.parent / "build"
 def fmus() -> dict[str, Path]:
     """All FMUs of the project by name."""
     return _files("fmus", "fmu")
+
+
+def is_file(path: str | Path) -> bool:
+    """Whether there is a file of this name; no name is too long or too odd to ask."""
+    try:
+        return Path(path).is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def is_ours(fmu: Path) -> bool:
+    """Whether a file is one of the FMUs of the project, wherever it stands: the same bytes."""
+    size = fmu.stat().st_size
+    candidates = (path for path in fmus().values() if path.stat().st_size == size)
+    return any(filecmp.cmp(path, fmu, shallow=False) for path in candidates)
 
 
 def systems() -> dict[str, Path]:

@@ -14,6 +14,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
 
+from harness.errors import ResultsError
+
 _GUARD = 'IFS= read -r word; [ "$word" = done ] || rm -rf -- "$1"'
 
 
@@ -21,7 +23,13 @@ class PrivateFolder:
     """A new folder that only this user can read; a context manager that gives its path."""
 
     def __init__(self) -> None:
-        self._folder = TemporaryDirectory(prefix="harness-")
+        try:
+            self._folder = TemporaryDirectory(prefix="harness-")
+        except OSError as error:
+            raise ResultsError(
+                f"{os.environ.get('TMPDIR', 'the temporary folder')}: no temporary files can be "
+                f"made there ({error.strerror or error})"
+            ) from error
         self.path = Path(self._folder.name)
         self._guard = _guard(self.path)
 

@@ -18,6 +18,7 @@ from time import perf_counter
 from harness.bench.contenders import CONTENDERS, Contender
 from harness.bench.instructions import Count, per_step
 from harness.errors import HarnessError
+from harness.master.isolated import guarded
 from harness.ssp.library import load
 from harness.system.model import System
 
@@ -87,7 +88,7 @@ def bench(name: str) -> str:
     UsageError if unknown.
     """
     with load(name) as system:
-        rows = list(measure(system))
+        rows = guarded([c.fmu for c in system.components], _rows, system)
     base = next((row.seconds for row in rows if row.name == CONTENDERS[1][0] and row.seconds), None)
     counts = per_step(name, COUNTED)
     lines = [
@@ -100,6 +101,10 @@ def bench(name: str) -> str:
         f"command-line start-up {start_up():.2f} s, memory of a whole run {run_memory(name):.0f} MB"
     ]
     return "\n".join(lines)
+
+
+def _rows(system: System) -> list[Row]:
+    return list(measure(system))
 
 
 def _line(row: Row, base: float | None, count: Count | None) -> str:

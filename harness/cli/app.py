@@ -11,15 +11,20 @@ import logging
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Annotated
 
 import typer
 
+from harness import signals
 from harness.cli import look, models, runs
+from harness.cli.once import OnceCommand
 from harness.errors import HarnessError
 
 app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None, no_args_is_help=True)
 for group in (runs, look, models):
+    for command in group.app.registered_commands:
+        command.cls = OnceCommand
     app.registered_commands += group.app.registered_commands
 
 INTERRUPTED = 130
@@ -45,6 +50,38 @@ def options(
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit status."""
+    _open_streams()
+    with signals.as_interrupts():
+        return _flushed(_main(arguments))
+
+
+def _open_streams() -> None:
+    """Let every text through: streams that were closed go nowhere, odd characters are escaped."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115, PTH123
+        stream = getattr(sys, name)
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _flushed(status: int) -> int:
+    """The exit status, unless the output cannot be written to its end."""
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        return _output_lost(error)
+    return status
+
+
+def _output_lost(error: OSError) -> int:
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    if isinstance(error, BrokenPipeError):  # the reader of our output has gone
+        return 1
+    return _complain(f"standard output cannot be written ({error.strerror})", 1)
+
+
+def _main(arguments: Sequence[str] | None) -> int:
     logging.basicConfig(format="harness: note: %(message)s", level=logging.WARNING)
     try:
         status = app(
@@ -56,9 +93,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _complain(str(error), error.exit_status)
     except (KeyboardInterrupt, typer.Abort):
         return _complain("interrupted", 1)
-    except BrokenPipeError:  # the reader of our output has gone
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
+    except BrokenPipeError as error:
+        return _output_lost(error)
     except Exception as error:
         return _unexpected(error)
     if status == INTERRUPTED:
@@ -67,9 +103,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _unexpected(error: Exception) -> int:
-    """A wrong command line (typer's own errors, whose classes depend on its version), or a mistake
-    of ours.
+    """A wrong command line (typer's own errors, whose classes depend on its version), what the
+    system refuses, or a mistake of ours.
     """
+    if isinstance(error, OSError) and error.filename is None:
+        return _output_lost(error)
     if hasattr(error, "format_message") and hasattr(error, "exit_code"):
         return _complain(error.format_message(), error.exit_code)
     if os.environ.get("HARNESS_TRACEBACK"):
@@ -81,5 +119,11 @@ def _unexpected(error: Exception) -> int:
 
 def _complain(message: str, status: int) -> int:
     for line in message.splitlines():
-        print(f"harness: {line}", file=sys.stderr)
+        with suppress(OSError):  # nobody listens
+            print(f"harness: {printable(line)}", file=sys.stderr)
     return status
+
+
+def printable(line: str) -> str:
+    """Without control characters, which do things to a terminal."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in line)

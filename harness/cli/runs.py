@@ -37,6 +37,9 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
         str | None,
         typer.Option(metavar="OUT.zarr#N", help="as run N of a campaign, with figures"),
     ] = None,
+    in_process: Annotated[
+        bool, typer.Option("--in-process", help="foreign FMUs in this process too, for debugging")
+    ] = False,
     quiet: QuietOption = False,
     changes: Any = None,
 ) -> None:
@@ -44,39 +47,46 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
 
     Default: results/SYSTEM.nc.
     """
-    from harness.api import run
+    from harness.changes import apply
+    from harness.master.isolated import simulate
     from harness.results.files import ResultFile
     from harness.results.notes import notes
+    from harness.signals import held
+    from harness.ssp.library import load
 
     if like is not None:
-        from harness.studies.campaign.campaign import like as found
+        from harness.studies.campaign.campaign import like as run_of
 
-        changes = {**found(like, system), **changes}
+        changes = {**run_of(like, system), **changes}
 
     file = ResultFile(output or Path("results") / f"{Path(system).stem}.nc")
     began = perf_counter()
-    try:
-        result = run(
-            system,
-            executor=executor,
-            every=every,
-            progress=not quiet and sys.stderr.isatty(),
-            **changes,
-        )
-    except RunError as error:
-        if error.partial is not None:
-            file.write(error.partial)
-            error.append(f"{len(error.partial.time)} rows kept in {file.path}")
-        raise
-    seconds = perf_counter() - began
-    file.write(result)
-    if not quiet:
-        typer.echo(
-            f"{result.system}: {result.time[-1]:g} s in {seconds:.2f} s, "
-            f"{len(result.time)} rows in {file.path}"
-        )
-        for note in notes(result):
-            typer.echo(f"note: {note}")
+    with load(system) as found:
+        changed = apply(found, **changes)
+        file.accept(changed)
+        with held():  # from here on nothing that was recorded is lost
+            try:
+                result = simulate(
+                    changed,
+                    executor=executor,
+                    every=every,
+                    progress=not quiet and sys.stderr.isatty(),
+                    in_process=in_process,
+                )
+            except RunError as error:
+                if error.partial is not None:
+                    kept = file.keep(error.partial)
+                    error.append(f"{len(error.partial.time)} rows kept in {kept}")
+                raise
+            seconds = perf_counter() - began
+            file.write(result)
+            if not quiet:
+                typer.echo(
+                    f"{result.system}: {result.time[-1]:g} s in {seconds:.2f} s, "
+                    f"{len(result.time)} rows in {file.path}"
+                )
+                for note in notes(result):
+                    typer.echo(f"note: {note}")
     if like is not None:
         from harness.figures.plots import plot
 

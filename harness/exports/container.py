@@ -21,6 +21,7 @@ from lxml import etree
 
 from harness.archive import pack
 from harness.errors import ResultsError, StructureError, UsageError
+from harness.master.isolated import guarded
 from harness.master.simulation import Simulation
 from harness.ssp.xml import XmlElement, literal
 from harness.system.conversion import final, way
@@ -156,7 +157,7 @@ def initial_order(system: System) -> list[int]:
     first outputs settle before those of what it still waits for, of several at the last in order of
     execution, which is a plant. Raises StructureError if there is none.
     """
-    rounds = _rounds(system)
+    rounds = guarded([c.fmu for c in system.components], _rounds, system)
     index = {c.name: i for i, c in enumerate(system.components)}
     sources: dict[int, set[int]] = {i: set() for i in index.values()}
     for start, end, _ in system.connections:

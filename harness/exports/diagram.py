@@ -16,7 +16,6 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from harness.system.model import System
-from harness.system.values import base
 
 CHARACTER, LINE = 7.3, 15
 """Width of a character and distance of two lines of text [px]."""
@@ -79,8 +78,8 @@ def nets(system: System) -> list[Net]:
     index = {c.name: i for i, c in enumerate(system.components)}
     readers: dict[tuple[int, str], set[tuple[int, str]]] = defaultdict(set)
     for start, end, _ in system.connections:
-        signal = (index[start.component], base(start.variable))
-        readers[signal].add((index[end.component], base(end.variable)))
+        signal = (index[start.component], start.signal)
+        readers[signal].add((index[end.component], end.signal))
     bundles: dict[tuple[int, tuple[int, ...]], list[str]] = defaultdict(list)
     for (source, name), ends in readers.items():
         for side in (True, False):

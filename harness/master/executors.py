@@ -32,7 +32,12 @@ class Clock(NamedTuple):
 
 
 class Executor(Protocol):
-    """Something that performs macro steps; RunError names the instance that failed."""
+    """Something that performs macro steps; RunError names the instance that failed.
+
+    calls: instance and verb of every call of a macro step, in the order that the recorder marks.
+    """
+
+    calls: list[tuple[str, str]]
 
     def run(self, first: int, last: int) -> None:
         """Macro steps first .. last - 1, recording each."""
@@ -49,14 +54,16 @@ class PythonExecutor:
         clock: Clock,
     ) -> None:
         self.plan, self.bus, self.recorder, self.clock = plan, bus, recorder, clock
+        self.calls = [(action.instance.name, action.verb.call) for action in plan]
 
     def run(self, first: int, last: int) -> None:
         """Macro steps first .. last - 1, recording each; RunError names the instance that
         failed.
         """
         for k in range(first, last):
-            for action in self.plan:
+            for i, action in enumerate(self.plan):
                 if action.due(k):
+                    self.recorder.marks[1] = i
                     action.instance.act(action.verb, self.bus, self.clock.time(k), self.clock.step)
             self.recorder.record(k + 1, self.bus)
 
@@ -121,6 +128,7 @@ class _Run(ctypes.Structure):
         ("slots", ctypes.c_size_t),
         ("table", ctypes.c_void_p),
         ("every", ctypes.c_long),
+        ("marks", ctypes.c_void_p),
     ]
 
 
@@ -143,6 +151,7 @@ class CExecutor:
         self.recorder, self.clock = recorder, clock
         self._execute = _loop()
         self._origin = list(_origins(plan))
+        self.calls = [(action.instance.name, action.verb.call) for action, _ in self._origin]
         pieces = [_pieces(transfer) for _, transfer in self._origin]
         self._calls = (_Call * len(self._origin))(
             *(_call(*origin, run) for origin, run in zip(self._origin, pieces, strict=True))
@@ -150,7 +159,13 @@ class CExecutor:
         table = recorder.table
         self._keep = (plan, bus, table, pieces)
         self._run = _Run(
-            clock.start, clock.step, bus.ctypes.data, len(bus), table.ctypes.data, recorder.every
+            clock.start,
+            clock.step,
+            bus.ctypes.data,
+            len(bus),
+            table.ctypes.data,
+            recorder.every,
+            recorder.marks.ctypes.data,
         )
 
     def run(self, first: int, last: int) -> None:

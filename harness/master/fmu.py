@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from harness import cache
 from harness.archive import unpack
 from harness.errors import FmuError, RunError
-from harness.master import messages
+from harness.master import messages, place
 from harness.master.transfer import Transfer, transfers
 from harness.system.graph import Node
 from harness.system.interface import Interface, binaries
@@ -104,6 +104,7 @@ class Instance:
         folder = self._unpacked()
         library = self._library(folder)
         messages.forget(self.name)
+        place.enter(self.name, "fmi2Instantiate")
         try:
             with contextlib.chdir(Path.cwd()):  # FMPy does not return from a library that fails
                 slave = FMU2Slave(
@@ -140,8 +141,8 @@ class Instance:
 
     def _library(self, folder: Path) -> Path:
         """Path of its library in the unpacked FMU."""
-        places = (folder / name for name in binaries(self.node.interface))
-        if (library := next((place for place in places if place.is_file()), None)) is None:
+        files = (folder / name for name in binaries(self.node.interface))
+        if (library := next((file for file in files if file.is_file()), None)) is None:
             raise FmuError(
                 f"{self.name}: {self.node.interface.path.name} holds no binary for this platform"
             )
@@ -155,6 +156,7 @@ class Instance:
             c.name for c in self.node.interface.model.logCategories if c.name in ERROR_CATEGORIES
         ]
         if categories:
+            place.enter(self.name, "fmi2SetDebugLogging")
             with contextlib.suppress(FMICallException):
                 slave.setDebugLogging(True, categories)
 
@@ -181,6 +183,7 @@ class Instance:
         if unable or self._status not in (OK, WARNING):
             return False
         self._terminate()
+        place.enter(self.name, "fmi2Reset")
         if self.library.fmi2Reset(self.handle) not in (OK, WARNING):
             self.resettable = False
             messages.note_irreversible([self.name])
@@ -191,6 +194,7 @@ class Instance:
         self._used = True
         setters = {kind: self._setter(kind) for kind in {v.type for v, _ in self.node.settings}}
         for variable, value in self.node.settings:
+            place.enter(self.name, f"fmi2Set{_suffix(variable.type)}")
             if (status := setters[variable.type](variable.reference, value)) not in (OK, WARNING):
                 doing = f"set{_suffix(variable.type)} refused {value}"
                 raise self._failure(status, doing, time, variable.name)
@@ -228,6 +232,7 @@ class Instance:
             for state in list(self._states):
                 self.free(state)
             self._terminate()
+            place.enter(self.name, "fmi2FreeInstance")
             self.slave.freeInstance()
         self._files.close()
 
@@ -235,6 +240,7 @@ class Instance:
         """End a run; an FMU that does not want to is not asked twice."""
         with contextlib.suppress(FMICallException):
             if self._stepping and self._status in (OK, WARNING):
+                place.enter(self.name, "fmi2Terminate")
                 self.slave.terminate()
         self._stepping = False
 
@@ -259,12 +265,14 @@ class Instance:
         """Set the inputs in initialization mode, as far as what drives them has been computed
         yet.
         """
+        place.enter(self.name, Verb.SET.call)
         for transfer in self.transfers[Verb.SET]:
             if np.isfinite(bus[transfer.slots]).all():
                 self.raise_if_failed(Verb.SET, transfer.write(bus), time)
 
     def propagate_outputs(self, bus: NDArray[np.float64], time: float) -> None:
         """Read the outputs in initialization mode, where they may not be finite yet."""
+        place.enter(self.name, Verb.GET.call)
         for transfer in self.transfers[Verb.GET]:
             self.raise_if_failed(Verb.GET, transfer.read(bus), time)
 
@@ -313,6 +321,7 @@ class Instance:
     # ---- calls
 
     def _call(self, function: str, time: float, *arguments: object) -> None:
+        place.enter(self.name, function)
         status = getattr(self.library, function)(self.handle, *arguments)
         if status not in (OK, WARNING):
             raise self._failure(status, f"{function} failed", time)

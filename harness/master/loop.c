@@ -5,6 +5,7 @@
  * allocates or knows Python. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include <stddef.h>
+#include <stdint.h>
 #include <string.h>
 
 #include "finite.h"
@@ -53,6 +54,7 @@ typedef struct {
     size_t slots;
     double *table; /* recorded rows, row r = bus after r * every macro steps */
     long every;
+    volatile int64_t *marks; /* macro steps completed, call being made: for who finds us dead */
 } Run;
 
 typedef struct {
@@ -127,6 +129,7 @@ static void record(const Run *run, long done)
     if (done % run->every == 0)
         memcpy(run->table + (size_t)(done / run->every) * run->slots, run->bus,
                run->slots * sizeof(double));
+    run->marks[0] = done;
 }
 
 /* Macro steps first .. last - 1; stops at the first call whose status is neither fmi2OK nor
@@ -136,6 +139,7 @@ EXPORT Stop execute(const Call *calls, size_t count, const Run *run, long first,
     for (long k = first; k < last; k++) {
         for (size_t i = 0; i < count; i++) {
             if (!due(&calls[i], k)) continue;
+            run->marks[1] = (int64_t)i;
             int status = perform(&calls[i], run, k);
             if (status < fmi2OK || status > fmi2Warning) return (Stop){k, i, status};
         }

@@ -20,21 +20,48 @@ class Recorder:
         """
         if every < 1:
             raise UsageError(f"--every must be at least 1, not {every}")
-        self.every = every
-        self.done = 0
+        self.every = min(every, steps + 1)  # more means the first row only
+        self.marks: NDArray[np.int64] = np.zeros(3, dtype=np.int64)
         rows = steps // every + 1
         try:
             self.table: NDArray[np.float64] = np.empty((rows, slots))
-        except MemoryError as error:
+        except (MemoryError, ValueError, OverflowError) as error:
             raise UsageError(
                 f"{rows} rows of {slots} values do not fit into memory: record fewer with --every"
             ) from error
 
+    def keep_in(self, table: NDArray[np.float64], marks: NDArray[np.int64]) -> None:
+        """Use other arrays of the same shapes, which another process shares."""
+        self.table, self.marks = table, marks
+
+    @property
+    def done(self) -> int:
+        """Macro steps completed."""
+        return int(self.marks[0])
+
+    @done.setter
+    def done(self, steps: int) -> None:
+        self.marks[0] = steps
+
+    @property
+    def call(self) -> int:
+        """Which call of a macro step is being made."""
+        return int(self.marks[1])
+
+    @property
+    def stopped(self) -> bool:
+        """Whether stop() was called, in whatever process."""
+        return bool(self.marks[2])
+
+    def stop(self) -> None:
+        """Ask whoever fills the table to stop."""
+        self.marks[2] = 1
+
     def record(self, done: int, bus: NDArray[np.float64]) -> None:
         """Note that `done` macro steps are complete and keep the bus if its row is due."""
-        self.done = done
         if done % self.every == 0:
             self.table[done // self.every] = bus
+        self.done = done
 
     @property
     def rows(self) -> NDArray[np.float64]:

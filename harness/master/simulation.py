@@ -13,6 +13,7 @@ from typing import Any, Self, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
+from harness import signals
 from harness.changes import Changes, apply
 from harness.errors import InterruptionError, RunError, UsageError
 from harness.master import messages
@@ -309,12 +310,17 @@ class Simulation:
             self.pace = min(self.pace, seconds / (self.step - first))
             if progress is not None:
                 progress(self.step)
+            signals.check()
             chunk = 2 * chunk if seconds < CHUNK_SECONDS / 2 else chunk
 
     def _partial(self, error: RunError) -> RunError:
         if self._initialised:
             error.partial = self.result(str(error))
         return error
+
+    def calls(self) -> list[tuple[str, str]]:
+        """Instance and FMI function of every call of a macro step, as the recorder counts them."""
+        return self._executor.calls
 
     # ---- rollback
 

@@ -5,8 +5,9 @@ struct per component).
 .nc and .mat keep the parameters of the run too: as variables without time, and in the struct
 `parameters`.
 
-A run that ended early leaves a file all the same: .nc and .mat say `complete = 0`, a .csv ends with
-a line `# incomplete: reason`.
+A run that ended early leaves a file NAME.partial.nc beside, so that a complete file is replaced by
+complete ones only: .nc and .mat say `complete = 0`, a .csv ends with a line `# incomplete: reason`.
+What cannot be written there is kept elsewhere.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from __future__ import annotations
 import csv
 import os
 import re
+import tempfile
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import replace
@@ -23,10 +25,16 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import HarnessError, ResultsError, UsageError
+from harness.errors import ResultsError, UsageError
 from harness.output import new_beside, written
 from harness.results.result import Result
+from harness.signals import held
+from harness.system.graph import read_interfaces
+from harness.system.model import Port, System
 from harness.system.values import expand
+
+ELEMENTS = "elements"
+"""Attribute with the names of the elements of a vector where they are not counted from 1."""
 
 INCOMPLETE = "# incomplete: "
 AXES = {3: "axis"}
@@ -44,7 +52,13 @@ class ResultFile:
                 f"'{path.suffix or path.name}'"
             )
         self.path = path
-        self._special = path.exists() and not path.is_file()
+        self._target = path.absolute()  # wherever an FMU may lead this process
+        self.partial = path.with_name(f"{path.stem}.partial{path.suffix}")
+        try:
+            self._special = path.exists() and not path.is_file()
+        except (OSError, ValueError) as error:  # a name that no file can have
+            reason = getattr(error, "strerror", None) or str(error)
+            raise ResultsError(f"{path}: cannot be written ({reason})") from error
         if path.is_dir():
             raise ResultsError(f"{path}: cannot be written, it is a folder")
         if path.exists() and not os.access(path, os.W_OK):
@@ -65,18 +79,86 @@ class ResultFile:
             except OSError as error:
                 raise ResultsError(f"{self.path}: cannot be written ({error.strerror})") from error
 
+    def accept(self, system: System) -> None:
+        """Look whether the file can hold the names of a system; ResultsError with those that it
+        cannot.
+        """
+        if self.path.suffix != ".nc":
+            return
+        names = (
+            str(Port(component, variable))
+            for component, interface in read_interfaces(system).items()
+            for variable in (*interface.outputs(), *interface.named("parameter"))
+        )
+        if bad := [name for name in names if not _NETCDF_NAME.fullmatch(name) or len(name) > 200]:
+            more = f" and {len(bad) - 3} more" if len(bad) > 3 else ""
+            shown = ", ".join(repr(name[:80]) for name in bad[:3]) + more
+            raise ResultsError(f"{self.path}: a .nc cannot hold {shown}: choose .csv or .mat")
+
     def write(self, result: Result) -> None:
-        """Write the result; ResultsError if that fails, an earlier file of that name is then left
-        as it was.
+        """Write the result of a complete run, in the place of an earlier partial one too.
+
+        ResultsError if that fails; an earlier file is then left as it was, and the result is kept
+        elsewhere if that is possible.
         """
         try:
-            with nullcontext(self.path) if self._special else written(self.path) as target:
-                WRITERS[self.path.suffix](result, target)
-        except HarnessError:
+            self._write(result, self._target)
+        except ResultsError as error:
+            if place := _rescued(result, self._target):
+                raise ResultsError(f"{error}; the results are kept in {place}") from error
             raise
+        if not self._special:
+            self._target.with_name(self.partial.name).unlink(missing_ok=True)
+
+    def keep(self, result: Result) -> str:
+        """Write the result of a run that ended early, beside the file; returns where it is.
+
+        ResultsError if it can be written nowhere.
+        """
+        partial = self.path if self._special else self.partial
+        try:
+            self._write(result, self._target.with_name(partial.name))
+        except ResultsError as error:
+            if place := _rescued(result, self._target):
+                return f"{place} ({error})"
+            raise
+        return str(partial)
+
+    def _write(self, result: Result, path: Path) -> None:
+        try:
+            with held(), nullcontext(path) if self._special else written(path) as target:
+                WRITERS[path.suffix](result, target)
         except Exception as error:  # OSError, or what the libraries behind xarray and scipy raise
-            reason = getattr(error, "strerror", None) or " ".join(str(error).split())
-            raise ResultsError(f"{self.path}: cannot be written ({reason})") from error
+            raise ResultsError(_failure(error, self.path)) from error
+
+
+def _failure(error: Exception, path: Path) -> str:
+    cause = error.__cause__ if isinstance(error, ResultsError) and error.__cause__ else error
+    reason = getattr(cause, "strerror", None) or " ".join(str(cause).split())
+    return f"{path}: cannot be written ({reason or type(cause).__name__})"
+
+
+def _rescued(result: Result, path: Path) -> Path | None:
+    """Where a result was written that could not be written to its place."""
+    elsewhere = Path(tempfile.gettempdir())
+    for folder, ending in ((elsewhere, path.suffix), (path.parent, ".csv"), (elsewhere, ".csv")):
+        try:
+            number, name = tempfile.mkstemp(ending, f"{path.stem[:100]}-", folder)
+        except OSError:
+            continue
+        os.close(number)
+        try:
+            with held():
+                WRITERS[ending](result, Path(name))
+        except Exception:  # the same failures as at its own place
+            Path(name).unlink(missing_ok=True)
+        else:
+            return Path(name)
+    return None
+
+
+_NETCDF_NAME = re.compile(r"[\w\u0080-\U0010ffff][^/\x00-\x1f\x7f]*(?<! )")
+"""Names that a netCDF file can have, of at most 256 bytes."""
 
 
 def read(path: Path) -> Result:
@@ -186,6 +268,10 @@ def _variables(
     for name in (*result.vectors, *single):
         values = result[name]
         attributes = {"units": result.unit(name), "long_name": result.description(name)}
+        if name in result.vectors:
+            given = [result.columns[i] for i in result.vectors[name].flat]
+            if given != _element_names(name, values.shape[1:]):
+                attributes[ELEMENTS] = "\n".join(given)
         yield name, _dimensions(values.shape[1:]), values, attributes
 
 
@@ -226,7 +312,8 @@ def _table(
     """Variables with their attributes as flat columns."""
     columns, blocks, units, descriptions = [], [np.empty((len(time), 0))], [], []
     for name, (values, about) in variables.items():
-        names = _element_names(name, values.shape[1:])
+        given = about.get(ELEMENTS)
+        names = given.split("\n") if given else _element_names(name, values.shape[1:])
         columns += names
         blocks.append(values.reshape(len(values), -1))
         units += [about.get("units", "")] * len(names)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.spelling import did_you_mean
-from harness.system.values import base, index
+from harness.system.names import base, grid, index
 
 
 @dataclass(frozen=True)
@@ -97,14 +97,13 @@ class Result:
 
 
 def _array(group: Mapping[tuple[int, ...], int]) -> NDArray[np.intp] | None:
-    """Columns in the shape of their indices; None if elements are missing, then only single
-    elements have names.
+    """Columns in the shape of their indices, which begin at 0 or 1; None if elements are missing,
+    then only single elements have names.
     """
-    dimensions = {len(i) for i in group}
-    if len(dimensions) != 1:
+    whole = grid(group)
+    if whole is None or not whole.shape or max(whole.first) > 1:
         return None
-    shape = tuple(max(column) for column in zip(*group, strict=True))
-    array = np.full(shape, -1, dtype=np.intp)
+    array = np.empty(whole.shape, dtype=np.intp)
     for i, column in group.items():
-        array[tuple(k - 1 for k in i)] = column
-    return None if (array < 0).any() else array
+        array[whole.place(i)] = column
+    return array

@@ -11,6 +11,7 @@ units, ill-shaped values.
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -48,6 +49,10 @@ KEYS = {
 }
 """Keys that the tables of a system may have."""
 
+TABLES = ("experiment", "components", "schedule", "connections", "open", "parameters", "sets")
+TABLES_OF_TABLES = ("schedule", "parameters", "sets", "alternatives")
+TABLES_OF_TEXTS = ("components", "connections")
+
 
 def system_of(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> System:
     """The system that a TOML describes; fmus: paths by name. Raises FmuError or StructureError with
@@ -60,6 +65,8 @@ def system_of(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> System:
 
 def _ill_formed(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> list[str]:
     """Problems that make it pointless to look further."""
+    if misshapen := list(_misshapen(source)):
+        return misshapen
     found = [
         f"there is no [{key}] table or value"
         for key in ("name", "experiment", "components")
@@ -74,11 +81,44 @@ def _ill_formed(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> list[str
     return found
 
 
+def _misshapen(source: Mapping[str, Any]) -> Iterator[str]:
+    """What is a table and should be a value, or the other way round."""
+    yield from (
+        f"{key}: must be a text" for key in ("name", "description") if _no_text(source, key)
+    )
+    tables = [k for k in (*TABLES, "alternatives") if k in source]
+    for key in (key for key in tables if not isinstance(source[key], Mapping)):
+        yield f"[{key}]: must be a table"
+    for key, entry, value in (
+        (k, e, v) for k in tables if isinstance(source[k], Mapping) for e, v in source[k].items()
+    ):
+        if key in TABLES_OF_TABLES and not isinstance(value, Mapping):
+            yield f"[{key}] {entry}: must be a table"
+        elif key in TABLES_OF_TEXTS and not isinstance(value, str):
+            yield f"[{key}] {entry}: must be a text"
+        elif key in ("sets", "alternatives"):
+            if not isinstance(value.get("experiment", {}), Mapping):
+                yield f"[{key}.{entry}] experiment: must be a table"
+            texts = (k for k in ("description", "replaces") if _no_text(value, k))
+            yield from (f"[{key}.{entry}] {text}: must be a text" for text in texts)
+
+
+def _no_text(table: Mapping[str, Any], key: str) -> bool:
+    return key in table and not isinstance(table[key], str)
+
+
 def _unknown_keys(place: str, table: Mapping[str, Any], known: Sequence[str]) -> list[str]:
     where = f"[{place}]: " if place else ""
     return [
         f"{where}unknown key {key}{did_you_mean(key, known)}" for key in table if key not in known
     ]
+
+
+def _is_finite(number: float) -> bool:
+    try:
+        return math.isfinite(number)
+    except OverflowError:  # an integer beyond all doubles
+        return False
 
 
 class _Builder:
@@ -153,8 +193,10 @@ class _Builder:
 
     def _number(self, place: str, table: Mapping[str, Any], key: str) -> float | None:
         value = table.get(key)
-        if value is None or (isinstance(value, int | float) and not isinstance(value, bool)):
-            return None if value is None else float(value)
+        if value is None:
+            return None
+        if isinstance(value, int | float) and not isinstance(value, bool) and _is_finite(value):
+            return float(value)
         self.problems.append(f"[{place}] {key}: {value!r} is not a number")
         return None
 

@@ -12,6 +12,7 @@ from urllib.parse import unquote, urlsplit
 
 from harness.archive import read_entry
 from harness.errors import ArchiveError, StructureError
+from harness.paths import is_file
 from harness.spelling import did_you_mean
 from harness.ssp import xml
 from harness.ssp.parameters import (
@@ -210,7 +211,7 @@ class ElementReader:
         if element.get("sourceBase") == "component":
             return self._inside(fmu, source, schema)
         path = self.file(source, label)
-        if not path.is_file():
+        if not is_file(path):
             raise StructureError([])
         return xml.parse(path, schema)
 
@@ -230,7 +231,7 @@ class ElementReader:
             self.problems.append(f"{label}: {name} is not read, only files in the archive are")
             return self.folder
         path = (self.folder / unquote(name)).resolve()
-        if not path.is_relative_to(self.folder.resolve()) or not path.is_file():
+        if not path.is_relative_to(self.folder.resolve()) or not is_file(path):
             self.problems.append(
                 f"{label}: {name or 'a file without a name'} is not in the archive"
             )

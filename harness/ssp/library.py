@@ -32,6 +32,6 @@ def find_system(name: str | Path) -> Path:
     known = paths.systems()
     if str(name) in known:
         return known[str(name)]
-    if Path(name).is_file():
+    if paths.is_file(name):
         return Path(name)
     raise UsageError(f"{name}: there is no such system{did_you_mean(str(name), known)}")

@@ -16,6 +16,7 @@ from pathlib import Path
 from harness import cache
 from harness.archive import unpack
 from harness.errors import StructureError
+from harness.paths import is_file
 from harness.ssp import xml
 from harness.ssp.elements import ElementReader
 from harness.ssp.flatten import Flat
@@ -179,7 +180,7 @@ class _Reader:
             return {}
 
     def _inside(self, path: Path) -> bool:
-        return path.is_file() and path.resolve().is_relative_to(self.folder.resolve())
+        return is_file(path) and path.resolve().is_relative_to(self.folder.resolve())
 
     def _number(self, element: xml.XmlElement, attribute: str) -> float | None:
         return xml.number(element, attribute, self.problems)

@@ -27,7 +27,7 @@ def check(name: str) -> str:
     """
     systems, fmus = paths.systems(), paths.fmus()
     path = systems.get(name) or fmus.get(name) or Path(name)
-    if not path.is_file():
+    if not paths.is_file(path):
         raise UsageError(
             f"{name}: there is no such system or FMU{did_you_mean(name, [*systems, *fmus])}"
         )

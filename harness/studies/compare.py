@@ -2,7 +2,8 @@
 """Several runs of one system side by side, in parallel, measured and put into one table.
 
 They are run by as many processes as there are processors, each with a simulation that stays warm.
-An FMU that crashes ends the process of its own run; the next one gets a new process.
+A run with FMUs that are not ours has a process of its own below. Whatever an FMU does costs its own
+run only.
 """
 
 from __future__ import annotations
@@ -13,16 +14,18 @@ import math
 import multiprocessing
 import os
 import signal
-import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
 
 from harness.changes import apply
-from harness.errors import HarnessError, RunError
+from harness.errors import HarnessError, RunError, UsageError
+from harness.master import isolated
+from harness.master.child import end_with_parent
 from harness.results.files import ResultFile, read
 from harness.results.result import Result
 from harness.ssp.library import load
@@ -36,18 +39,19 @@ _log = logging.getLogger("harness")
 
 ROWS = 20_000
 """Rows that a run has at most unless the user wants otherwise."""
+TABLE = "comparison.csv"
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a variant: its results file, and the one line that says why it ended early ("":
-    it did not).
+    """What came of a variant: its results file, if there are results (of a run that ended early the
+    partial one), and the one line that says why it ended early ("": it did not).
 
     pace: time of a macro step, of the quickest tenth of a second of the run [us].
     """
 
     variant: Variant
-    file: Path
+    file: Path | None
     failure: str = ""
     pace: float = math.nan
 
@@ -95,32 +99,34 @@ def compare(  # noqa: PLR0913 - what a comparison can be told
     progress: called with the number of runs that are over. Raises what run() raises before its
     first step, and ResultsError; a run that fails under way ends early, the others go on.
     """
-    steps = _check(system, variants)
+    steps = _check(system, variants, ResultFile(directory / "any.nc"), every)
     files = [ResultFile(directory / f"{variant.file}.nc").path for variant in variants]
-    for file in files:
-        file.unlink(missing_ok=True)
-    thinning = [every or _thinning(n) for n in steps]
+    thinning = [_thinning(n) if every is None else every for n in steps]
     outcomes = _run_all(system, list(zip(variants, files, thinning, strict=True)), progress)
-    results = {
-        outcome.variant.label: read(outcome.file) for outcome in outcomes if outcome.file.is_file()
-    }
+    results = {outcome.variant.label: read(outcome.file) for outcome in outcomes if outcome.file}
     held = (limits or Limits()).common(results)
     taken = measures(results, held)
     labels = [outcome.variant.label for outcome in outcomes]
     paces = {outcome.variant.label: outcome.pace for outcome in outcomes if not outcome.failure}
     comparison = Comparison(outcomes, results, held, taken | {("macro step", "us"): paces})
-    write_csv(comparison.measures, labels, directory / "comparison.csv")
+    write_csv(comparison.measures, labels, directory / TABLE)
     return comparison
 
 
-def _check(system: str | Path, variants: Sequence[Variant]) -> list[int]:
+def _check(
+    system: str | Path, variants: Sequence[Variant], file: ResultFile, every: int | None
+) -> list[int]:
     """Find everything that is wrong with a variant before any is run; returns the macro steps of
     each.
     """
     steps = []
+    if every is not None and every < 1:
+        raise UsageError(f"--every must be at least 1, not {every}")
     with load(system) as found:
         for variant in variants:
-            steps.append(checked(apply(found, **variant.changes)).steps)
+            changed = apply(found, **variant.changes)
+            file.accept(changed)
+            steps.append(checked(changed).steps)
     return steps
 
 
@@ -189,7 +195,7 @@ class _Lane:
         except BrokenProcessPool:
             self.close()
             crash = "its process was ended from outside, or by a crash inside an FMU"
-            return Outcome(variant, file, crash)
+            return Outcome(variant, None, crash)
 
     def close(self) -> None:
         """End the process."""
@@ -219,25 +225,48 @@ def _get_ready(system: str | Path) -> None:
     global _warm  # noqa: PLW0603 - a process has one simulation
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _log.setLevel(logging.ERROR)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    end_with_parent()
     _warm = Warm(system)
     atexit.register(_warm.close)
 
 
-def _end_with_parent() -> None:
-    if parent := multiprocessing.parent_process():
-        parent.join()
-        os._exit(1)
-
-
-def _attempt(variant: Variant, file: Path, every: int) -> Outcome:
-    assert _warm is not None
+def _attempt(variant: Variant, path: Path, every: int) -> Outcome:
+    file = ResultFile(path)
     try:
-        ResultFile(file).write(_warm.fly(variant.changes, every))
+        result, pace = _flown(variant, every)
+        _retire_table(path.parent)
+        file.write(result)
     except RunError as error:
-        if error.partial is not None:
-            ResultFile(file).write(error.partial)
-        return Outcome(variant, file, str(error))
+        return _ended(variant, file, error)
     except HarnessError as error:
-        return Outcome(variant, file, str(error))
-    return Outcome(variant, file, "", _warm.pace)
+        return Outcome(variant, None, str(error))
+    return Outcome(variant, path, "", pace)
+
+
+def _flown(variant: Variant, every: int) -> tuple[Result, float]:
+    """A run, and the time of its macro step [us]; FMUs that are not ours get a process of their
+    own, which does not stay.
+    """
+    assert _warm is not None
+    changed = apply(_warm.system, **variant.changes)
+    if isolated.all_ours(changed):
+        return _warm.fly(variant.changes, every), _warm.pace
+    result, pace = isolated.timed(changed, every)
+    return result, 1e6 * pace
+
+
+def _ended(variant: Variant, file: ResultFile, error: RunError) -> Outcome:
+    """What came of a run that ended early."""
+    if error.partial is None:
+        return Outcome(variant, None, str(error))
+    try:
+        file.keep(error.partial)
+    except HarnessError as lost:
+        return Outcome(variant, None, f"{error}; {lost}")
+    return Outcome(variant, file.partial if file.partial.is_file() else None, str(error))
+
+
+def _retire_table(folder: Path) -> None:
+    """Remove the table of an earlier comparison when its first results are replaced."""
+    with suppress(OSError):
+        (folder / TABLE).unlink()

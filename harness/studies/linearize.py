@@ -23,9 +23,10 @@ from numpy.typing import NDArray
 
 from harness.archive import unpack
 from harness.errors import FmuError, RunError, UsageError
-from harness.master import messages
+from harness.master import messages, place
 from harness.system.interface import Interface, read_interface
-from harness.system.values import assign, base, index
+from harness.system.names import base, index
+from harness.system.values import assign
 from harness.temporary import PrivateFolder
 
 Array = NDArray[np.float64]
@@ -73,7 +74,8 @@ class LinearModel:
             "h": np.array(self.h),
         }
         everything: dict[str, Any] = {**matrices, **texts, **units, **points}
-        np.savez(path, **everything)
+        with path.open("wb") as file:  # savez would append .npz to another name
+            np.savez(file, **everything)
 
 
 def linearize(
@@ -85,7 +87,7 @@ def linearize(
     name, vectors as lists. Raises UsageError for unknown names or a time that is no multiple of the
     step, FmuError, RunError.
     """
-    if step <= 0 or at < 0 or abs(at / step - round(at / step)) > 1e-9 * max(1.0, at / step):
+    if not _is_multiple(at, step):
         raise UsageError(
             f"the operating point {at:g} s must be a multiple of the step {step:g} s, which must "
             "be positive"
@@ -93,6 +95,12 @@ def linearize(
     interface = read_interface(fmu)
     with _Bench(interface, _settings(interface, values or {})) as bench:
         return _Differences(bench, at, step).model()
+
+
+def _is_multiple(at: float, step: float) -> bool:
+    if not (step > 0 and at >= 0 and at / step < 2**53):  # NaN is none either
+        return False
+    return abs(at / step - round(at / step)) <= 1e-9 * max(1.0, at / step)
 
 
 def _settings(interface: Interface, values: Mapping[str, Any]) -> dict[str, float]:
@@ -141,6 +149,7 @@ class _Bench:
 
     def _load(self) -> Any:
         model = self.interface.model
+        place.enter(model.modelName, "fmi2Instantiate")
         try:
             slave = FMU2Slave(
                 guid=model.guid,
@@ -156,26 +165,32 @@ class _Bench:
         return slave
 
     def __exit__(self, *_: object) -> None:
-        self._slave.freeInstance()
+        self._call("freeInstance")
         self._folder.close()
 
     def run(self, values: Mapping[str, float], start: float, steps: int, h: float) -> Array:
         """Outputs after `steps` steps of h from `start` with these values beside the settings."""
         everything = {**self.settings, **values}
         try:
-            self._slave.reset()
-            self._slave.setReal([self._reference(n) for n in everything], list(everything.values()))
-            self._slave.setupExperiment(startTime=start)
-            self._slave.enterInitializationMode()
-            self._slave.exitInitializationMode()
+            self._call("reset")
+            self._call("setReal", [self._reference(n) for n in everything], [*everything.values()])
+            self._call("setupExperiment", startTime=start)
+            self._call("enterInitializationMode")
+            self._call("exitInitializationMode")
             for k in range(steps):
-                self._slave.doStep(currentCommunicationPoint=start + k * h, communicationStepSize=h)
-            return np.array(self._slave.getReal([self._reference(n) for n in self.outputs]))
+                self._call(
+                    "doStep", currentCommunicationPoint=start + k * h, communicationStepSize=h
+                )
+            return np.array(self._call("getReal", [self._reference(n) for n in self.outputs]))
         except Exception as error:
             name = self.interface.model.modelName
             raise RunError(
                 name, start, messages.take_error(name) or " ".join(str(error).split())
             ) from error
+
+    def _call(self, function: str, *arguments: Any, **named: Any) -> Any:
+        place.enter(self.interface.model.modelName, f"fmi2{function[0].upper()}{function[1:]}")
+        return getattr(self._slave, function)(*arguments, **named)
 
     def _reference(self, name: str) -> int:
         return self.interface.variables[name].reference

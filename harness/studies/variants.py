@@ -7,12 +7,13 @@ import itertools
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
 from harness.changes import Changes, pairs
 from harness.errors import UsageError
+from harness.system.values import parse
 
 NAMED = ("swap", "latency", "set")
 """Options whose values stand after `component=` or `component.parameter=`."""
@@ -24,11 +25,8 @@ class Variant:
 
     label: str
     changes: Changes
-
-    @property
-    def file(self) -> str:
-        """The label as the stem of a file name."""
-        return re.sub(r"[^\w.-]+", "_", self.label)
+    file: str = ""
+    """The label as the stem of a file name, which no other variant has."""
 
 
 class _Choice(NamedTuple):
@@ -48,13 +46,50 @@ def combinations(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Vari
     in the labels. Raises UsageError if there is nothing to compare.
     """
     choices = [list(_choices(option, text)) for option, text in varied]
+    _refuse_doubles(choices)
     several = [len(each) > 1 for each in choices]
     if not any(several):
         raise UsageError(
             "there is nothing to compare: give several values, e.g. --swap controller=A,B or "
             "--params A,B"
         )
-    return [_variant(fixed, combination, several) for combination in itertools.product(*choices)]
+    swaps = [each[0].option for each, many in zip(choices, several, strict=True) if many]
+    if swaps.count("swap") > 1:
+        choices = [[_with_component(choice) for choice in each] for each in choices]
+    return _with_files(
+        [_variant(fixed, combination, several) for combination in itertools.product(*choices)]
+    )
+
+
+def _with_component(choice: _Choice) -> _Choice:
+    """With the component in the label, where several are swapped."""
+    if choice.option != "swap":
+        return choice
+    return choice._replace(label=f"{choice.value[0]}={choice.label}")
+
+
+def _with_files(variants: Sequence[Variant]) -> list[Variant]:
+    """Every variant with a file of its own, on file systems too that do not tell cases apart."""
+    taken: set[str] = set()
+    found = []
+    for variant in variants:
+        stem = re.sub(r"[^\w.+-]+", "_", variant.label)[:100].strip(".") or "run"
+        stem = re.sub(r"\.partial$", "_partial", stem, flags=re.IGNORECASE)
+        names = (stem, *(f"{stem}-{n}" for n in range(2, len(variants) + 2)))
+        file = next(name for name in names if name.casefold() not in taken)
+        taken.add(file.casefold())
+        found.append(replace(variant, file=file))
+    return found
+
+
+def _refuse_doubles(choices: Sequence[Sequence[_Choice]]) -> None:
+    named = [
+        (c[0].option, c[0].value if isinstance(c[0].value, str) else c[0].value[0]) for c in choices
+    ]
+    for option, name in named:
+        if option in NAMED and named.count((option, name)) > 1:
+            shown = "vary" if option == "set" else option
+            raise UsageError(f"--{shown} {name}: is given twice")
 
 
 def _choices(option: str, text: str) -> Iterator[_Choice]:
@@ -64,14 +99,19 @@ def _choices(option: str, text: str) -> Iterator[_Choice]:
     for value, stem in zip(values, stems, strict=True):
         if not value:
             raise UsageError(f"--{option} {text}: a value is missing")
-        if values.count(value) > 1:
+        if sum(_same(value, other, option) for other in values) > 1:
             raise UsageError(f"--{option} {text}: {value} is given twice")
         labels = {
             "swap": value if Counter(stems)[stem] > 1 else stem,
             "latency": _delay(name, value),
-            "set": f"{name.partition('.')[2]}={value}",
+            "set": f"{name}={value}",
         }
         yield _Choice(labels.get(option, value), option, (name, value) if name else value)
+
+
+def _same(a: str, b: str, option: str) -> bool:
+    """Whether two values are one: 1 and +1 are, under all options that take numbers."""
+    return a == b or (option in ("set", "latency") and parse(a) == parse(b))
 
 
 def _split(text: str) -> Iterator[str]:

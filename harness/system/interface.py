@@ -19,6 +19,7 @@ from fmpy.model_description import ValidationError
 from harness import cache
 from harness.archive import has_doctype, read_entry
 from harness.errors import ArchiveError, FmuError
+from harness.paths import is_file
 from harness.system.units import Unit
 
 FmpyObject = Any
@@ -83,7 +84,7 @@ def read_interface(path: Path) -> Interface:
     """Interface of a .fmu; FmuError if it is missing, damaged, invalid, or not FMI 2.0
     co-simulation.
     """
-    if not path.is_file():
+    if not is_file(path):
         raise FmuError(f"{path.name}: no such FMU")
     stamp = path.stat()
     return _read(path.resolve(), stamp.st_mtime_ns, stamp.st_size)
@@ -92,7 +93,9 @@ def read_interface(path: Path) -> Interface:
 @lru_cache(maxsize=64)
 def _read(path: Path, _modified: int, _size: int) -> Interface:
     model = _description(path)
-    if model.fmiVersion != "2.0" or model.coSimulation is None:
+    if model.fmiVersion == "2.0" and model.coSimulation is None:
+        raise FmuError(f"{path.name}: is for model exchange only, co-simulation is needed")
+    if model.fmiVersion != "2.0":
         raise FmuError(
             f"{path.name}: only FMI 2.0 co-simulation FMUs can be run, this one is FMI "
             f"{model.fmiVersion}"

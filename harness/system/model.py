@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
+from harness.system.names import Name
 from harness.system.units import Hop, Unit
 from harness.system.values import Scalar
 
@@ -26,6 +27,11 @@ class Port(NamedTuple):
 
     def __str__(self) -> str:
         return f"{self.component}.{self.variable}"
+
+    @property
+    def signal(self) -> str:
+        """Name of the variable without its indices: the vector or matrix that it belongs to."""
+        return Name.read(self.variable).variable
 
 
 class Connection(NamedTuple):

@@ -16,6 +16,9 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 from harness.errors import StructureError
 from harness.system.model import Experiment
 
+MOST = 2**31 - 1
+"""Macro steps that an instance can take at once, and the largest latency."""
+
 
 class Verb(Enum):
     """SET: bus to inputs; STEP: advance; GET: outputs to bus."""
@@ -23,6 +26,11 @@ class Verb(Enum):
     SET = "set"
     STEP = "step"
     GET = "get"
+
+    @property
+    def call(self) -> str:
+        """The FMI functions that it stands for."""
+        return {"set": "fmi2SetReal", "step": "fmi2DoStep", "get": "fmi2GetReal"}[self.value]
 
 
 class Periodic(Protocol):
@@ -105,8 +113,9 @@ def problems(algorithm: str, instances: Sequence[Periodic]) -> list[str]:
         return [f"algorithm: there is no {algorithm}, only {' and '.join(ALGORITHMS)}"]
     largest = ALGORITHMS[algorithm].largest_latency
     found = [f"{i.name}: every must be at least 1, not {i.every}" for i in instances if i.every < 1]
+    found += [f"{i.name}: every must be at most {MOST}" for i in instances if i.every > MOST]
     for i in instances:
-        if i.every >= 1 and not 0 <= i.latency <= largest(i):
+        if 1 <= i.every <= MOST and not 0 <= i.latency <= largest(i):
             found.append(
                 f"{i.name}: latency must lie in 0..{largest(i)} macro steps under {algorithm}, "
                 f"not {i.latency}"
@@ -149,6 +158,13 @@ def macro_steps(experiment: Experiment, periods: Sequence[int] = (1,)) -> int:
             ]
         )
     cycle = math.lcm(*periods)
+    if not (stop - start) / cycle / step < 2**53:
+        raise StructureError(
+            [
+                f"the stop time {stop:.12g} s is too many macro steps of {step:.12g} s away: "
+                "give others with --step and --stop"
+            ]
+        )
     cycles = round((stop - start) / (cycle * step))
     if cycles < 1 or abs(start + cycles * cycle * step - stop) > 1e-9 * max(abs(stop), step):
         raise StructureError([_not_a_multiple(experiment, cycle)])

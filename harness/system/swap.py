@@ -16,7 +16,7 @@ from harness.spelling import did_you_mean
 from harness.system.graph import read_interfaces
 from harness.system.interface import Interface, read_interface, units_agree
 from harness.system.model import Component, Connection, Parameters, ParameterSet, Port, System
-from harness.system.values import base
+from harness.system.names import base
 from harness.system.wiring import drivers
 
 SHOWN = 5
@@ -30,7 +30,7 @@ def find_fmu(name: str | Path) -> Path:
     known = paths.fmus()
     if str(name) in known:
         return known[str(name)]
-    if Path(name).is_file():
+    if paths.is_file(name):
         return Path(name)
     raise UsageError(f"{name}: there is no such FMU{did_you_mean(str(name), known)}")
 
@@ -75,16 +75,16 @@ def _missing_outputs(
     for source, target, hops in system.connections:
         if source.component != name:
             continue
-        reader = f"{target.component}.{base(target.variable)}"
+        reader = f"{target.component}.{target.signal}"
         if source.variable not in offered:
-            yield f"it has no output {base(source.variable)}, which {reader} needs"
+            yield f"it has no output {source.signal}, which {reader} needs"
             continue
         unit, wanted = (
             offered[source.variable].unit,
             interfaces[target.component].variables[target.variable].unit,
         )
         if not hops and not units_agree(unit, wanted):
-            yield f"its output {base(source.variable)} is in {unit}, {reader} expects {wanted}"
+            yield f"its output {source.signal} is in {unit}, {reader} expects {wanted}"
 
 
 def _rewired(
@@ -111,9 +111,9 @@ def _rewired(
 
 def _undriven(port: Port, sources: Sequence[Port]) -> str:
     if not sources:
-        return f"its input {base(port.variable)} is driven by no output of that name"
+        return f"its input {port.signal} is driven by no output of that name"
     return (
-        f"its input {base(port.variable)} is ambiguous: "
+        f"its input {port.signal} is ambiguous: "
         f"{' and '.join(s.component for s in sources)} have that output"
     )
 

@@ -14,7 +14,8 @@ from harness.errors import StructureError, UsageError
 from harness.spelling import did_you_mean
 from harness.system.interface import Interface
 from harness.system.model import Parameter, Parameters
-from harness.system.values import Value, assign, base, coerce, elements_of, leaves
+from harness.system.names import base, elements_of
+from harness.system.values import Value, assign, coerce, leaves, parse, parse_text
 
 SHARED = "shared"
 
@@ -23,9 +24,11 @@ def read_toml(path: Path) -> dict[str, Any]:
     """Content of a TOML file; StructureError if it is not one, UsageError if it is not there."""
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
+    except RecursionError as error:
+        raise StructureError([f"{path}: not a readable TOML file (nested too deep)"]) from error
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error.strerror})") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:  # not TOML, not UTF-8, or a number of thousands of digits
         raise StructureError([f"{path}: not a readable TOML file ({error})"]) from error
 
 
@@ -37,14 +40,20 @@ class Assignments:
         self.parameters: dict[str, dict[str, Parameter]] = {name: {} for name in interfaces}
         self.problems: list[str] = []
 
-    def tables(self, tables: Mapping[str, Any]) -> None:
+    def tables(self, tables: Any) -> None:
         """Take over a table per component and the table `shared`, which the others override."""
-        self._shared(tables.get(SHARED, {}))
+        if not isinstance(tables, Mapping):
+            self.problems.append("parameters: must be a table of tables, one per component")
+            return
+        shared = tables.get(SHARED, {})
+        if isinstance(shared, Mapping):
+            self._shared(shared)
         for component, table in tables.items():
-            if component == SHARED:
+            if component == SHARED and isinstance(table, Mapping):
                 continue
-            if component not in self.interfaces or not isinstance(table, Mapping):
-                close = did_you_mean(component, (SHARED, *self.interfaces))
+            if component not in (*self.interfaces, SHARED) or not isinstance(table, Mapping):
+                known = {SHARED, *self.interfaces} - {component}
+                close = did_you_mean(component, sorted(known))
                 self.problems.append(
                     f"{component}: parameters stand in a table per component, and this is "
                     f"none{close}"
@@ -82,6 +91,12 @@ class Assignments:
                 )
         except ValueError as error:
             self.problems.append(f"{component}.{name}: {error}")
+
+    def write(self, component: str, name: str, text: str) -> None:
+        """Set what a user has written as text: for a String that text, else a number or list."""
+        variable = self.interfaces[component].variables.get(name)
+        is_text = variable is not None and variable.type == "String"
+        self.set(component, name, parse_text(text) if is_text else parse(text))
 
     def over(self, component: str, parameters: Parameters) -> Parameters:
         """The parameters of a component with what was assigned here put over them."""

@@ -74,7 +74,11 @@ def compose(start: Unit | None, hops: Sequence[Hop], end: Unit | None) -> Affine
         ):
             factor, offset = f * factor, f * offset + o
         unit = here or unit
-    return Affine(float(factor), float(offset))
+    try:
+        return Affine(float(factor), float(offset))
+    except OverflowError:
+        names = " to ".join(unit.name for unit in (start, end) if unit is not None)
+        raise ValueError(f"the conversion {names} goes beyond all numbers") from None
 
 
 def _exact(change: Affine) -> _Exact:

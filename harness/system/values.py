@@ -14,6 +14,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
 from harness.spelling import did_you_mean
+from harness.system.names import Index, Name, base, elements_of, grid, index
 
 Scalar = float | int | bool | str
 Value: TypeAlias = "Scalar | Sequence[Value]"
@@ -25,14 +26,24 @@ def parse(text: str) -> Value:
     itself.
     """
     try:
-        return float(text)
+        number = float(text)
     except ValueError:
         pass
+    else:  # not a number so large that it is infinite
+        return text if math.isinf(number) and any(c.isdigit() for c in text) else number
     try:
         value: Value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):  # no TOML, a number of thousands of digits, deep nesting
         return text
     return value
+
+
+def parse_text(text: str) -> str:
+    """Value of `--set name=text` for a String: the text, without the quotes of TOML if it has
+    some.
+    """
+    value = parse(text)
+    return value if isinstance(value, str) else text
 
 
 def leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -44,48 +55,23 @@ def leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
             yield prefix + key, value
 
 
-def expand(name: str, value: Value) -> dict[str, Scalar]:
+def expand(name: str, value: Value, first: Index = ()) -> dict[str, Scalar]:
     """Scalar variables of a value: a number is `name`, a list `name[i]`, a list of lists
-    `name[i,j]` (1-based).
+    `name[i,j]`; first: indices of the first element, 1 where nothing is said.
     """
-    elements = list(_elements(value, ()))
+    elements = list(_elements(value, (), first))
     if not elements:
         raise ValueError("an empty list has no elements")
-    return {name + _suffix(index): element for index, element in elements}
+    return {str(Name(name, index)): element for index, element in elements}
 
 
-def _elements(value: Value, index: tuple[int, ...]) -> Iterator[tuple[tuple[int, ...], Scalar]]:
+def _elements(value: Value, index: Index, first: Index) -> Iterator[tuple[Index, Scalar]]:
     if isinstance(value, Sequence) and not isinstance(value, str):
-        for i, item in enumerate(value, start=1):
-            yield from _elements(item, (*index, i))
+        begin = first[len(index)] if len(index) < len(first) else 1
+        for i, item in enumerate(value, start=begin):
+            yield from _elements(item, (*index, i), first)
     else:
         yield index, value
-
-
-def _suffix(index: tuple[int, ...]) -> str:
-    return f"[{','.join(map(str, index))}]" if index else ""
-
-
-def base(name: str) -> str:
-    """Name of the vector or matrix that a scalar variable is an element of: `J_T[1,2]` gives
-    `J_T`.
-    """
-    return name[: name.rindex("[")] if name.endswith("]") and "[" in name else name
-
-
-def index(name: str) -> tuple[int, ...]:
-    """Indices of an element, 1-based: `J_T[1,2]` gives (1, 2); a scalar gives ()."""
-    digits = name[len(base(name)) :].strip("[]").split(",")
-    return tuple(int(d) for d in digits) if all(d.strip().isdigit() for d in digits) else ()
-
-
-def elements_of(port: str, names: Collection[str]) -> list[str]:
-    """Scalar variables that `port` stands for: itself, or all elements of the vector or matrix in
-    order.
-    """
-    if port in names:
-        return [port]
-    return sorted((name for name in names if base(name) == port), key=index)
 
 
 def assign(name: str, value: Value, known: Collection[str]) -> dict[str, Scalar]:
@@ -98,14 +84,25 @@ def assign(name: str, value: Value, known: Collection[str]) -> dict[str, Scalar]
         raise ValueError(
             f"there is no such variable{did_you_mean(name, {*known, *map(base, known)})}"
         )
-    given = expand(name, value)
-    if given.keys() != set(elements):
-        shapes = f"expected {_shape(elements)}, got {_shape(list(given))}"
-        raise ValueError(shapes + _as_a_list(value, elements))
+    if elements == [name]:
+        given = _single(name, value)
+    else:
+        whole = grid(map(index, elements))
+        by_place = expand(name, value, whole.first if whole else ())
+        if by_place.keys() != {str(Name.read(e)) for e in elements}:
+            shapes = f"expected {_shape(elements)}, got {_shape(list(by_place))}"
+            raise ValueError(shapes + _as_a_list(value, elements))
+        given = {element: by_place[str(Name.read(element))] for element in elements}
     for element, scalar in given.items():
         if isinstance(scalar, float) and math.isnan(scalar):
             raise ValueError(f"{element if element != name else 'it'} must not be NaN")
     return given
+
+
+def _single(name: str, value: Value) -> dict[str, Scalar]:
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        raise ValueError(f"expected a number, got {_shape(list(expand('x', value)))}")
+    return {name: value}
 
 
 def _as_a_list(value: Value, elements: Sequence[str]) -> str:
@@ -122,11 +119,10 @@ def _shape(names: list[str]) -> str:
     indices = [index(name) for name in names]
     if indices == [()]:
         return "a number"
-    if len({len(i) for i in indices}) > 1:
+    whole = grid(indices)
+    if whole is None:
         return "a ragged list"
-    sizes = [max(column) for column in zip(*indices, strict=True)]
-    if math.prod(sizes) != len(names):
-        return "a ragged list"
+    sizes = list(whole.shape)
     return " x ".join(map(str, sizes)) + (" element" if sizes == [1] else " elements")
 
 
@@ -135,13 +131,44 @@ def coerce(value: Scalar, kind: str) -> Scalar:
     it cannot.
     """
     if kind == "String":
-        return str(value)
+        return _text(value)
     if isinstance(value, str):
-        raise ValueError(f"'{value}' is not a number")
+        raise ValueError(f"{_quoted(value)} is not a number")
+    if not isinstance(value, (int, float)):
+        raise ValueError(f"{_quoted(str(value))} is not a number")
     if kind == "Real":
-        return float(value)
+        return _float(value)
     if kind == "Boolean" and value in (0, 1):
         return bool(value)
-    if kind in ("Integer", "Enumeration") and float(value).is_integer():
-        return int(value)
+    if kind in INTEGERS and _float(value).is_integer():
+        return _integer(int(value))
     raise ValueError(f"{value} is not {'true or false' if kind == 'Boolean' else 'a whole number'}")
+
+
+INTEGERS = ("Integer", "Enumeration")
+LARGEST = 2**31 - 1
+"""Largest value of an fmi2Integer."""
+
+
+def _integer(value: int) -> int:
+    if not -LARGEST - 1 <= value <= LARGEST:
+        raise ValueError(f"{value} is beyond the integers of FMI, {-LARGEST - 1} to {LARGEST}")
+    return value
+
+
+def _float(value: float) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        raise ValueError("it is beyond all numbers that a variable can hold") from None
+
+
+def _text(value: Scalar) -> str:
+    """A value as TOML writes it."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _quoted(text: str) -> str:
+    """A text in an error message: printable, and not too long."""
+    shown = text if len(text) <= 60 else f"{text[:57]}..."
+    return repr(shown) if not shown.isprintable() or "'" in shown else f"'{shown}'"

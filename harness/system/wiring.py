@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from harness.spelling import did_you_mean
 from harness.system.interface import Interface
 from harness.system.model import Connection, Port
-from harness.system.values import base, elements_of
+from harness.system.names import base, elements_of
 
 
 @dataclass
@@ -44,9 +44,7 @@ def wire(
     taken = wiring.driven
     for port in left_open:
         if port in taken:
-            wiring.problems.append(
-                f"{port.component}.{base(port.variable)}: is driven and left open"
-            )
+            wiring.problems.append(f"{port.component}.{port.signal}: is driven and left open")
     for port in _inputs(interfaces):
         if port not in taken and port not in left_open:
             _by_name(wiring, interfaces, port)
@@ -60,7 +58,7 @@ def _inputs(interfaces: Mapping[str, Interface]) -> Iterator[Port]:
 
 def _by_name(wiring: Wiring, interfaces: Mapping[str, Interface], target: Port) -> None:
     sources = drivers(interfaces, target)
-    name = f"{target.component}.{base(target.variable)}"
+    name = f"{target.component}.{target.signal}"
     if len(sources) == 1:
         wiring.connections.append(Connection(sources[0], target))
     elif sources:
@@ -70,7 +68,7 @@ def _by_name(wiring: Wiring, interfaces: Mapping[str, Interface], target: Port) 
         )
     else:
         known = {base(name) for interface in interfaces.values() for name in interface.outputs()}
-        close = did_you_mean(base(target.variable), known)
+        close = did_you_mean(target.signal, known)
         wiring.problems.append(
             f"{name}: no output of this name{close}: connect it in [connections] or list it in "
             "[open]"

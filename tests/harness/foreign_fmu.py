@@ -292,10 +292,10 @@ fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind k, fmi2Stri
 """
 
 
-def build(model: Model, folder: Path) -> Path:
-    """Compile and pack a model; returns the .fmu."""
+def build(model: Model, folder: Path, text: str | None = None) -> Path:
+    """Compile and pack a model; returns the .fmu. text: its C source, if it is not as usual."""
     source, library = folder / f"{model.name}.c", folder / f"{model.name}.so"
-    source.write_text(source_text(model))
+    source.write_text(text or source_text(model))
     command = [
         "gcc",
         "-O1",

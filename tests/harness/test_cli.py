@@ -188,7 +188,8 @@ def test_a_command_line_that_makes_no_sense_is_status_2_and_one_line(command, ar
     ],
 )  # fmt: skip
 def test_a_run_that_cannot_be_is_status_1_and_one_line(command, arguments, line):
-    status, out, err = command("run", "demo", "-o", "x.csv", *arguments)
+    output = () if "-o" in arguments else ("-o", "x.csv")
+    status, out, err = command("run", "demo", *output, *arguments)
     assert (status, out) == (1, [])
     assert err
     assert re.fullmatch(f"harness: {line}", err[-1])
@@ -209,9 +210,9 @@ def test_a_failing_fmu_leaves_everything_before_in_the_file(command, folder):
     assert (status, out) == (1, [])
     assert err == [
         "harness: bad: step failed: burnt through after too much heat (at t = 3 s);"
-        " 4 rows kept in x.csv"
+        " 4 rows kept in x.partial.csv"
     ]
-    kept = result_files.read(folder / "x.csv")
+    kept = result_files.read(folder / "x.partial.csv")
     assert not kept.complete
     assert kept["count.n"].tolist() == [0, 1, 2, 3]
 
@@ -353,9 +354,9 @@ def test_ctrl_c_ends_the_run_with_one_line_and_keeps_what_was_recorded(fmus, tmp
     assert running.returncode == 1
     assert out == ""
     assert re.fullmatch(
-        r"harness: endless: interrupted \(at t = \d+ s\); \d+ rows kept in x\.csv\n", err
+        r"harness: endless: interrupted \(at t = \d+ s\); \d+ rows kept in x\.partial\.csv\n", err
     )
-    kept = result_files.read(tmp_path / "x.csv")
+    kept = result_files.read(tmp_path / "x.partial.csv")
     assert not kept.complete
     assert kept["a.n"].tolist() == list(range(len(kept.time)))
 

@@ -27,6 +27,7 @@ LAYERS = (
     ("cache",),
     ("archive",),
     ("output", "paths", "temporary", "spelling"),
+    ("signals",),
     ("errors",),
 )
 """From the top down; rooms of one layer do not know each other."""

@@ -47,12 +47,17 @@ def test_values_of_a_parameter_are_flown_over_the_fixed_ones():
     flights = combinations(
         {"set": ["a.b=1", "a.k=0"]}, [("set", "a.k=1, 2"), ("set", "a.v=[1,2],[[3,4],[5,6]]")]
     )
-    assert [variant.label for variant in flights][:2] == ["k=1, v=[1,2]", "k=1, v=[[3,4],[5,6]]"]
+    assert [variant.label for variant in flights][:2] == [
+        "a.k=1, a.v=[1,2]",
+        "a.k=1, a.v=[[3,4],[5,6]]",
+    ]
     assert flights[-1].changes == {"set": {"a.b": "1", "a.k": "2", "a.v": "[[3,4],[5,6]]"}}
 
 
 def test_a_range_of_values_has_both_its_ends():
-    assert labels(("set", "a.k=0.1:0.3:0.05")) == ["k=0.1", "k=0.15", "k=0.2", "k=0.25", "k=0.3"]
+    assert labels(("set", "a.k=0.1:0.3:0.05")) == [
+        f"a.k={k}" for k in ("0.1", "0.15", "0.2", "0.25", "0.3")
+    ]
     assert labels(("set", "a.k=2:0:-1,7")) == ["k=2", "k=1", "k=0", "k=7"]
 
 

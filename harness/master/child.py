@@ -1,0 +1,244 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A call in a process of its own, so that foreign code can neither end nor disturb ours.
+
+What enters: a function and its arguments. What leaves: the messages that it sends, notes for the
+user, what was written to its terminal, and in what way it ended. The child stands in a session of
+its own, hears no Ctrl-C, and ends with us, whatever ends us.
+"""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+import warnings
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from typing import Any, Self
+
+from harness.errors import HarnessError
+from harness.master import memory, place
+
+_log = logging.getLogger("harness")
+
+LOOK_SECONDS = 0.2
+"""Time between two looks at the child."""
+
+GRACE_SECONDS = 0.5
+"""Time that a child has to end by itself when it is asked to."""
+
+LAST_WORDS = 200
+"""Characters kept of what was written last to the terminal of the child."""
+
+OUTCOME = "outcome"
+"""Kind of the last message: None or the error that the function has raised, beside its value."""
+
+Send = Callable[[str, Any], None]
+
+
+class Child:
+    """A process that calls function(send, *arguments); a context manager that ends it."""
+
+    def __init__(self, function: Callable[..., Any], *arguments: Any) -> None:
+        note = memory.block(place.SIZE)
+        self._note = memory.array(note, (place.SIZE,), "uint8")
+        self._messages, theirs = multiprocessing.Pipe(duplex=False)
+        self._terminal, terminal = multiprocessing.Pipe(duplex=False)
+        self._lines, self._words = 0, deque[str](maxlen=LAST_WORDS)
+        self.process = memory.context().Process(
+            target=_work, args=(theirs, terminal, note, function, arguments), daemon=True
+        )
+        with warnings.catch_warnings():  # newer Pythons warn of forks beside other threads
+            warnings.simplefilter("ignore", DeprecationWarning)
+            self.process.start()
+        theirs.close()
+        terminal.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.kill()
+        self._messages.close()
+        self._terminal.close()
+
+    def messages(self, seconds: float = float("inf")) -> Iterator[tuple[str, Any]]:
+        """What the function sends until it has ended, with ("", None) now and then; at most for
+        so many seconds.
+        """
+        until = time.monotonic() + seconds
+        sources = [self._messages, self._terminal, self.process.sentinel]
+        while time.monotonic() < until and self.process.sentinel in sources:
+            for ready in wait(sources, LOOK_SECONDS):
+                if ready is self._messages:
+                    yield from self._received(sources)
+                elif ready is self._terminal:
+                    self._read_terminal(sources)
+            yield "", None
+            if not self.process.is_alive():
+                yield from self._rest(sources)
+                sources.remove(self.process.sentinel)
+
+    def _rest(self, sources: list[Any]) -> Iterator[tuple[str, Any]]:
+        """What an ended child has left in its pipes."""
+        while self._messages in sources and self._messages.poll():
+            yield from self._received(sources)
+        while self._terminal in sources and self._terminal.poll():
+            self._read_terminal(sources)
+
+    def _received(self, sources: list[Any]) -> Iterator[tuple[str, Any]]:
+        try:
+            kind, content = self._messages.recv()
+        except Exception:  # the end of the pipe, or what foreign code has written into it
+            sources.remove(self._messages)
+            return
+        if kind == "note":
+            _log.warning("%s", content)
+        else:
+            yield kind, content
+
+    def _read_terminal(self, sources: list[Any]) -> None:
+        try:
+            data = os.read(self._terminal.fileno(), 1 << 16)
+        except OSError:
+            data = b""
+        if not data:
+            sources.remove(self._terminal)
+        self._lines += data.count(b"\n")
+        self._words.extend(data[-4 * LAST_WORDS :].decode(errors="replace"))
+
+    def kill(self) -> None:
+        """End the process now."""
+        if self.process.is_alive():
+            self.process.kill()
+        self.process.join()
+
+    @property
+    def place(self) -> tuple[str, str]:
+        """Instance and call of an FMU that was noted last."""
+        return place.read(self._note)
+
+    def last_words(self) -> str:
+        """The last line that was written to its terminal; "" if there is none."""
+        lines = [line for line in "".join(self._words).splitlines() if line.strip()]
+        return "".join(c if c.isprintable() else " " for c in lines[-1]).strip() if lines else ""
+
+    def end(self) -> str:
+        """In what way the process has ended."""
+        code = self.process.exitcode
+        if code is not None and code < 0:
+            name = signal.Signals(-code).name if -code in set(signal.Signals) else f"signal {-code}"
+            text = f"crashed ({name}, {signal.strsignal(-code) or 'unknown'})".lower()
+            text = text.replace(name.lower(), name)
+        elif code is None:
+            text = "lost contact"
+        else:
+            text = f"ended the process by exit({code})"
+        words = self.last_words()
+        return text + (f", its last output: {words}" if words else "")
+
+    def report_output(self) -> None:
+        """Say in one note what was written to the terminal, if anything was."""
+        if words := self.last_words():
+            count = max(self._lines, 1)
+            _log.warning("the FMUs wrote %d line%s, the last: %s", count, "s" * (count > 1), words)
+
+
+# ---- in the child
+
+
+def _work(
+    messages: Connection,
+    terminal: Connection,
+    note: memory.Block,
+    function: Callable[..., Any],
+    arguments: tuple[Any, ...],
+) -> None:
+    _stand_alone()
+    _redirect(terminal)
+    _let_go_of_files({messages.fileno(), terminal.fileno()})
+    place.keep_in(memory.array(note, (place.SIZE,), "uint8"))
+
+    def send(kind: str, content: Any) -> None:
+        messages.send((kind, content))
+
+    _log.handlers, _log.propagate = [_Notes(send)], False
+    try:
+        value = function(send, *arguments)
+    except Exception as error:
+        send(OUTCOME, (portable(error), None))
+    else:
+        send(OUTCOME, (None, value))
+
+
+def portable(error: Exception) -> Exception:
+    """The error as it can be sent: ours as they are, others by name and text."""
+    if isinstance(error, HarnessError):
+        return error
+    return RuntimeError(f"{type(error).__name__}: {error}")
+
+
+class _Notes(logging.Handler):
+    """Hands our notes to the parent."""
+
+    def __init__(self, send: Send) -> None:
+        super().__init__()
+        self._send = send
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._send("note", record.getMessage())
+
+
+def _stand_alone() -> None:
+    """Hear none of the signals of a terminal, and end with the parent."""
+    for name in ("SIGINT", "SIGHUP", "SIGTERM"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    if hasattr(os, "setsid"):
+        os.setsid()
+    end_with_parent()
+
+
+def end_with_parent() -> None:
+    """Let this process end when the one that has made it ends, whatever it is doing then."""
+    threading.Thread(target=_wait_for_parent, daemon=True).start()
+
+
+def _wait_for_parent() -> None:
+    if parent := multiprocessing.parent_process():
+        parent.join()
+        os._exit(1)
+
+
+def _let_go_of_files(needed: set[int]) -> None:
+    """Close what a fork has inherited: foreign code must not write into files of ours, nor keep
+    pipes open that others wait for.
+    """
+    files = Path("/proc/self/fd")
+    parent = multiprocessing.parent_process()
+    if not memory.FORK or not files.is_dir() or parent is None:
+        return
+    needed |= {0, 1, 2, parent.sentinel}
+    for number in [int(file.name) for file in files.iterdir()]:
+        if number not in needed:
+            with suppress(OSError):  # the one that has listed them
+                os.close(number)
+
+
+def _redirect(terminal: Connection) -> None:
+    """Standard output and standard error of everything in this process go to the parent."""
+    if os.name != "posix":
+        return
+    for stream in (sys.stdout, sys.stderr):
+        if stream is not None:
+            stream.flush()
+    for number in (1, 2):
+        os.dup2(terminal.fileno(), number)
+    sys.stdout = sys.stderr = open(2, "w", closefd=False, errors="replace")  # noqa: SIM115

@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Runs in one child process, so that an FMU that is not ours costs one line and no rows.
+
+The rows stand in memory that both processes share: whatever ends the child, every macro step that
+was complete is kept. Systems of our own FMUs run in this process.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness import signals
+from harness.errors import FmuError, HarnessError, InterruptionError, RunError
+from harness.master import memory
+from harness.master import simulation as here
+from harness.master.child import GRACE_SECONDS, OUTCOME, Child, Send
+from harness.master.progress import progress_bar
+from harness.master.simulation import Simulation
+from harness.paths import is_ours
+from harness.results.result import Result
+from harness.system.model import System
+
+_log = logging.getLogger("harness")
+
+BEGUN, PACE, OVER = "begun", "pace", "over"
+"""Messages: the initial row stands, with the names of the calls of a macro step; the time of one
+[s]; the last row stands, or the error that has ended the run.
+"""
+
+
+def simulate(
+    system: System,
+    *,
+    executor: str = "c",
+    every: int = 1,
+    progress: bool = False,
+    in_process: bool = False,
+) -> Result:
+    """Run a system as it is, with foreign FMUs in a child process unless in_process; the arguments
+    are those of run().
+    """
+    if in_process or all_ours(system):
+        return here.simulate(system, executor=executor, every=every, progress=progress)
+    with _Run(system, executor, every) as run:
+        return run.result(progress)
+
+
+def all_ours(system: System) -> bool:
+    """Whether every FMU of a system is one of the project."""
+    return all(is_ours(c.fmu) for c in system.components)
+
+
+def timed(system: System, every: int = 1) -> tuple[Result, float]:
+    """The result of a run in a child process, and the time of a macro step of its quickest stretch
+    [s].
+    """
+    with _Run(system, "c", every) as run:
+        return run.result(progress=False), run.simulation.pace
+
+
+def guarded(fmus: Iterable[Path], function: Callable[..., Any], *arguments: Any) -> Any:
+    """The value of a function that calls these FMUs, in a child process if one is not ours.
+
+    Raises what the function raises, and FmuError if its process ends.
+    """
+    if all(map(is_ours, fmus)):
+        return function(*arguments)
+    return in_child(function, *arguments)
+
+
+def in_child(function: Callable[..., Any], *arguments: Any) -> Any:
+    """The value of a function that is called in a child process; FmuError if that ends."""
+    with Child(_call, function, *arguments) as child:
+        for kind, content in child.messages():
+            if kind == OUTCOME:
+                error, value = content
+                child.report_output()
+                if error is not None:
+                    raise error
+                return value
+    instance, call = child.place
+    raise FmuError(f"{instance}: {call} {child.end()}")
+
+
+def _call(_send: Send, function: Callable[..., Any], *arguments: Any) -> Any:
+    return function(*arguments)
+
+
+class _Run:
+    """The run as seen from here: a Simulation that is never entered, whose rows a child fills."""
+
+    def __init__(self, system: System, executor: str, every: int) -> None:
+        self.simulation = Simulation(system, executor=executor, every=every)
+        recorder = self.simulation.recorder
+        table, marks = memory.block(recorder.table.nbytes), memory.block(recorder.marks.nbytes)
+        self._arguments = (system, executor, every, table, marks)
+        _share(self.simulation, table, marks)
+        self.calls: list[tuple[str, str]] | None = None
+        self.error: Exception | None = None
+        self.over = self.closed = False
+
+    def __enter__(self) -> _Run:
+        self.child = Child(_run, *self._arguments)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.child.__exit__()
+
+    def result(self, progress: bool) -> Result:
+        """The rows when the child has ended; RunError with the rows so far, FmuError."""
+        simulation = self.simulation
+        try:
+            with progress_bar(simulation.system.name, simulation.steps, progress) as show:
+                self._follow(show)
+        except KeyboardInterrupt:
+            self._interrupt()
+        self._judge()
+        return simulation.result()
+
+    def _follow(self, show: Callable[[int], None] | None, seconds: float = float("inf")) -> None:
+        for kind, content in self.child.messages(seconds):
+            if kind == BEGUN:
+                self.calls = content
+            elif kind == PACE:
+                self.simulation.pace = content
+            elif kind == OVER:
+                self.over, self.error = True, content
+            elif kind == OUTCOME:
+                self.error = self.error or content[0]
+                self.over = self.closed = True
+            if show is not None:
+                show(self.simulation.step)
+            signals.check()
+
+    def _interrupt(self) -> None:
+        """Ask the child to stop, and end it if it does not or the user insists."""
+        if not self.over:
+            self.simulation.recorder.stop()
+            try:
+                self._follow(None, GRACE_SECONDS)
+            except KeyboardInterrupt:
+                _log.debug("interrupted again")
+        self.child.kill()
+        self.closed = True
+        if not self.over:
+            simulation = self.simulation
+            self.error = InterruptionError(simulation.system.name, simulation.time)
+
+    def _judge(self) -> None:
+        """Raise what has ended the run early; a complete run is not lost to what came after it."""
+        complete = self.calls is not None and self.simulation.step == self.simulation.steps
+        if self.closed:
+            self.child.report_output()
+        elif self.over or complete:
+            instance, call = self.child.place
+            _log.warning("%s: %s %s; the run was over", instance, call, self.child.end())
+        else:
+            self.error = self._crash()
+        if isinstance(self.error, RunError) and self.calls is not None:
+            self.error.partial = self.simulation.result(str(self.error))
+        if self.error is not None:
+            raise self.error
+
+    def _crash(self) -> HarnessError:
+        simulation = self.simulation
+        instance, call = self.child.place
+        if self.calls is not None:
+            instance, call = self.calls[simulation.recorder.call]
+        return RunError(
+            instance or simulation.system.name, simulation.time, f"{call} {self.child.end()}"
+        )
+
+
+def _share(simulation: Simulation, table: memory.Block, marks: memory.Block) -> None:
+    recorder = simulation.recorder
+    recorder.keep_in(
+        memory.array(table, recorder.table.shape, np.float64),
+        memory.array(marks, recorder.marks.shape, np.int64),
+    )
+
+
+# ---- in the child
+
+
+def _run(  # noqa: PLR0913, PLR0917 - two blocks of memory
+    send: Send, system: System, executor: str, every: int, table: memory.Block, marks: memory.Block
+) -> None:
+    """Run the system into shared memory; the outcome is sent before the FMUs are freed."""
+    with _silence():  # the parent has said it already
+        simulation = Simulation(system, executor=executor, every=every)
+    _share(simulation, table, marks)
+
+    def obey(_: int) -> None:
+        if simulation.recorder.stopped:
+            raise KeyboardInterrupt
+
+    with simulation:
+        try:
+            simulation.advance(to=0)
+            send(BEGUN, simulation.calls())
+            simulation.advance(progress=obey)
+        except RunError as error:
+            send(OVER, error)
+        else:
+            send(PACE, simulation.pace)
+            send(OVER, None)
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    disabled, _log.disabled = _log.disabled, True
+    try:
+        yield
+    finally:
+        _log.disabled = disabled

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Signals that end the program: when they may, and what they must wait for.
+
+Ctrl-C, SIGTERM and SIGHUP all arrive as KeyboardInterrupt. Inside a `held()` block they only leave
+a mark: who can stop without losing anything looks for it with check(), what must be complete does
+not.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+NUMBERS = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
+
+_pending: list[int] = []
+_depth = 0
+
+
+@contextmanager
+def held() -> Iterator[None]:
+    """Signals wait until the block is over; nested blocks are one. Other threads than the main one
+    receive none anyway.
+    """
+    global _depth  # noqa: PLW0603 - there is one set of signal handlers
+    if _depth or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    earlier = _exchange_handlers()
+    _depth = 1
+    try:
+        yield
+    except BaseException:
+        _pending.clear()  # the block has ended early anyway
+        raise
+    finally:
+        _depth = 0
+        for number, handler in earlier.items():
+            signal.signal(number, handler)
+    if _pending:
+        number = _pending[0]
+        _pending.clear()
+        signal.raise_signal(number)
+
+
+def _exchange_handlers() -> dict[int, signal._HANDLER]:
+    """Mark what arrives; what was ignored stays ignored (nohup). Returns the earlier handlers."""
+    earlier = {n: signal.getsignal(n) for n in NUMBERS}
+    earlier = {n: h for n, h in earlier.items() if h not in (signal.SIG_IGN, None)}
+    for number in earlier:
+        signal.signal(number, _mark)
+    return earlier
+
+
+def _mark(number: int, _: FrameType | None) -> None:
+    _pending.append(number)
+
+
+def check() -> None:
+    """KeyboardInterrupt if a signal waits in a held() block; it is then dealt with."""
+    if _pending:
+        _pending.clear()
+        raise KeyboardInterrupt
+
+
+@contextmanager
+def as_interrupts() -> Iterator[None]:
+    """SIGTERM and SIGHUP are KeyboardInterrupts inside the block, unless somebody handles them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    numbers = [n for n in NUMBERS if signal.getsignal(n) is signal.SIG_DFL]
+    for number in numbers:
+        signal.signal(number, _interrupt)
+    try:
+        yield
+    finally:
+        for number in numbers:
+            signal.signal(number, signal.SIG_DFL)
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt

@@ -1,0 +1,355 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""One foreign FMU with many vices, in every phase of its life: each costs one line, no rows, no
+other run and no earlier file.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.results.files import read
+from harness.ssp.build import system_of
+from harness.ssp.writer import write_ssp
+from tests.harness import vices
+from tests.harness.vices import CRASH, FAIL, HANG, NO_STATUS, PHASES, QUIET, VICES
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="vices of Linux")
+
+TOML = """
+name = "two"
+[experiment]
+stop = 6.0
+step = 1.0
+[components]
+a = "good"
+b = "vicious"
+[connections]
+"a.u" = "b.y"
+"b.u" = "a.y"
+[parameters.b]
+k = 0.0
+"""
+STEPS = {"fmi2DoStep": 2, "fmi2GetReal": 6, "fmi2SetReal": 5}
+"""Calls that go well before the vice shows, so that there are rows to keep."""
+
+AT_WORK = ("fmi2SetReal", "fmi2GetReal", "fmi2DoStep")
+AFTER_THE_RUN = ("fmi2Terminate", "fmi2FreeInstance")
+OLD = b"an earlier file"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """With two.ssp, whose second component may have vices, and its two FMUs."""
+    folder = tmp_path_factory.mktemp("vices")
+    vicious, good = vices.build(folder)
+    system = system_of(tomllib.loads(TOML), {"vicious": vicious, "good": good})
+    write_ssp(system, folder / "two.ssp")
+    return folder
+
+
+def environment(vice="", phase="", after=0, **further):
+    return os.environ | {
+        "VICE": vice,
+        "PHASE": phase,
+        "AFTER": str(after),
+        "PYTHONPATH": os.pathsep.join(p for p in sys.path if p),
+        **further,
+    }
+
+
+def harness(folder, *arguments, **about):
+    """Run the command in a session of its own; exit status, lines of stdout and of stderr."""
+    done = subprocess.run(
+        [sys.executable, "-m", "harness", *map(str, arguments)],
+        check=False,
+        cwd=folder,
+        env=environment(**about),
+        capture_output=True,
+        timeout=120,
+        start_new_session=True,
+    )
+    return done.returncode, done.stdout.decode().splitlines(), done.stderr.decode().splitlines()
+
+
+def in_process(folder, *arguments, **about):
+    """The same in a fork of the test, which saves the start of Python."""
+    out, err = folder / "stdout", folder / "stderr"
+    process = os.fork()
+    if process == 0:
+        os.setsid()
+        os.chdir(folder)
+        os.environ.update(environment(**about))
+        for number, file in ((1, out), (2, err)):
+            os.dup2(os.open(file, os.O_CREAT | os.O_TRUNC | os.O_WRONLY), number)
+        sys.stdout, sys.stderr = (os.fdopen(n, "w", closefd=False) for n in (1, 2))
+        from harness.cli.app import main
+
+        status = main([str(a) for a in arguments])
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
+    until = time.monotonic() + 60
+    while True:
+        ended, status = os.waitpid(process, os.WNOHANG)
+        if ended:
+            code = os.waitstatus_to_exitcode(status)
+            return code, *(f.read_text(errors="replace").splitlines() for f in (out, err))
+        if time.monotonic() > until:
+            os.kill(process, signal.SIGKILL)
+            os.waitpid(process, 0)
+            pytest.fail(f"{arguments} does not end: {err.read_text()}")
+        time.sleep(0.01)
+
+
+def shows(vice, phase):
+    """Whether a vice makes a difference in this phase: some functions have no status."""
+    return not (VICES[vice].kind == FAIL and phase in (*NO_STATUS, *AFTER_THE_RUN, "load"))
+
+
+def rows_before(phase):
+    """Rows that must survive."""
+    return 1 if phase in AT_WORK else 0
+
+
+def judge_run(folder, vice, phase, outcome):
+    status, out, err = outcome
+    kind, old = VICES[vice].kind, (folder / "x.csv").read_bytes()
+    ends_run = kind in (CRASH, FAIL) and shows(vice, phase) and phase not in AFTER_THE_RUN
+    assert not any("Traceback" in line or "internal error" in line for line in err), err
+    assert all(line.startswith("harness: ") for line in err), err
+    assert len(err) <= 1 + (kind == QUIET), err
+    if not ends_run:
+        assert (status, len(out)) == (0, 1), err
+        whole = read(folder / "x.csv")
+        assert whole.complete
+        assert whole["b.y"].tolist() == list(np.arange(7.0))
+        return
+    assert (status, out, len(err)) == (1, [], 1), err
+    assert "b:" in err[0]
+    assert old == OLD
+    if rows_before(phase):
+        kept = read(folder / "x.partial.csv")
+        assert not kept.complete
+        assert len(kept.time) >= rows_before(phase)
+        assert kept["b.y"].tolist() == list(np.arange(float(len(kept.time))))
+
+
+def run_with(folder, vice, phase, call=in_process):
+    (folder / "x.csv").write_bytes(OLD)
+    (folder / "x.partial.csv").unlink(missing_ok=True)
+    return call(
+        folder, "run", "two.ssp", "-o", "x.csv", vice=vice, phase=phase, after=STEPS.get(phase, 0)
+    )
+
+
+NOT_ENDLESS = [name for name, vice in VICES.items() if vice.kind != HANG]
+CASES = list(itertools.product(NOT_ENDLESS, PHASES))
+SOME = [case for i, case in enumerate(CASES) if i % 7 == 0]
+"""A tenth of the matrix, with every vice and every phase."""
+
+
+@pytest.mark.parametrize(("vice", "phase"), SOME)
+def test_a_vice_costs_one_line_and_no_rows(folder, vice, phase):
+    judge_run(folder, vice, phase, run_with(folder, vice, phase))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("vice", "phase"), CASES)
+def test_every_vice_in_every_phase_of_a_run(folder, vice, phase):
+    judge_run(folder, vice, phase, run_with(folder, vice, phase))
+
+
+def test_the_sample_has_every_vice_and_every_phase():
+    assert {vice for vice, _ in SOME} == set(NOT_ENDLESS)
+    assert {phase for _, phase in SOME} == set(PHASES)
+
+
+@pytest.mark.parametrize("phase", ["fmi2Instantiate", "fmi2DoStep", "fmi2Terminate"])
+def test_exit_0_inside_an_fmu_does_not_end_the_program_with_success(folder, phase):
+    status, _, err = outcome = run_with(folder, "exit_0", phase, harness)
+    judge_run(folder, "exit_0", phase, outcome)
+    assert "exit(0)" in err[0]
+    assert (status == 0) == (phase == "fmi2Terminate")
+
+
+def test_the_line_names_component_function_time_and_last_words(folder):
+    _, _, err = run_with(folder, "last_words", "fmi2DoStep")
+    assert err == [
+        "harness: b: fmi2DoStep crashed (SIGABRT, aborted), its last output: ran out of fuel "
+        "(at t = 2 s); 3 rows kept in x.partial.csv"
+    ]
+
+
+# ---- endless loops
+
+
+def stepping(folder, trace):
+    until = time.monotonic() + 60
+    while not trace.exists() and time.monotonic() < until:
+        time.sleep(0.02)
+    return trace.exists()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("phase", ["fmi2Instantiate", "fmi2DoStep", "fmi2Terminate"])
+def test_an_endless_loop_ends_at_once_and_keeps_the_rows(folder, tmp_path, phase, number):
+    vice = "endless_loop" if number == signal.SIGINT else "endless_sleep"
+    trace = tmp_path / "trace"
+    (folder / "x.csv").write_bytes(OLD)
+    (folder / "x.partial.csv").unlink(missing_ok=True)
+    running = subprocess.Popen(
+        [sys.executable, "-m", "harness", "run", "two.ssp", "-o", "x.csv"],
+        cwd=folder,
+        env=environment(vice, phase, STEPS.get(phase, 0), TRACE=str(trace)),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert stepping(folder, trace)
+    began = time.monotonic()
+    running.send_signal(number)
+    out, err = running.communicate(timeout=20)
+    assert time.monotonic() - began < 5
+    if phase == "fmi2Terminate":
+        assert (running.returncode, len(out.splitlines()), err) == (0, 1, "")
+        assert read(folder / "x.csv").complete
+        return
+    assert (running.returncode, out) == (1, "")
+    assert err.startswith("harness: two: interrupted")
+    assert len(err.splitlines()) == 1
+    assert (folder / "x.csv").read_bytes() == OLD
+    if phase == "fmi2DoStep":
+        assert read(folder / "x.partial.csv").time.tolist() == [0.0, 1.0, 2.0]
+
+
+# ---- the other commands
+
+
+def judge_compare(folder, out, outcome, vice, phase):
+    status, _, err = outcome
+    ends_run = VICES[vice].kind in (CRASH, FAIL) and shows(vice, phase)
+    ends_run = ends_run and phase not in AFTER_THE_RUN
+    assert not any("Traceback" in line or "internal error" in line for line in err), err
+    assert status == int(ends_run), err
+    good = read(out / "good.nc")
+    assert good.complete
+    assert len(good.time) == 7
+    assert (out / "comparison.csv").read_text().splitlines()[1:][1].startswith("good,")
+    if ends_run:
+        assert (out / "vicious.nc").read_bytes() == OLD
+        assert len(err) == 1
+
+
+def compare_with(folder, out, vice, phase, call):
+    out.mkdir()
+    (out / "vicious.nc").write_bytes(OLD)
+    return call(
+        folder, "compare", "two.ssp", "--swap", "b=vicious.fmu,good.fmu", "-o", out, "-q",
+        vice=vice, phase=phase, after=STEPS.get(phase, 0),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("vice", "phase"), [("segfault", "fmi2DoStep"), ("exit_0", "fmi2EnterInitializationMode")]
+)
+def test_compare_is_never_ended_by_one_run(folder, tmp_path, vice, phase):
+    outcome = compare_with(folder, tmp_path / "out", vice, phase, harness)
+    judge_compare(folder, tmp_path / "out", outcome, vice, phase)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("vice", "phase"), CASES)
+def test_every_vice_in_every_phase_of_compare(folder, tmp_path, vice, phase):
+    outcome = compare_with(folder, tmp_path / "out", vice, phase, harness)
+    judge_compare(folder, tmp_path / "out", outcome, vice, phase)
+
+
+LINEARIZE = ("linearize", "vicious.fmu", "-o", "model.npz")
+EXPORT = ("export", "two.ssp", "copy.ssp")
+CHECK = ("check", "two.ssp")
+
+
+def judge_command(folder, outcome, file):
+    status, _, err = outcome
+    assert not any("Traceback" in line or "internal error" in line for line in err), err
+    assert status in (0, 1), err
+    assert len(err) <= 1
+    if file is not None:
+        assert ((folder / file).read_bytes() == OLD) == (status == 1)
+
+
+def test_linearize_names_the_call_that_has_crashed(folder):
+    (folder / "model.npz").write_bytes(OLD)
+    outcome = harness(folder, *LINEARIZE, vice="segfault", phase="fmi2DoStep")
+    assert outcome == (
+        1, [], ["harness: vicious: fmi2DoStep crashed (SIGSEGV, segmentation fault)"],
+    )  # fmt: skip
+    judge_command(folder, outcome, "model.npz")
+
+
+@pytest.mark.parametrize(
+    ("command", "file"), [(LINEARIZE, "model.npz"), (EXPORT, "copy.ssp"), (CHECK, None)]
+)
+@pytest.mark.parametrize("vice", ["exit_0", "chdir", "noise", "kill_group", "error"])
+def test_the_other_commands_survive_too(folder, command, file, vice):
+    for phase in ("load", "fmi2ExitInitializationMode", "fmi2FreeInstance"):
+        if file:
+            (folder / file).write_bytes(OLD)
+        judge_command(folder, in_process(folder, *command, vice=vice, phase=phase), file)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("vice", "phase"), CASES)
+def test_every_vice_in_every_phase_of_linearize_and_export(folder, vice, phase):
+    for command, file in ((LINEARIZE, "model.npz"), (EXPORT, "copy.ssp")):
+        (folder / file).write_bytes(OLD)
+        judge_command(folder, in_process(folder, *command, vice=vice, phase=phase), file)
+
+
+# ---- what only a run in a process of its own can do
+
+
+def test_the_isolated_run_has_the_bits_of_the_one_in_process(folder):
+    assert in_process(folder, "run", "two.ssp", "-o", "apart.csv")[0] == 0
+    assert in_process(folder, "run", "two.ssp", "-o", "here.csv", "--in-process")[0] == 0
+    assert (folder / "apart.csv").read_bytes() == (folder / "here.csv").read_bytes()
+
+
+def test_a_chdir_inside_an_fmu_does_not_move_the_results(folder):
+    """Not even in process."""
+    for name in ("apart.csv", "here.csv"):
+        (folder / name).unlink(missing_ok=True)
+        further = ("--in-process",) if name == "here.csv" else ()
+        status, _, _ = in_process(
+            folder, "run", "two.ssp", "-o", name, *further, vice="chdir", phase="fmi2DoStep"
+        )
+        assert status == 0
+        assert read(folder / name).complete
+
+
+def test_our_own_fmus_stay_in_this_process(monkeypatch):
+    from harness import run
+    from harness.master import isolated
+
+    monkeypatch.setattr(isolated, "_Run", None)
+    assert run("sync_approach", stop=1.0).complete
+
+
+@pytest.mark.parametrize("method", [True, False], ids=["fork", "spawn"])
+def test_children_are_made_either_way(folder, monkeypatch, method):
+    from harness import run
+    from harness.master import memory
+
+    monkeypatch.setattr(memory, "FORK", method)
+    assert run(folder / "two.ssp")["b.y"].tolist() == list(np.arange(7.0))
+    assert Path.cwd() != folder
