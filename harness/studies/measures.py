@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.results import derived
+from harness.results import derived, pitch
 from harness.results.derived import attitude_error, position_error, range_, range_error
 from harness.results.result import Result
 
@@ -127,5 +127,12 @@ MEASURES = (
         ("propulsion.M_S", "servicer.wheel_speed"),
         _torque_impulse,
         ("servicer.A_w",),
+    ),
+    Measure("pitch swing", "deg", (pitch.PITCH,), pitch.swing),
+    Measure(
+        "rotation number",
+        "1/orbit",
+        (pitch.PITCH, pitch.RATE, pitch.ANOMALY),
+        pitch.rotation_number,
     ),
 )
