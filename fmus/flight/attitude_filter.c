@@ -159,6 +159,7 @@ static void acquire(const Parameters *p, Estimate *hat, quat q, mat3 R)
     memset(hat->P, 0, sizeof hat->P);
     put_block(hat->P, STATES, THETA, THETA, R);
     put_block(hat->P, STATES, BIAS, BIAS, identity(p->sigma_bias_0 * p->sigma_bias_0));
+    symmetrise(hat->P, STATES);
 }
 
 static double update(Estimate *hat, quat q, mat3 R)

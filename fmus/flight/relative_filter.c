@@ -297,6 +297,7 @@ static void acquire(const Parameters *p, Estimate *x, const Pose *m)
                matadd(matmul(swing, matmul_t(R_2, swing)), matmul(C_NT, matmul_t(P_dd, C_NT)))));
     put_pair(x->P, RHO, THETA, matscale(-1, matmul(swing, R_2)));
     put_pair(x->P, RHO, D_AT, matmul(C_NT, P_dd));
+    symmetrise(x->P, ERRORS);
 }
 
 static Ratios ratios_of(mat3 J)
