@@ -104,10 +104,10 @@ static void check(const Parameters *p, Problems *problems)
 static void transition(vec3 phi, double T, double *F)
 {
     mat3 C = dcm_of_quat(turn(phi)), cross_phi = tilde(phi);
-    mat3 mean = matadd(identity(1), matadd(matscale(-0.5, cross_phi),
-                                           matscale(1.0 / 6, matmul(cross_phi, cross_phi))));
-    put_block(F, STATES, THETA, THETA, matadd(C, identity(-1)));
-    put_block(F, STATES, THETA, BIAS, matscale(-T, mean));
+    mat3 mean = plus(identity(1),
+                     plus(scaled(-0.5, cross_phi), scaled(1.0 / 6, matmul(cross_phi, cross_phi))));
+    put_block(F, STATES, THETA, THETA, plus(C, identity(-1)));
+    put_block(F, STATES, THETA, BIAS, scaled(-T, mean));
 }
 
 /* Q = [(s_v^2 T + s_u^2 T^3/3) I, -s_u^2 T^2/2 I; ., s_u^2 T I] */
@@ -142,7 +142,7 @@ static mat3 star_noise(const Parameters *p, quat D, double late)
     mat3 C = matmul_t(dcm_of_quat(canonical(p->q_AS)), dcm_of_quat(D));
     vec3 s = times(p->sigma_A, p->sigma_A);
     mat3 R = matmul(transpose(C), matmul(diagonal(s.x, s.y, s.z), C));
-    return matadd(R, identity(late * p->sample_period * p->sigma_v * p->sigma_v));
+    return plus(R, identity(late * p->sample_period * p->sigma_v * p->sigma_v));
 }
 
 /* the turn over the samples m+1 .. k */

@@ -128,10 +128,10 @@ static void transition(const Parameters *p, vec3 r, double *F)
 {
     double T = p->sample_period;
     mat3 G = gravity_gradient_matrix(p->orbit.mu, r);
-    put_block(F, STATES, R_AT, R_AT, matscale(T * T / 2, G));
+    put_block(F, STATES, R_AT, R_AT, scaled(T * T / 2, G));
     put_block(F, STATES, R_AT, V_AT, identity(T));
-    put_block(F, STATES, V_AT, R_AT, matscale(T, G));
-    put_block(F, STATES, V_AT, V_AT, matscale(T * T / 2, G));
+    put_block(F, STATES, V_AT, R_AT, scaled(T, G));
+    put_block(F, STATES, V_AT, V_AT, scaled(T * T / 2, G));
 }
 
 static void propagate(const Parameters *p, Estimate *hat, vec3 thrust_N)

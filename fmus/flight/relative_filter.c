@@ -236,8 +236,8 @@ static double update_position(Estimate *x, const Pose *m, mat3 R)
     Residual residual = {.y = sub(m->r, position_predicted(m, x)),
                          .R = R,
                          .count = 3,
-                         .block = {{RHO, matscale(-1, m->C_KN)},
-                                   {THETA, matscale(-1, matmul(C_KT, tilde(x->d)))},
+                         .block = {{RHO, scaled(-1, m->C_KN)},
+                                   {THETA, scaled(-1, matmul(C_KT, tilde(x->d)))},
                                    {D_AT, C_KT}}};
     return update(x, &residual);
 }
@@ -291,11 +291,10 @@ static void acquire(const Parameters *p, Estimate *x, const Pose *m)
     x->rho = sub(sub(mul(C_NT, x->d), mul(C_NK, m->r)), m->lever_S);
     start_covariance(p, x->P);
     put_block(x->P, ERRORS, THETA, THETA, R_2);
-    put_block(
-        x->P, ERRORS, RHO, RHO,
-        matadd(matmul(C_NK, matmul_t(R_1, C_NK)),
-               matadd(matmul(swing, matmul_t(R_2, swing)), matmul(C_NT, matmul_t(P_dd, C_NT)))));
-    put_pair(x->P, RHO, THETA, matscale(-1, matmul(swing, R_2)));
+    put_block(x->P, ERRORS, RHO, RHO,
+              plus(matmul(C_NK, matmul_t(R_1, C_NK)),
+                   plus(matmul(swing, matmul_t(R_2, swing)), matmul(C_NT, matmul_t(P_dd, C_NT)))));
+    put_pair(x->P, RHO, THETA, scaled(-1, matmul(swing, R_2)));
     put_pair(x->P, RHO, D_AT, matmul(C_NT, P_dd));
     symmetrise(x->P, ERRORS);
 }

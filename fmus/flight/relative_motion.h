@@ -112,11 +112,11 @@ static inline void propagate_state(const MotionModel *model, const Servicer *S, 
 static inline void translation_blocks(const MotionModel *model, vec3 r_T, double T, double *F)
 {
     mat3 G = gravity_gradient_matrix(model->planet.mu, r_T);
-    put_block(F, ERRORS, RHO, RHO, matscale(T * T / 2, G));
+    put_block(F, ERRORS, RHO, RHO, scaled(T * T / 2, G));
     put_block(F, ERRORS, RHO, V, identity(T));
     put_block(F, ERRORS, RHO, ACC, identity(T * T / 2));
-    put_block(F, ERRORS, V, RHO, matscale(T, G));
-    put_block(F, ERRORS, V, V, matscale(T * T / 2, G));
+    put_block(F, ERRORS, V, RHO, scaled(T, G));
+    put_block(F, ERRORS, V, V, scaled(T * T / 2, G));
     put_block(F, ERRORS, V, ACC, identity(T));
 }
 
@@ -134,10 +134,10 @@ static inline Rotation rotation_of(const MotionModel *model, const Estimate *x, 
     vec3 e = radial_T(x->q, r_T);
     Rotation r = {
         .inverse_B = inverted(B), .B = B, .w = x->w, .e = e, .tide = tidal_rate(model, norm(r_T))};
-    mat3 tilt = matadd(matmul(tilde(e), B), tilde(neg(mul(B, e))));
-    mat3 spin = matadd(tilde(mul(B, x->w)), matscale(-1, matmul(tilde(x->w), B)));
+    mat3 tilt = plus(matmul(tilde(e), B), tilde(neg(mul(B, e))));
+    mat3 spin = plus(tilde(mul(B, x->w)), scaled(-1, matmul(tilde(x->w), B)));
     r.th_th = tilde(neg(x->w));
-    r.w_th = matmul(r.inverse_B, matscale(r.tide, matmul(tilt, tilde(e))));
+    r.w_th = matmul(r.inverse_B, scaled(r.tide, matmul(tilt, tilde(e))));
     r.w_w = matmul(r.inverse_B, spin);
     r.dw = mul(r.inverse_B, torque_of(B, x->w, r.tide, e));
     return r;
@@ -145,14 +145,14 @@ static inline Rotation rotation_of(const MotionModel *model, const Estimate *x, 
 
 static inline void rotation_blocks(const Rotation *r, double T, double *F)
 {
-    mat3 th_th = matadd(matmul(r->th_th, r->th_th), r->w_th), th_w = matadd(r->th_th, r->w_w);
-    mat3 w_th = matadd(matmul(r->w_th, r->th_th), matmul(r->w_w, r->w_th));
-    mat3 w_w = matadd(r->w_th, matmul(r->w_w, r->w_w));
+    mat3 th_th = plus(matmul(r->th_th, r->th_th), r->w_th), th_w = plus(r->th_th, r->w_w);
+    mat3 w_th = plus(matmul(r->w_th, r->th_th), matmul(r->w_w, r->w_th));
+    mat3 w_w = plus(r->w_th, matmul(r->w_w, r->w_w));
     double h = T * T / 2;
-    put_block(F, ERRORS, THETA, THETA, matadd(matscale(T, r->th_th), matscale(h, th_th)));
-    put_block(F, ERRORS, THETA, W, matadd(identity(T), matscale(h, th_w)));
-    put_block(F, ERRORS, W, THETA, matadd(matscale(T, r->w_th), matscale(h, w_th)));
-    put_block(F, ERRORS, W, W, matadd(matscale(T, r->w_w), matscale(h, w_w)));
+    put_block(F, ERRORS, THETA, THETA, plus(scaled(T, r->th_th), scaled(h, th_th)));
+    put_block(F, ERRORS, THETA, W, plus(identity(T), scaled(h, th_w)));
+    put_block(F, ERRORS, W, THETA, plus(scaled(T, r->w_th), scaled(h, w_th)));
+    put_block(F, ERRORS, W, W, plus(scaled(T, r->w_w), scaled(h, w_w)));
 }
 
 static inline void put_column(double *F, size_t row, size_t column, vec3 a)

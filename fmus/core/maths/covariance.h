@@ -6,7 +6,7 @@
 #ifndef COVARIANCE_H
 #define COVARIANCE_H
 
-#include "vec3.h"
+#include "mat3.h"
 
 #include <string.h>
 
@@ -103,7 +103,7 @@ static inline mat3 innovation_covariance(const Residual *m, const vec3 *PHt)
     mat3 S = m->R;
     for (size_t b = 0; b < m->count; b++) {
         const vec3 *a = PHt + m->block[b].at;
-        S = matadd(S, matmul(m->block[b].H, rows(a[0], a[1], a[2])));
+        S = plus(S, matmul(m->block[b].H, rows(a[0], a[1], a[2])));
     }
     return S;
 }

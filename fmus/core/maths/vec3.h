@@ -50,6 +50,7 @@ static inline mat3 diagonal(double a, double b, double c)
 {
     return rows(vec(a, 0, 0), vec(0, b, 0), vec(0, 0, c));
 }
+static inline mat3 identity(double k) { return diagonal(k, k, k); } /* k times the unit matrix */
 static inline vec3 mul(mat3 m, vec3 a)
 {
     return vec(dot(m.row[0], a), dot(m.row[1], a), dot(m.row[2], a));
@@ -74,27 +75,6 @@ static inline mat3 matmul_t(mat3 a, mat3 b) /* a transpose(b) */
     return rows(mul(b, a.row[0]), mul(b, a.row[1]), mul(b, a.row[2]));
 }
 
-static inline mat3 matadd(mat3 a, mat3 b)
-{
-    return rows(add(a.row[0], b.row[0]), add(a.row[1], b.row[1]), add(a.row[2], b.row[2]));
-}
-static inline mat3 matscale(double k, mat3 m)
-{
-    return rows(scale(k, m.row[0]), scale(k, m.row[1]), scale(k, m.row[2]));
-}
-static inline mat3 identity(double k) { return diagonal(k, k, k); }
-
-/* tilde(a) b = a x b */
-static inline mat3 tilde(vec3 a)
-{
-    return rows(vec(0, -a.z, a.y), vec(a.z, 0, -a.x), vec(-a.y, a.x, 0));
-}
-
-static inline mat3 outer(vec3 a, vec3 b) /* a b^T */
-{
-    return rows(scale(a.x, b), scale(a.y, b), scale(a.z, b));
-}
-
 static inline double determinant(mat3 m) { return dot(m.row[0], cross(m.row[1], m.row[2])); }
 
 /* x with m x = b, m regular: the rows of the inverse transpose are the cross products of the rows
@@ -108,9 +88,9 @@ static inline vec3 solve(mat3 m, vec3 b)
 
 static inline mat3 inverted(mat3 m)
 {
-    mat3 cofactors =
-        rows(cross(m.row[1], m.row[2]), cross(m.row[2], m.row[0]), cross(m.row[0], m.row[1]));
-    return matscale(1 / determinant(m), transpose(cofactors));
+    double k = 1 / determinant(m);
+    return transpose(rows(scale(k, cross(m.row[1], m.row[2])), scale(k, cross(m.row[2], m.row[0])),
+                          scale(k, cross(m.row[0], m.row[1]))));
 }
 
 #endif

@@ -5,6 +5,7 @@
 #define ORBIT_H
 
 #include "attitude.h"
+#include "mat3.h"
 
 typedef struct {
     double a, e, inc, argp, raan, nu, mu, R_E, J2;
@@ -75,7 +76,7 @@ static inline mat3 gravity_gradient_matrix(double mu, vec3 r)
 {
     if (mu == 0) return identity(0);
     double rr = dot(r, r), k = mu / (rr * sqrt(rr));
-    return matadd(identity(-k), matscale(3 * k / rr, outer(r, r)));
+    return plus(identity(-k), scaled(3 * k / rr, outer(r, r)));
 }
 
 /* transport terms w' x x + 2 w x x' + w x (w x x) of the second derivative; dx as seen in the
