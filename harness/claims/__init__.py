@@ -4,12 +4,17 @@ compared with.
 
 from __future__ import annotations
 
-from harness.claims import yin_2017
+from harness.claims import navigation, yin_2017
 from harness.claims.claim import Claim, Judgement, Paper, Verdict
 from harness.claims.kozlova_fomichev_2023 import PAPER as KOZLOVA_FOMICHEV_2023
 from harness.claims.zhu_yang_2009 import PAPER as ZHU_YANG_2009
 
-PAPERS: tuple[Paper, ...] = (ZHU_YANG_2009, KOZLOVA_FOMICHEV_2023, *yin_2017.PAPERS)
+PAPERS: tuple[Paper, ...] = (
+    ZHU_YANG_2009,
+    KOZLOVA_FOMICHEV_2023,
+    *yin_2017.PAPERS,
+    navigation.PAPER,
+)
 
 __all__ = [
     "KOZLOVA_FOMICHEV_2023",

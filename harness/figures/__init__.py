@@ -4,7 +4,14 @@ needs.
 
 from __future__ import annotations
 
-from harness.figures import overlay, ppc_tracking, relay_approach, space_robot, sync_approach
+from harness.figures import (
+    navigation,
+    overlay,
+    ppc_tracking,
+    relay_approach,
+    space_robot,
+    sync_approach,
+)
 from harness.figures.figure import Curve, Drawing, Figure, Overlay, Panel
 
 FIGURES: tuple[Figure | Drawing, ...] = (
@@ -12,6 +19,7 @@ FIGURES: tuple[Figure | Drawing, ...] = (
     *relay_approach.FIGURES,
     *ppc_tracking.FIGURES,
     *space_robot.FIGURES,
+    *navigation.FIGURES,
 )
 OVERLAYS: tuple[Figure | Overlay, ...] = overlay.FIGURES
 

@@ -1,5 +1,5 @@
-"""orbit_filter.fmu: against dense matrices, thrust of the right step in the right attitude, gate over
-both parts of a fix, late fixes.
+"""orbit_filter.fmu: against dense matrices, thrust of the right step in the right attitude, gate
+over both parts of a fix, late fixes.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Random numbers of the sensors: published vectors, quantiles, distribution, and that a draw depends
-on nothing but seed, stream, sample and place.
+"""Random numbers of the sensors: published vectors, quantiles, distribution, and that a draw
+depends on nothing but seed, stream, sample and place.
 
 orbit_sensor at the origin with unit noise publishes its draws as they are.
 """

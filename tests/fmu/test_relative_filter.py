@@ -275,7 +275,7 @@ def test_symmetric_target_nutates_as_in_the_closed_form(fmu):
 
 
 def test_measurement_matrix_is_the_derivative_of_the_measurement(rng):
-    """H_1 of the reference, which the filter agrees with, by differences of the prediction: 1e-6."""
+    """H_1 of the reference, which the filter agrees with, by differences: 1e-6."""
     world = World(rng, **MOUNTED)
     x, q_SN = world.start, world.slots[0]["q"]
     H = world.model.position_matrix(x, q_SN)
