@@ -134,10 +134,10 @@ def test_transition_is_the_derivative_of_the_propagation(fmu, rng):
 # ---- Farrenkopf
 
 CASES = {
-    "farrenkopf-0.005-deg": (8.726646259971648e-05, 3.162277660168379e-07, 3.1622776601683795e-10, 1.0, 1.0),
+    "farrenkopf-0.005-deg": (8.726646259971648e-05, 3.16227766e-07, 3.16227766e-10, 1.0, 1.0),
     "cross terms": (5e-5, 1e-5, 1e-6, 2.0, 0.5),
     "defaults": (2.9e-5, 2.04e-5, 8e-8, 0.5, 0.1),
-}  # fmt: skip
+}
 """Star tracker, angle and rate random walk, time between stars, sample period."""
 PUBLISHED = (5.869908687882716e-06, 5.85667445937738e-06, 1.1159130518858826e-08)
 """Farrenkopf 1978, J. Guidance and Control 1(4), 282-284, with the numbers of Markley & Crassidis
