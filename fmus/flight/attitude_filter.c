@@ -7,6 +7,7 @@
  *
  * The published rate is the mean of the last period. Source: Lefferts, Markley & Shuster 1982,
  * Farrenkopf 1978; equations: docs/models.md F.4. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "covariance.h"
 #include "measurements.h"
 #include "mounting.h"
@@ -35,7 +36,7 @@ typedef struct {
 } Estimate;
 typedef struct {
     Estimate hat;
-    double started, first, gyro_last;
+    double started, first, index, gyro_last; /* samples: the first one, the last one */
     Track star;
     quat turn[HISTORY]; /* by sample: the turn since the one before */
 } State;
@@ -198,6 +199,7 @@ static void use_star(const Parameters *p, const Input *u, State *x, double k)
 static State start_state(const Parameters *p, double k)
 {
     State x = {.first = k,
+               .index = k - 1,
                .gyro_last = -1,
                .star = new_track(&p->gate, -1),
                .hat = {.q = quat_of_mrp(p->sigma_SN_0)}};
@@ -227,11 +229,10 @@ static void filter(const Parameters *p, const Input *u, State *x, Output *y, Sam
         *x = start_state(p, s.index);
         x->started = 1;
     }
-    quat *turned = &x->turn[place_of(s.index)];
-    *turned = (quat){1, 0, 0, 0};
+    while (x->index < s.index) x->turn[place_of(++x->index)] = (quat){1, 0, 0, 0};
     if (u->gyro_valid > 0 && u->gyro_time > x->gyro_last) {
         x->gyro_last = u->gyro_time;
-        *turned = propagate(p, u->dtheta_S, &x->hat);
+        x->turn[place_of(s.index)] = propagate(p, u->dtheta_S, &x->hat);
     }
     if (is_new(&x->star, u->star_time, u->star_valid)) use_star(p, u, x, s.index);
     publish(p, u, x, y, s.t);

@@ -5,6 +5,7 @@
  * residuals go into a copy of the estimate; where the sum of their normalised squares exceeds the
  * gate, the copy is dropped. Acquisition sets the measured part of the estimate: at the first
  * measurement, and after reset_after rejections in a row. Equations: docs/models.md F.3. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MEASUREMENTS_H
 #define MEASUREMENTS_H
 

@@ -4,6 +4,7 @@
  *
  * F_cmd_S at a sample is the command held since the sample before, in the attitude of that sample.
  * A late fix is carried to now by one step without thrust. Equations: docs/models.md F.5. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "covariance.h"
 #include "measurements.h"
 #include "orbit_rows.h"
@@ -29,8 +30,8 @@ typedef struct {
 } Estimate;
 typedef struct {
     Estimate hat;
-    double started;
-    quat q; /* attitude of the last sample */
+    double started, index; /* of the last sample */
+    quat q;                /* attitude then */
     Track fix;
 } State;
 typedef struct {
@@ -216,12 +217,13 @@ static void publish(const Parameters *p, const State *x, Output *y, double t)
 
 static void filter(const Parameters *p, const Input *u, State *x, Output *y, Sample s)
 {
-    if (x->started > 0) {
-        propagate(p, &x->hat, scale(1 / p->mass_hat, tmul(dcm_of_quat(x->q), u->F_cmd_S)));
-    } else {
+    if (!x->started) {
         *x = start_state(p);
         x->started = 1;
+        x->index = s.index;
     }
+    vec3 thrust_N = scale(1 / p->mass_hat, tmul(dcm_of_quat(x->q), u->F_cmd_S));
+    for (; x->index < s.index; x->index++) propagate(p, &x->hat, thrust_N);
     x->q = canonical(u->q_SN);
     if (is_new(&x->fix, u->fix_time, u->fix_valid)) use_fix(p, u, x, s.index);
     publish(p, x, y, s.t);

@@ -7,6 +7,7 @@
  * or older, the head the estimate now; a pose moves the anchor to its sample, and where it is used,
  * the head starts anew from there, through the last 16 samples of the servicer. So delayed poses in
  * the order of their stamps are filtered exactly. Equations: docs/models.md F.6. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "measurements.h"
 #include "mounting.h"
@@ -41,7 +42,7 @@ typedef struct {
 } Input;
 typedef struct {
     Estimate head, anchor;
-    double started, anchor_index, late;
+    double started, index, anchor_index, late; /* samples: the last one, that of the anchor */
     Track pose;
     Servicer ring[HISTORY];
 } State;
@@ -372,19 +373,30 @@ static void take_pose(const Parameters *p, const Input *u, State *x, double k)
 static void begin(const Parameters *p, const Input *u, State *x, double k)
 {
     x->started = 1;
-    x->anchor_index = k;
+    x->index = x->anchor_index = k;
     x->late = 0;
     x->pose = new_track(&p->gate, -p->sample_period / 2);
     x->head = x->anchor = start_estimate(p, u);
 }
 
-/* the anchor leaves the oldest sample before the newest takes its place in the ring */
+static Servicer coasted(Servicer s, double T)
+{
+    s.r = add(s.r, scale(T, s.v));
+    return s;
+}
+
+/* The anchor leaves the oldest sample before the newest takes its place in the ring. One by one,
+ * should the rounding of a master's time have lost a sample. */
 static void advance(const Parameters *p, const Input *u, State *x, double k)
 {
-    Servicer *before = sample_of(x, k - 1);
-    before->thrust_N = scale(1 / p->mass_hat, tmul(dcm_of_quat(before->q), u->F_cmd_S));
-    propagate_relative(&p->model, before, &x->head, p->sample_period);
-    move_anchor(p, x, k - (HISTORY - 1));
+    Servicer *last = sample_of(x, x->index);
+    last->thrust_N = scale(1 / p->mass_hat, tmul(dcm_of_quat(last->q), u->F_cmd_S));
+    for (; x->index < k; x->index++) {
+        Servicer now = *sample_of(x, x->index);
+        propagate_relative(&p->model, &now, &x->head, p->sample_period);
+        move_anchor(p, x, x->index + 1 - (HISTORY - 1));
+        *sample_of(x, x->index + 1) = coasted(now, p->sample_period);
+    }
 }
 
 static Ratios sigma_ratios(const double *P)

@@ -8,6 +8,7 @@
  * Errors are truth minus estimate, of the attitude q_TN = q_hat rot(theta), in the order rho, v,
  * theta, w, kappa, d, a. A part with neither start covariance nor noise is not estimated: its rows
  * of P stay 0. Equations: docs/models.md F.6. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef RELATIVE_MOTION_H
 #define RELATIVE_MOTION_H
 

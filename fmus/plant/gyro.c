@@ -6,6 +6,7 @@
  *
  * With a quantum the residue of the rounding is carried to the next increment. The first sample
  * only takes the attitude. Source: Farrenkopf 1978; equations: docs/models.md F.2. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "sensor.h"
 #include "small_rotation.h"
 

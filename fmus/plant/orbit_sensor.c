@@ -3,6 +3,7 @@
  *   r_fix = r + sigma_fix_r z_0..2,   v_fix = v + sigma_fix_v z_3..5
  *
  * No fix in an outage or where dropped (u_6 < p_drop). Equations: docs/models.md F.2. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "sensor.h"
 
 typedef struct {

@@ -7,6 +7,7 @@
  * G is the origin of the model of the target that the camera tracks. Outliers and flips (half a
  * turn about flip_axis, for a target that looks the same) come on top, unseen by pose_valid. A
  * sample is published `latency` later, from a ring of the last 8. Equations: docs/models.md F.2. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "mounting.h"
 #include "pose_noise.h"
 #include "sensor.h"

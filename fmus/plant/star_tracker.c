@@ -5,6 +5,7 @@
  * No measurement where the servicer turns faster than rate_max, with the Sun within sun_cone of the
  * boresight (+X of A), in an outage, or dropped (u_3 < p_drop). Exposure and time stamp are one.
  * Equations: docs/models.md F.2. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #include "mounting.h"
 #include "sensor.h"
 #include "small_rotation.h"

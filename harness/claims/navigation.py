@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """What a run on estimates should hold of its navigation (docs/models.md F): errors within their
 bands, innovations by chi-square, sensors available. Claims of this project, not of a paper.
 """

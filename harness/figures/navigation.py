@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Figures of navigation: errors of the estimates with 3-sigma bands, innovations and errors against
 chi-square, availability of the sensors, tracking on estimates beside tracking in truth.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """State and whole covariance of a navigation filter, read from and written into its FMU state: the
 ports carry standard deviations only. The estimate is the first member of the state of a filter;
 states and outputs are the last doubles of the snapshot.
@@ -17,9 +18,9 @@ TRACK, RING = 7, 16
 RELATIVE = 24 + 23 * 23
 """rho, v, q, w, kappa, d, a and P"""
 STATES = {
-    "attitude_filter": 7 + 36 + 3 + TRACK + 4 * RING,
-    "orbit_filter": 6 + 36 + 1 + 4 + TRACK,
-    "relative_filter": 2 * RELATIVE + 3 + TRACK + 13 * RING,
+    "attitude_filter": 7 + 36 + 4 + TRACK + 4 * RING,
+    "orbit_filter": 6 + 36 + 2 + 4 + TRACK,
+    "relative_filter": 2 * RELATIVE + 4 + TRACK + 13 * RING,
 }
 """Doubles in the states of the filters."""
 ORDERS = {"attitude_filter": (7, 6), "orbit_filter": (6, 6), "relative_filter": (24, 23)}

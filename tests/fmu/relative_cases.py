@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """A servicer under thrust and a free tumbling target, in numpy, with what relative_filter hears of
 them.
 """

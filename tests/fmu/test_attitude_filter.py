@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """attitude_filter.fmu: against dense matrices, Farrenkopf's steady state, gate, delay."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """gyro.fmu: increments are the true turn, random walks have the slopes of Allan's deviation, the
 residue of the rounding is carried on.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """orbit_filter.fmu: against dense matrices, thrust of the right step in the right attitude, gate
 over both parts of a fix, late fixes.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """orbit_sensor.fmu: fixes with noise, outages, drop-outs."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """pose_sensor.fmu: lever arms in their own axes, noise by range, status, latency to the step."""
 
 from __future__ import annotations

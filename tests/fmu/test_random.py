@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Random numbers of the sensors: published vectors, quantiles, distribution, and that a draw
 depends on nothing but seed, stream, sample and place.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """relative_filter.fmu: errors as large as its covariance says, over many runs: NEES (normalised
 estimation error squared) and NIS by chi-square where the model is the truth.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """star_tracker.fmu: noise in the axes of the tracker, what makes it blind, the grid of samples."""
 
 from __future__ import annotations

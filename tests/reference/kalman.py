@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Kalman filters of the navigation in dense textbook matrices: explicit H and S^-1 of full size,
 transitions from a Jacobian by complex steps, delayed poses by filtering the whole history anew.
 """

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Random numbers of the sensors: Philox4x32-10 in whole numbers of any size, normal draws by
 scipy's quantile.
 """

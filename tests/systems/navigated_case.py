@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Runs of sync_approach_navigated and their errors: estimates and tracking against the truth."""
 
 from __future__ import annotations

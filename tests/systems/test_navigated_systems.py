@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """The other approaches on estimates: what they reach beside truth, and why the relays were retuned
 (docs/models.md F.7).
 """

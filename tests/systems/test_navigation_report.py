@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Figures and claims of navigation, on runs of sync_approach_navigated and on made-up histories."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """sync_approach on estimates: what sensors and filters reach, set by set, against the figures of
 docs/models.md F.7; consistency as flown; what a sample costs.
 """

@@ -3,6 +3,7 @@
  * P is n x n, row major, n <= MOST_STATES, symmetric. No allocation, inverses of 3x3 only. What is
  * zero is skipped: rows of the transition beyond those that move, zero elements of them, states
  * that a measurement does not see. Equations: docs/models.md F.3. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef COVARIANCE_H
 #define COVARIANCE_H
 

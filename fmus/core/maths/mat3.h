@@ -1,4 +1,5 @@
 /* mat3.h - sums of 3x3 matrices, cross-product matrix, inertia of a point mass. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MAT3_H
 #define MAT3_H
 

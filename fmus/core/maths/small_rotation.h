@@ -3,6 +3,7 @@
  * Errors are a = 4 sigma, sigma the modified Rodrigues parameters: the rotation vector up to third
  * order, exactly invertible, without a sine. True turns, as of a gyro, are rotation vectors phi.
  * Equations: docs/models.md F.2. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SMALL_ROTATION_H
 #define SMALL_ROTATION_H
 

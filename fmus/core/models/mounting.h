@@ -1,4 +1,5 @@
 /* mounting.h - how a sensor is mounted on the servicer, and the rules for such an attitude. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MOUNTING_H
 #define MOUNTING_H
 

@@ -5,6 +5,7 @@
  *   attitude              sigma_theta_0 + sigma_theta_1 R
  *
  * The sensor draws by it, the filter weighs by it. Equations: docs/models.md F.2. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef POSE_NOISE_H
 #define POSE_NOISE_H
 

@@ -5,6 +5,7 @@
  * (n mod 2^32, n / 2^32, b, s), gives the uniform draws 2b and 2b + 1; s = 1 for draws made once
  * per run. Normal draws: z = PPND16(u), Wichura 1988, AS 241, from sums, products, quotients and
  * roots alone, tails to 8.2 sigma. Equations: docs/models.md F.1. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef RANDOM_H
 #define RANDOM_H
 

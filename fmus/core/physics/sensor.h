@@ -2,6 +2,7 @@
  *
  * Sensors sample at n sample_period; an input is what the plant had at the call that contains the
  * sample. Equations: docs/models.md F.2. */
+/* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SENSOR_H
 #define SENSOR_H
 
