@@ -358,3 +358,13 @@ def test_finer_master_steps_give_the_same_bits(fmu, rng):
 )
 def test_refused_with_the_rule(parameters, rule, tmp_path):
     assert rule in refusal("attitude_filter", parameters, tmp_path)
+
+
+def test_quaternions_of_either_sign_are_the_same_attitude(fmu, rng):
+    world = World(rng)
+    a, b = world.filter(fmu), world.filter(fmu)
+    for k in range(20):
+        u = world.gyro(k) | (world.star(k) if k % 5 == 0 else {})
+        a.step(T, u)
+        b.step(T, u | ({"q_AN": -u["q_AN"]} if "q_AN" in u else {}))
+        assert bits(a) == bits(b)
