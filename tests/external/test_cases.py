@@ -8,10 +8,10 @@ from __future__ import annotations
 import json
 
 import pytest
+from harness.validation.__main__ import main
 
 from harness.errors import UsageError
 from harness.validation import cases, judge, markdown, table, validate
-from harness.validation.__main__ import main
 from harness.validation.case import FOLDER
 from harness.validation.library import Library
 
