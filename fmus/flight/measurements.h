@@ -1,5 +1,5 @@
-/* measurements.h - what every filter keeps of a sensor: which measurement is new, gate, acquisition,
- * age.
+/* measurements.h - what every filter keeps of a sensor: which measurement is new, gate,
+ * acquisition, age.
  *
  * A measurement is new where it is valid and its time exceeds that of the last new one. Its
  * residuals go into a copy of the estimate; where the sum of their normalised squares exceeds the

@@ -1,7 +1,8 @@
 /* relative_motion.h - model of a free target seen from the servicer: position and velocity in N
  * axes, attitude and rate of the target, ratios of its inertias, and the covariance of all that.
  *
- *   rho' = v,   v' = g(r_S) - g(r_S - rho) + a_thrust + a,    r_S = r_j + s v_j,  s from sample j on
+ *   rho' = v,   v' = g(r_S) - g(r_S - rho) + a_thrust + a,    r_S = r_j + s v_j,
+ *           s from sample j on
  *   q' = q [0, w]/2,   B w' = -w x B w + 3 mu/r^3 e x B e,    B = J/J11, e the direction of the
  *                                                             target from the planet, its axes
  *

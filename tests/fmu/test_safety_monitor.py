@@ -403,7 +403,9 @@ def test_arcs_in_axes_of_a_turning_target_and_servicer(fmu):
 
 @pytest.mark.parametrize("first", [0, 1])
 def test_what_is_in_force_at_a_sample_is_so_until_the_next(fmu, first):
-    """Out of the corridor and across the plume between two samples; flag and force at one of them."""
+    """Out of the corridor and across the plume between two samples; flag and force at one of
+    them.
+    """
     p = OFF | DEEP | {"use_corridor": 1, "corridor_half_angle": 0.5, "use_speed_limit": 1}
     p |= {"speed_slope": 0, "use_plume": 1, "plume_half_angle": 0.3}
     unit, motion = fmu("safety_monitor", p), straight((-5.0, 8, 0), (1, 0, 0))

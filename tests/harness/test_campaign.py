@@ -214,7 +214,8 @@ def test_what_is_wrong_with_a_combination_is_said_once_and_not_for_every_value(s
     with pytest.raises(StructureError) as caught:
         campaign(bad, tmp_path / "out.zarr", workers=0)
     assert str(caught.value).splitlines() == [
-        f"campaign: run {k}: count: latency must lie in 0..1 macro steps under gauss-seidel, not {k}"
+        f"campaign: run {k}: count: latency must lie in 0..1 macro steps under gauss-seidel, "
+        f"not {k}"
         for k in (2, 3)
     ]
 

@@ -63,7 +63,9 @@ def relays(params, stop):
 
 
 def test_relays_chatter_on_the_noise_unless_they_are_retuned():
-    """2000 s: attitude jets fire thousands of times with the gains of truth, some hundred retuned."""
+    """2000 s: attitude jets fire thousands of times with the gains of truth, some hundred
+    retuned.
+    """
     _, before, _ = relays("gains_of_truth", 2000.0)
     _, after, _ = relays("default", 2000.0)
     assert before > 5000
