@@ -40,6 +40,12 @@ def systems() -> dict[str, Path]:
     return _files("ssp", "ssp")
 
 
+def campaigns() -> dict[str, Path]:
+    """All campaigns of the project by name."""
+    folders = (PACKAGE.parent / "ssp" / "campaigns", PACKAGE / "data" / "campaigns")
+    return {path.stem: path for folder in folders for path in sorted(folder.glob("*.toml"))}
+
+
 def loop_library() -> Path | None:
     """The C executor, or None if it has not been built."""
     return _library("loop.so")

@@ -184,18 +184,10 @@ static void publish(const Parameters *p, const State *x, Output *y, double t)
     y->mass = x->mass;
 }
 
-/* start relative to the target: r_S = r_T + C_HN^T rho, v_S = v_T + C_HN^T (drho + w_H x rho) */
-static PosVel start_near_target(const Parameters *p)
-{
-    PosVel target = posvel_of_elements(&p->orbit);
-    HillFrame H = hill_frame(p->orbit.mu, target.r, target.v);
-    return (PosVel){add(target.r, tmul(H.C_HN, p->rho_0_H)),
-                    add(target.v, tmul(H.C_HN, rate_in_N(&H, p->rho_0_H, p->drho_0_H)))};
-}
-
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
-    PosVel s = p->orbit.a > 0 ? start_near_target(p) : (PosVel){p->r_0_N, p->v_0_N};
+    PosVel s = p->orbit.a > 0 ? posvel_beside(&p->orbit, p->rho_0_H, p->drho_0_H)
+                              : (PosVel){p->r_0_N, p->v_0_N};
     (void)u;
     *x = (State){s.r, s.v, mrp_inside(p->sigma_SN_0), p->omega_SN_S_0, p->wheel_speed_0, p->mass_0};
     publish(p, x, y, t);

@@ -5,7 +5,7 @@ compared with.
 
 from __future__ import annotations
 
-from harness.claims import arch_comp_spre, yin_2017
+from harness.claims import arch_comp_spre, guo_2014, navigation, yin_2017
 from harness.claims.claim import Claim, Judgement, Paper, Verdict
 from harness.claims.kozlova_fomichev_2023 import PAPER as KOZLOVA_FOMICHEV_2023
 from harness.claims.zhang_2016 import PAPER as ZHANG_2016
@@ -16,6 +16,8 @@ PAPERS: tuple[Paper, ...] = (
     KOZLOVA_FOMICHEV_2023,
     *yin_2017.PAPERS,
     ZHANG_2016,
+    *guo_2014.PAPERS,
+    navigation.PAPER,
     *arch_comp_spre.PAPERS,
 )
 

@@ -56,7 +56,8 @@ def pictures(store: Store, folder: Path, ending: str) -> list[Path]:
     for name, column in metrics.items() if factors else ():
         best = sorted(factors, key=lambda f: -_rank(factors[f], column))[:DRAWN]
         shown = {f: factors[f] for f in best}
-        paths.append(figures.scatter(name, column, shown, folder, ending))
+        draw = figures.chart if _is_grid(factors) else figures.scatter
+        paths.append(draw(name, column, shown, folder, ending))
     for name in store.names("band"):
         numbers: Any = store.array("percentile").tolist()
         band = store.array(name)
@@ -67,6 +68,15 @@ def pictures(store: Store, folder: Path, ending: str) -> list[Path]:
 
 def _varies(x: Any) -> bool:
     return bool(np.ptp(x[np.isfinite(x)]) > 0) if np.isfinite(x).any() else False
+
+
+def _is_grid(factors: Any) -> bool:
+    """Whether the runs are all combinations of the values of two factors, once each."""
+    if len(factors) != 2:
+        return False
+    pairs = np.stack(list(factors.values()), axis=1)
+    sizes = [len(np.unique(column)) for column in pairs.T]
+    return len(np.unique(pairs, axis=0)) == len(pairs) == sizes[0] * sizes[1]
 
 
 def _rank(x: Any, y: Any) -> float:

@@ -230,3 +230,38 @@ def campaign_command(  # noqa: PLR0913, PLR0917 - one argument per option
     typer.echo(found.summary())
     drawn = pictures(found.store, folder.parent, ending.value) if figures else []
     typer.echo(f"\ndataset {folder}, {len(drawn)} figures in {folder.parent}")
+
+
+@app.command("study")
+def study_command(  # noqa: PLR0913, PLR0917 - one argument per option
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="[NAME]", help="a campaign of the project; without it, their names"),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="dataset (default: results/NAME.zarr)")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(help="processes (default: processors; 0: no other)")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="go on after an interruption")] = False,
+    ending: FormatOption = Format.PNG,
+    quiet: QuietOption = False,
+) -> None:
+    """Run a campaign of the project.
+
+    Studies of the papers, as the maps of the space robot.
+    """
+    from harness import paths
+    from harness.errors import UsageError
+    from harness.spelling import did_you_mean
+
+    known = paths.campaigns()
+    if name is None:
+        typer.echo("\n".join(known))
+        return
+    if name not in known:
+        raise UsageError(f"{name}: there is no such study{did_you_mean(name, known)}")
+    campaign_command(
+        known[name], output, workers, None, False, resume, ending, figures=True, quiet=quiet
+    )

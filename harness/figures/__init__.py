@@ -6,6 +6,7 @@ needs.
 from __future__ import annotations
 
 from harness.figures import (
+    navigation,
     overlay,
     ppc_tracking,
     relay_approach,
@@ -21,6 +22,7 @@ FIGURES: tuple[Figure | Drawing, ...] = (
     *ppc_tracking.FIGURES,
     *space_robot.FIGURES,
     *transposition.FIGURES,
+    *navigation.FIGURES,
 )
 OVERLAYS: tuple[Figure | Overlay, ...] = (*overlay.FIGURES, *transposition.OVERLAYS)
 

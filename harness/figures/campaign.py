@@ -41,6 +41,22 @@ def scatter(
     return save(canvas, folder / f"campaign_{stem}.{ending}")
 
 
+def chart(
+    metric: str, values: Array, factors: Mapping[str, Array], folder: Path, ending: str
+) -> Path:
+    """One metric as colours over a grid of two factors."""
+    (x_name, x), (y_name, y) = factors.items()
+    columns, rows = np.unique(x), np.unique(y)
+    colours = np.full((len(rows), len(columns)), np.nan)
+    colours[np.searchsorted(rows, y), np.searchsorted(columns, x)] = values
+    canvas, panels = _grid(metric, 1)
+    mesh = panels[0].pcolormesh(columns, rows, colours, shading="nearest")
+    panels[0].set(xlabel=x_name, ylabel=y_name)
+    canvas.colorbar(mesh, ax=panels[0], label=metric)
+    stem = re.sub(r"[^\w.-]+", "_", metric)
+    return save(canvas, folder / f"campaign_map_{stem}.{ending}")
+
+
 def bands(  # noqa: PLR0913, PLR0917 - what is drawn, and where it goes
     name: str, time: Array, percentiles: Sequence[float], band: Array, folder: Path, ending: str
 ) -> Path:

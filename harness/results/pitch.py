@@ -5,6 +5,8 @@ spectrum.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,8 @@ Array = NDArray[np.float64]
 
 PITCH, RATE, ANOMALY = "robot.pitch", "robot.pitch_rate", "robot.true_anomaly"
 TURN = 2 * np.pi
+NEWTON_STEPS = 6
+"""From the linear interpolation on, each doubles the digits."""
 
 
 def orbits(result: Result) -> float:
@@ -25,13 +29,46 @@ def strobe(result: Result) -> tuple[Array, Array]:
     """Pitch in [-pi, pi) [rad] and its derivative by the true anomaly, once per orbit at the
     anomaly of the start.
 
-    The motion is interpolated between the rows: they must be much closer than an orbit.
+    Cubic between the rows, pitch with its own rate: the error falls with the fourth power of their
+    distance, 1e-7 rad with 100 rows per orbit.
     """
+    from scipy.interpolate import CubicHermiteSpline, CubicSpline
+
+    course = CubicSpline(result.time, result[ANOMALY])
+    instants = _crossings(result, course)
+    pitch = CubicHermiteSpline(result.time, result[PITCH], result[RATE])(instants)
+    rate = CubicSpline(result.time, result[RATE])(instants)
+    return (pitch + np.pi) % TURN - np.pi, rate / course(instants, 1)
+
+
+def _crossings(result: Result, course: Callable[..., Array]) -> Array:
+    """Times at which the true anomaly is that of the start, by Newton's method [s]."""
     anomaly = result[ANOMALY]
-    instants = anomaly[0] + TURN * np.arange(np.floor(orbits(result) + 1e-9) + 1)
-    pitch, rate = (np.interp(instants, anomaly, result[name]) for name in (PITCH, RATE))
-    anomaly_rate = np.interp(instants, anomaly, np.gradient(anomaly, result.time))
-    return (pitch + np.pi) % TURN - np.pi, rate / anomaly_rate
+    wanted = anomaly[0] + TURN * np.arange(np.floor(orbits(result) + 1e-9) + 1)
+    times: Array = np.interp(wanted, anomaly, result.time)
+    for _ in range(NEWTON_STEPS):
+        times = times - (course(times) - wanted) / course(times, 1)
+    return np.clip(times, result.time[0], result.time[-1])
+
+
+def rotation_number(result: Result) -> float:
+    """Turns of the strobe points about their centre per orbit, in [0, 1); NaN below two orbits.
+
+    The motion is periodic with the orbit where it has no such points, resonant where it is a
+    fraction, quasi-periodic where it is not.
+    """
+    if orbits(result) < 2:
+        return float("nan")
+    pitch, rate = strobe(result)
+    pitch = np.unwrap(pitch)
+    angle = np.arctan2(pitch - pitch.mean(), rate - rate.mean())
+    steps = np.diff(angle) % TURN
+    return float(steps.mean() / TURN)
+
+
+def swing(result: Result) -> float:
+    """Difference of the largest and the smallest pitch [deg]: above 360 deg it has tumbled."""
+    return float(np.degrees(np.ptp(result[PITCH])))
 
 
 def spectrum(result: Result) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.results import derived
+from harness.results import derived, pitch
 from harness.results.derived import (
     assembly_attitude_error,
     attitude_error,
@@ -251,4 +251,11 @@ MEASURES = (
     Measure("peak momentum", "N m s", (MOMENTUM,), lambda r, _: float(r[MOMENTUM].max())),
     Measure("largest rotation", "deg", (TURN,), lambda r, _: float(np.degrees(r[TURN]).max())),
     Measure("tracking error", "deg", derived.ASSEMBLY, _assembly_error),
+    Measure("pitch swing", "deg", (pitch.PITCH,), lambda r, _: pitch.swing(r)),
+    Measure(
+        "rotation number",
+        "1/orbit",
+        (pitch.PITCH, pitch.RATE, pitch.ANOMALY),
+        lambda r, _: pitch.rotation_number(r),
+    ),
 )

@@ -26,7 +26,7 @@ PLATFORMS = {
     "win32": ("win64", ".dll"),
 }
 FOLDER, ENDING = PLATFORMS[sys.platform]
-GRIDS = ("max_step", "sample_period", "T0")
+GRIDS = ("max_step", "sample_period", "T0", "latency")
 """Names of the parameters that are the internal step of a plant, the period of software, the call
 period of thrusters.
 """

@@ -401,6 +401,30 @@ def test_arcs_in_axes_of_a_turning_target_and_servicer(fmu):
             assert min(values) - spacing < unit.get(f"{name}_margin") < min(values) + 2e-5
 
 
+@pytest.mark.parametrize("first", [0, 1])
+def test_what_is_in_force_at_a_sample_is_so_until_the_next(fmu, first):
+    """Out of the corridor and across the plume between two samples; flag and force at one of
+    them.
+    """
+    p = OFF | DEEP | {"use_corridor": 1, "corridor_half_angle": 0.5, "use_speed_limit": 1}
+    p |= {"speed_slope": 0, "use_plume": 1, "plume_half_angle": 0.3}
+    unit, motion = fmu("safety_monitor", p), straight((-5.0, 8, 0), (1, 0, 0))
+    for k, on in enumerate((first, 1 - first)):
+        force = {"approaching": on, "F_cmd_S": (0, on, 0)}
+        unit.step(10, states(10 * k, *motion(10 * k), 0) | force)
+    violated = unit.get("violated")
+    assert violated[1] == violated[2] == violated[4] == first
+
+
+def test_least_margin_is_the_least_since_the_start(fmu):
+    p = SPHERE | DEEP | {"use_speed_limit": 1}
+    unit, rows = watch(fmu, p, straight((-20, 6, 0), (0.9, 0, 0)), 1, 60)
+    assert abs(unit.get("least_margin")[0] - 3) < 2 * RESOLUTION
+    least = np.minimum.accumulate(column(rows, "keep_out_margin"))
+    assert np.array_equal(column(rows, "least_margin")[:, 0], least)
+    assert unit.get("least_margin")[1] == RESTING
+
+
 # ---- passive safety ----
 
 DRIFT = SPHERE | {"passive_time": 5000, "passive_step": 30}
@@ -530,14 +554,16 @@ def test_a_number_that_is_none_is_refused_and_the_monitor_goes_on(fmu):
     assert unit.get("keep_out_margin") == 17
 
 
-@pytest.mark.parametrize("size", [1e6, 1e12, 1e20])
-def test_absurd_but_finite_inputs_are_judged_in_bounded_time(fmu, rng, size):
+@pytest.mark.parametrize(
+    ("size", "rate", "h"), [(1e6, 1e6, 1), (1e12, 1e12, 1), (1e20, 1e20, 1), (1, 1e15, 1e-6)]
+)
+def test_absurd_but_finite_inputs_are_judged_in_bounded_time(fmu, rng, size, rate, h):
     """Rounding of such numbers is far coarser than 1e-7 m: halving has to end all the same."""
     p = SPHERE | DEEP | {"use_corridor": 1, "use_speed_limit": 1, "use_plume": 1}
     unit, begin = fmu("safety_monitor", p), perf_counter()
     for k in range(20):
-        inputs = states(k, rng.normal(size=3) * size, rng.normal(size=3) * size, 0)
-        unit.step(1, inputs | {"F_cmd_S": rng.normal(size=3)})
+        inputs = states(k, rng.normal(size=3) * size, rng.normal(size=3) * rate, 0)
+        unit.step(h, inputs | {"F_cmd_S": rng.normal(size=3)})
         assert all(np.all(np.isfinite(value)) for value in unit.outputs().values())
     assert perf_counter() - begin < 20
 

@@ -17,8 +17,9 @@ import psutil
 import pytest
 from scipy import stats
 
-from harness import campaign, run
+from harness import campaign, paths, run
 from harness.cli.app import main
+from harness.cli.campaigns import pictures
 from harness.errors import StructureError, UsageError
 from harness.results.files import read
 from harness.ssp.build import system_of
@@ -205,6 +206,18 @@ def test_metrics_and_histories_of_variables_that_do_not_exist_are_refused(system
     assert "metrics.end: there is no variable twice.yy (close: twice.y)" in str(caught.value)
     assert "keep.bands: there is no variable count.m" in str(caught.value)
     assert "keep.band: there is no such entry (close: bands)" in str(caught.value)
+
+
+def test_what_is_wrong_with_a_combination_is_said_once_and_not_for_every_value(system, tmp_path):
+    bad = table(system, runs=1, factors={"twice.k": {"range": {"first": 1, "last": 2, "count": 9}}})
+    bad["factors"]["latency.count"] = {"list": [0, 1, 2, 3]}
+    with pytest.raises(StructureError) as caught:
+        campaign(bad, tmp_path / "out.zarr", workers=0)
+    assert str(caught.value).splitlines() == [
+        f"campaign: run {k}: count: latency must lie in 0..1 macro steps under gauss-seidel, "
+        f"not {k}"
+        for k in (2, 3)
+    ]
 
 
 def test_a_factor_of_the_wrong_shape_is_refused(system, tmp_path):
@@ -449,3 +462,24 @@ def test_runs_that_do_not_exist_cannot_be_repeated(system, serial, monkeypatch, 
     monkeypatch.chdir(serial.path.parent)
     with pytest.raises(UsageError, match=problem):
         like(text, system)
+
+
+def test_the_studies_of_the_project_make_sense(tmp_path, capsys):
+    assert main(["study"]) == 0
+    names = capsys.readouterr().out.split()
+    assert "space_robot_rotation" in names
+    for name in names:
+        assert read_plan(paths.campaigns()[name]).runs > 1
+    assert main(["study", "space_robot_rotaton"]) == 2
+    assert "close: space_robot_rotation" in capsys.readouterr().err
+
+
+def test_two_listed_factors_are_drawn_as_a_map(system, tmp_path):
+    given = table(system, runs=1, metrics={"end": "twice.y[-1]"})
+    given["factors"] = {
+        "twice.k": {"range": {"first": 1.0, "last": 2.0, "count": 3}},
+        "count.n_0": {"list": [0.0, 5.0]},
+    }
+    found = campaign(given, tmp_path / "out.zarr", workers=0)
+    names = [path.name for path in pictures(found.store, tmp_path, "svg")]
+    assert names == ["campaign_histograms.svg", "campaign_map_end.svg"]

@@ -101,7 +101,7 @@ static inline double least_on(const Margin *m, const Arc *arc)
         if (settled) x.w = 1 - x.s;
         Arc part = arc_part(arc, x.s, x.s + x.w);
         double bound = m->bound(m->rule, &part);
-        settled = settled || bound >= best - fine;
+        settled = settled || bound >= best - fine || x.w < SHORTEST_PART;
         if (settled) lowest = fmin(lowest, bound);
         else best = fmin(best, value_at(m, arc, x.s + x.w / 2));
         x = settled ? next_part(x) : left_half(x);

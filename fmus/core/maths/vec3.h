@@ -56,6 +56,7 @@ static inline mat3 diagonal(double a, double b, double c)
 {
     return rows(vec(a, 0, 0), vec(0, b, 0), vec(0, 0, c));
 }
+static inline mat3 identity(double k) { return diagonal(k, k, k); } /* k times the unit matrix */
 static inline vec3 mul(mat3 m, vec3 a)
 {
     return vec(dot(m.row[0], a), dot(m.row[1], a), dot(m.row[2], a));
@@ -89,6 +90,13 @@ static inline vec3 solve(mat3 m, vec3 b)
     vec3 x = sum3(scale(b.x, cross(m.row[1], m.row[2])), scale(b.y, cross(m.row[2], m.row[0])),
                   scale(b.z, cross(m.row[0], m.row[1])));
     return scale(1 / determinant(m), x);
+}
+
+static inline mat3 inverted(mat3 m)
+{
+    double k = 1 / determinant(m);
+    return transpose(rows(scale(k, cross(m.row[1], m.row[2])), scale(k, cross(m.row[2], m.row[0])),
+                          scale(k, cross(m.row[0], m.row[1]))));
 }
 
 #endif

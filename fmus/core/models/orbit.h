@@ -6,6 +6,7 @@
 #define ORBIT_H
 
 #include "attitude.h"
+#include "mat3.h"
 
 typedef struct {
     double a, e, inc, argp, raan, nu, mu, R_E, J2;
@@ -59,6 +60,24 @@ static inline vec3 rate_in_frame(const HillFrame *f, vec3 x, vec3 dx_N)
 static inline vec3 rate_in_N(const HillFrame *f, vec3 x, vec3 dx)
 {
     return add(dx, cross(f->w_H, x));
+}
+
+/* beside the start of an orbit: r = r_o + C_HN^T rho, v = v_o + C_HN^T (drho + w_H x rho), rho and
+ * drho in and as seen in H */
+static inline PosVel posvel_beside(const Orbit *o, vec3 rho_H, vec3 drho_H)
+{
+    PosVel orbit = posvel_of_elements(o);
+    HillFrame H = hill_frame(o->mu, orbit.r, orbit.v);
+    return (PosVel){add(orbit.r, tmul(H.C_HN, rho_H)),
+                    add(orbit.v, tmul(H.C_HN, rate_in_N(&H, rho_H, drho_H)))};
+}
+
+/* d gravity / dr of a point mass: mu/r^3 (3 r r^T/r^2 - I) */
+static inline mat3 gravity_gradient_matrix(double mu, vec3 r)
+{
+    if (mu == 0) return identity(0);
+    double rr = dot(r, r), k = mu / (rr * sqrt(rr));
+    return plus(identity(-k), scaled(3 * k / rr, outer(r, r)));
 }
 
 /* transport terms w' x x + 2 w x x' + w x (w x x) of the second derivative; dx as seen in the

@@ -13,14 +13,17 @@ typedef struct {
     vec3 omega;
 } Body; /* N, N, body relative to N, body components */
 
-#define BODY_INPUTS(X, member, whose)                                                         \
-    ROW_AS(INPUT_ROW, u, "r_" X "N_N", member.r, 1, "m", "position of the " whose ", N axes", \
-           ANY_VALUE),                                                                        \
-        ROW_AS(INPUT_ROW, u, "v_" X "N_N", member.v, 1, "m/s",                                \
-               "velocity of the " whose ", N axes", ANY_VALUE),                               \
-        ROW_AS(INPUT_ROW, u, "q_" X "N", member.q, 1, "1",                                    \
-               "attitude of the " whose " relative to N, scalar first", ANY_VALUE),           \
-        ROW_AS(INPUT_ROW, u, "omega_" X "N_" X, member.omega, 1, "rad/s",                     \
+/* suffix: "_hat" where an FMU passes estimates on under the names of the plants */
+#define BODY_ROWS(causality, part, X, suffix, member, whose)                        \
+    ROW_AS(causality, part, "r_" X "N_N" suffix, member.r, 1, "m",                  \
+           "position of the " whose ", N axes", ANY_VALUE),                         \
+        ROW_AS(causality, part, "v_" X "N_N" suffix, member.v, 1, "m/s",            \
+               "velocity of the " whose ", N axes", ANY_VALUE),                     \
+        ROW_AS(causality, part, "q_" X "N" suffix, member.q, 1, "1",                \
+               "attitude of the " whose " relative to N, scalar first", ANY_VALUE), \
+        ROW_AS(causality, part, "omega_" X "N_" X suffix, member.omega, 1, "rad/s", \
                "angular velocity of the " whose " relative to N, body axes", ANY_VALUE)
+#define BODY_INPUTS(X, member, whose)  BODY_ROWS(INPUT_ROW, u, X, "", member, whose)
+#define BODY_OUTPUTS(X, member, whose) BODY_ROWS(OUTPUT_ROW, y, X, "", member, whose)
 
 #endif

@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -147,6 +148,12 @@ class Plan:
             place += each.draw.numbers
         seeds = {name: draws.run_seed(self.seed, draw, k) for k, name in enumerate(self.seeds)}
         return values | seeds
+
+    def structures(self) -> list[int]:
+        """Runs of the first draw, one for every combination of what changes more than values."""
+        shape = [len(f.choices) for f in self.listed]
+        ways = [range(len(f.choices)) if _structural(f.name) else (0,) for f in self.listed]
+        return [int(np.ravel_multi_index(w, shape)) if shape else 0 for w in product(*ways)]
 
     def _cell(self, cell: int) -> tuple[Any, ...]:
         shape = [len(f.choices) for f in self.listed]
@@ -289,14 +296,14 @@ class _Draft:
                 self.problems.append(problem)
 
     def _flies(self, system: System) -> None:
-        """The structure of every cell, and what metrics and histories need of the first."""
-        for cell in range(self.plan.cells):
+        """Every structure, and what metrics and histories need of the first."""
+        for run in self.plan.structures():
             try:
-                found = checked(apply(system, **self.plan.changes(self.plan.values(cell))))
+                found = checked(apply(system, **self.plan.changes(self.plan.values(run))))
             except HarnessError as error:
-                self._complain(f"run {cell}", error)
+                self._complain(f"run {run}", error)
                 continue
-            if cell == 0:
+            if run == 0:
                 slots = tuple(slot.name for slot in found.graph.slots)
                 empty = np.empty((1, len(slots)))
                 self._names(Result("", np.zeros(1), slots, ("",) * len(slots), empty))
@@ -327,6 +334,11 @@ class _Draft:
             self.problems.append(f"{name}: there is no variable {variable}{close}")
 
 
+def _structural(name: str) -> bool:
+    """Whether a factor changes more than values of parameters."""
+    return name in FIXED or name.partition(".")[0] in NAMED
+
+
 def _sample(each: Factor) -> Any:
     assert each.draw is not None
     return each.draw.value(np.full(each.draw.numbers, 0.5))
@@ -353,9 +365,9 @@ class Layout(NamedTuple):
 
 
 def layout(plan: Plan) -> Layout:
-    """Find it out from the first run and the grid."""
+    """Find it out from the structures."""
     with load(plan.system) as system:
-        cells = [apply(system, **plan.changes(plan.values(k))) for k in range(plan.cells)]
+        cells = [apply(system, **plan.changes(plan.values(k))) for k in plan.structures()]
         found = [checked(cell) for cell in cells]
         first = cells[0].experiment
         columns = tuple(slot.name for slot in found[0].graph.slots)

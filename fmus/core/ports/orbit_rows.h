@@ -1,4 +1,4 @@
-/* orbit_rows.h - the start orbit of a plant: planet, elements or Cartesian start, and their
+/* orbit_rows.h - the start orbit of a body: planet, elements or Cartesian start, and their
  * rules. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ORBIT_ROWS_H

@@ -1,0 +1,138 @@
+/* covariance.h - covariance of a Kalman filter: propagation, and update by three measured numbers.
+ *
+ * P is n x n, row major, n <= MOST_STATES, symmetric. No allocation, inverses of 3x3 only. What is
+ * zero is skipped: rows of the transition beyond those that move, zero elements of them, states
+ * that a measurement does not see. Equations: docs/models.md F.3. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef COVARIANCE_H
+#define COVARIANCE_H
+
+#include "mat3.h"
+
+#include <string.h>
+
+enum { MOST_STATES = 23, MOST_BLOCKS = 3 };
+
+/* the 3x3 block at (row, column) of a matrix of n columns */
+static inline void put_block(double *M, size_t n, size_t row, size_t column, mat3 block)
+{
+    for (size_t i = 0; i < 3; i++) {
+        double *at = M + (row + i) * n + column;
+        at[0] = block.row[i].x, at[1] = block.row[i].y, at[2] = block.row[i].z;
+    }
+}
+static inline void add_block(double *M, size_t n, size_t row, size_t column, mat3 block)
+{
+    for (size_t i = 0; i < 3; i++) {
+        double *at = M + (row + i) * n + column;
+        at[0] += block.row[i].x, at[1] += block.row[i].y, at[2] += block.row[i].z;
+    }
+}
+static inline vec3 three(const double *x) { return vec(x[0], x[1], x[2]); }
+
+/* roots of the diagonal elements from i on */
+static inline vec3 sigma_at(const double *P, size_t n, size_t i)
+{
+    const double *at = P + i * (n + 1);
+    return vec(sqrt(at[0]), sqrt(at[n + 1]), sqrt(at[2 * (n + 1)]));
+}
+
+static inline void symmetrise(double *P, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < i; j++)
+            P[i * n + j] = P[j * n + i] = (P[i * n + j] + P[j * n + i]) / 2;
+}
+
+/* to = (I + F)(from)^T, F of `moving` rows */
+static inline void transition_times_transposed(const double *F, size_t moving, const double *from,
+                                               double *to, size_t n)
+{
+    double turned[MOST_STATES * MOST_STATES];
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++) turned[i * n + j] = from[j * n + i];
+    memcpy(to, turned, n * n * sizeof(double));
+    for (size_t i = 0; i < moving; i++)
+        for (size_t k = 0; k < n; k++) {
+            double f = F[i * n + k];
+            if (f == 0) continue;
+            for (size_t j = 0; j < n; j++) to[i * n + j] += f * turned[k * n + j];
+        }
+}
+
+/* P <- (I + F) P (I + F)^T, to be symmetrised after the noise is added */
+static inline void propagate_covariance(double *P, const double *F, size_t moving, size_t n)
+{
+    double half[MOST_STATES * MOST_STATES];
+    transition_times_transposed(F, moving, P, half, n);
+    transition_times_transposed(F, moving, half, P, n);
+}
+
+/* noise of a rate that drives three states and their rates: q [T^3/3, T^2/2; T^2/2, T] */
+static inline void add_white_acceleration(double *P, size_t n, size_t position, size_t rate,
+                                          double q, double T)
+{
+    add_block(P, n, position, position, identity(q * T * T * T / 3));
+    add_block(P, n, position, rate, identity(q * T * T / 2));
+    add_block(P, n, rate, position, identity(q * T * T / 2));
+    add_block(P, n, rate, rate, identity(q * T));
+}
+
+/* residual y = H x + noise of covariance R; H is zero but for some 3x3 blocks */
+typedef struct {
+    vec3 y;
+    mat3 R;
+    size_t count;
+    struct {
+        size_t at;
+        mat3 H;
+    } block[MOST_BLOCKS];
+} Residual;
+
+/* row i of M H^T */
+static inline vec3 seen(const Residual *m, const double *row)
+{
+    vec3 sum = vec(0, 0, 0);
+    for (size_t b = 0; b < m->count; b++)
+        sum = add(sum, mul(m->block[b].H, three(row + m->block[b].at)));
+    return sum;
+}
+
+/* S = H P H^T + R from the rows of P H^T */
+static inline mat3 innovation_covariance(const Residual *m, const vec3 *PHt)
+{
+    mat3 S = m->R;
+    for (size_t b = 0; b < m->count; b++) {
+        const vec3 *a = PHt + m->block[b].at;
+        S = plus(S, matmul(m->block[b].H, rows(a[0], a[1], a[2])));
+    }
+    return S;
+}
+
+/* Joseph form in place, K and P H^T by rows: M = (I - K H) P, then M (I - K H)^T + K R K^T */
+static inline void joseph(double *P, size_t n, const Residual *m, const vec3 *K, const vec3 *PHt)
+{
+    for (size_t i = 0; i < n; i++) {
+        double *row = P + i * n;
+        for (size_t j = 0; j < n; j++) row[j] -= dot(K[i], PHt[j]);
+        vec3 rest = sub(mul(m->R, K[i]), seen(m, row));
+        for (size_t j = 0; j < n; j++) row[j] += dot(rest, K[j]);
+    }
+    symmetrise(P, n);
+}
+
+/* S = H P H^T + R,  K = P H^T S^-1,  dx = K y;  returns y.S^-1 y */
+static inline double update_covariance(double *P, size_t n, const Residual *m, double *dx)
+{
+    vec3 PHt[MOST_STATES], K[MOST_STATES];
+    for (size_t i = 0; i < n; i++) PHt[i] = seen(m, P + i * n);
+    mat3 S = inverted(innovation_covariance(m, PHt));
+    for (size_t i = 0; i < n; i++) {
+        K[i] = mul(S, PHt[i]);
+        dx[i] = dot(K[i], m->y);
+    }
+    joseph(P, n, m, K, PHt);
+    return dot(m->y, mul(S, m->y));
+}
+
+#endif

@@ -1,0 +1,45 @@
+/* small_rotation.h - attitudes from rotation vectors and back.
+ *
+ * Errors are a = 4 sigma, sigma the modified Rodrigues parameters: the rotation vector up to third
+ * order, exactly invertible, without a sine. True turns, as of a gyro, are rotation vectors phi.
+ * Equations: docs/models.md F.2. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef SMALL_ROTATION_H
+#define SMALL_ROTATION_H
+
+#include "attitude.h"
+
+/* rot(a) = [1 - s.s, 2 s]/(1 + s.s),  s = a/4 */
+static inline quat rotation(vec3 a)
+{
+    vec3 s = scale(0.25, a);
+    double ss = dot(s, s);
+    vec3 v = scale(2 / (1 + ss), s);
+    return (quat){(1 - ss) / (1 + ss), v.x, v.y, v.z};
+}
+
+/* err(q) = 4 q_vec/(1 + q_0) of the canonical quaternion */
+static inline vec3 rotation_error(quat q) { return scale(4, mrp_of_quat(q)); }
+
+/* phi of a quaternion, |phi| <= pi */
+static inline vec3 rotation_vector(quat q)
+{
+    quat c = canonical(q);
+    vec3 v = vector_part(c);
+    double n = norm(v);
+    return scale(n > 0 ? 2 * arc(n, c.w) / n : 2, v);
+}
+
+/* [cos |phi|/2, sin(|phi|/2)/|phi| phi] by series: 1e-16 up to a turn of pi */
+static inline quat turn(vec3 phi)
+{
+    double x = dot(phi, phi) / 4, c = 1, s = 1;
+    for (int k = 24; k > 0; k -= 2) {
+        c = 1 - x / (k * (k - 1)) * c;
+        s = 1 - x / (k * (k + 1)) * s;
+    }
+    vec3 v = scale(s / 2, phi);
+    return (quat){c, v.x, v.y, v.z};
+}
+
+#endif

@@ -1,0 +1,28 @@
+/* mounting.h - how a sensor is mounted on the servicer, and the rules for such an attitude. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef MOUNTING_H
+#define MOUNTING_H
+
+#include "attitude.h"
+#include "fmu.h"
+
+static inline void check_unit_quaternion(Problems *problems, const char *name, quat q)
+{
+    double n = sqrt(q.w * q.w + dot(vector_part(q), vector_part(q)));
+    if (!(fabs(n - 1) <= 1e-9)) refuse(problems, name, n, "must be a unit quaternion");
+}
+
+/* the camera that measures the pose of the target: boresight +X of K */
+typedef struct {
+    vec3 p_KS_S;
+    quat q_KS;
+} Camera;
+
+#define CAMERA_START {.p_KS_S = {0.5, 0, 0.3}, .q_KS = {1, 0, 0, 0}}
+#define CAMERA_ROWS(member)                                                    \
+    PARAMETER_AS("p_KS_S", member.p_KS_S, "m",                                 \
+                 "camera from the centre of mass of the servicer, body axes"), \
+        PARAMETER_AS("q_KS", member.q_KS, "1",                                 \
+                     "attitude of the camera relative to the servicer, scalar first")
+
+#endif

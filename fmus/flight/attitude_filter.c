@@ -1,0 +1,253 @@
+/* attitude_filter.c - multiplicative extended Kalman filter: attitude and gyro bias from gyro and
+ * star tracker.
+ *
+ *   q = q_hat rot(theta),  error state (theta, b)
+ *   propagation by an increment    phi = dtheta - T b,   q <- q turn(phi)
+ *   star tracker of sample m       q_m = q_AN q_AS* D,   D the turn since then,   y = err(q* q_m)
+ *
+ * The published rate is the mean of the last period. Source: Lefferts, Markley & Shuster 1982,
+ * Farrenkopf 1978; equations: docs/models.md F.4. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#include "covariance.h"
+#include "measurements.h"
+#include "mounting.h"
+#include "small_rotation.h"
+
+enum { THETA = 0, BIAS = 3, STATES = 6 };
+
+typedef struct {
+    double sample_period, sigma_v, sigma_u;
+    vec3 sigma_A;
+    quat q_AS;
+    vec3 sigma_SN_0;
+    double sigma_att_0, sigma_bias_0;
+    GateParameters gate;
+} Parameters;
+typedef struct {
+    vec3 dtheta_S;
+    double gyro_time, gyro_valid;
+    quat q_AN;
+    double star_time, star_valid;
+} Input;
+typedef struct {
+    quat q;
+    vec3 bias;
+    double P[STATES * STATES];
+} Estimate;
+typedef struct {
+    Estimate hat;
+    double started, first, index, gyro_last; /* samples: the first one, the last one */
+    Track star;
+    quat turn[HISTORY]; /* by sample: the turn since the one before */
+} State;
+typedef struct {
+    quat q_SN;
+    vec3 omega_SN_S, bias_hat_S, sigma_theta_S, sigma_bias_S;
+    double star_nis, star_rejected, star_age, attitude_valid;
+} Output;
+typedef struct {
+    Parameters p;
+    Input u;
+    State x;
+    Output y;
+} Model;
+
+static const Model start = {
+    .p = {.sample_period = 0.1,
+          .sigma_v = 2.04e-5,
+          .sigma_u = 8e-8,
+          .sigma_A = {1.94e-4, 2.9e-5, 2.9e-5},
+          .q_AS = {1, 0, 0, 0},
+          .sigma_att_0 = 0.1,
+          .sigma_bias_0 = 1e-3,
+          .gate = {.gate = 16.27, .reset_after = 10, .age_max = 60, .acquire = 1}},
+    .u = {.gyro_time = -1, .q_AN = {1, 0, 0, 0}, .star_time = -1},
+};
+
+static const Variable variables[] = {
+    POSITIVE(sample_period, "s", "sample period of the software, that of the gyro"),
+    NONNEGATIVE(sigma_v, "1", "angle random walk of the gyro [rad/s^0.5]"),
+    NONNEGATIVE(sigma_u, "1", "rate random walk of the gyro [rad/s^1.5]"),
+    NONNEGATIVE(sigma_A, "rad", "noise about the axes of the star tracker, X is the boresight"),
+    PARAMETER(q_AS, "1", "attitude of the star tracker relative to the servicer, scalar first"),
+    PARAMETER(sigma_SN_0, "1", "attitude at the start, modified Rodrigues parameters"),
+    NONNEGATIVE(sigma_att_0, "rad", "standard deviation of the attitude at the start, per axis"),
+    NONNEGATIVE(sigma_bias_0, "rad/s",
+                "standard deviation of the bias at the start and at acquisition, per axis"),
+    GATE_ROWS(gate),
+
+    INPUT(dtheta_S, "rad", "rotation vector of the turn over the last period, body axes"),
+    INPUT(gyro_time, "s", "time at which the increment ends"),
+    INPUT(gyro_valid, "1", "1: there is an increment of that time"),
+    INPUT(q_AN, "1", "measured attitude of the star tracker relative to N, scalar first"),
+    INPUT(star_time, "s", "time of that measurement"),
+    INPUT(star_valid, "1", "1: there is a measurement of that time"),
+
+    OUTPUT(q_SN, "1", "attitude of the servicer relative to N, scalar first"),
+    OUTPUT(omega_SN_S, "rad/s", "angular velocity of the servicer relative to N, body axes"),
+    OUTPUT(bias_hat_S, "rad/s", "estimated bias of the gyro, body axes"),
+    NONNEGATIVE_OUTPUT(sigma_theta_S, "rad", "standard deviation of the attitude, body axes"),
+    NONNEGATIVE_OUTPUT(sigma_bias_S, "rad/s", "standard deviation of the bias, body axes"),
+    NONNEGATIVE_OUTPUT(star_nis, "1", "normalised innovation squared of the last measurement"),
+    NONNEGATIVE_OUTPUT(star_rejected, "1", "measurements rejected so far"),
+    OUTPUT(star_age, "s", "time since the last measurement used"),
+    FLAG(attitude_valid, "1: acquired, and the last measurement used is young enough"),
+};
+
+static void check(const Parameters *p, Problems *problems)
+{
+    check_unit_quaternion(problems, "|q_AS|", p->q_AS);
+}
+
+/* ---- propagation ---- */
+
+/* F = Phi - I,  Phi = [C(turn(phi)), -T (I - phi~/2 + phi~ phi~/6); 0, I] */
+static void transition(vec3 phi, double T, double *F)
+{
+    mat3 C = dcm_of_quat(turn(phi)), cross_phi = tilde(phi);
+    mat3 mean = plus(identity(1),
+                     plus(scaled(-0.5, cross_phi), scaled(1.0 / 6, matmul(cross_phi, cross_phi))));
+    put_block(F, STATES, THETA, THETA, plus(C, identity(-1)));
+    put_block(F, STATES, THETA, BIAS, scaled(-T, mean));
+}
+
+/* Q = [(s_v^2 T + s_u^2 T^3/3) I, -s_u^2 T^2/2 I; ., s_u^2 T I] */
+static void add_noise(const Parameters *p, double *P)
+{
+    double T = p->sample_period, v = p->sigma_v * p->sigma_v, u = p->sigma_u * p->sigma_u;
+    add_block(P, STATES, THETA, THETA, identity(v * T + u * T * T * T / 3));
+    add_block(P, STATES, THETA, BIAS, identity(-u * T * T / 2));
+    add_block(P, STATES, BIAS, THETA, identity(-u * T * T / 2));
+    add_block(P, STATES, BIAS, BIAS, identity(u * T));
+}
+
+/* returns the turn */
+static quat propagate(const Parameters *p, vec3 dtheta, Estimate *hat)
+{
+    double F[3 * STATES];
+    vec3 phi = sub(dtheta, scale(p->sample_period, hat->bias));
+    quat step = turn(phi);
+    hat->q = canonical(product(hat->q, step));
+    transition(phi, p->sample_period, F);
+    propagate_covariance(hat->P, F, 3, STATES);
+    add_noise(p, hat->P);
+    symmetrise(hat->P, STATES);
+    return step;
+}
+
+/* ---- star tracker ---- */
+
+/* R = C^T diag(sigma_A^2) C + n T sigma_v^2 I,   C = C_AS C(D)^T */
+static mat3 star_noise(const Parameters *p, quat D, double late)
+{
+    mat3 C = matmul_t(dcm_of_quat(canonical(p->q_AS)), dcm_of_quat(D));
+    vec3 s = times(p->sigma_A, p->sigma_A);
+    mat3 R = matmul(transpose(C), matmul(diagonal(s.x, s.y, s.z), C));
+    return plus(R, identity(late * p->sample_period * p->sigma_v * p->sigma_v));
+}
+
+/* the turn over the samples m+1 .. k */
+static quat turn_since(const State *x, double m, double k)
+{
+    quat D = {1, 0, 0, 0};
+    while (m++ < k) D = product(D, x->turn[place_of(m)]);
+    return D;
+}
+
+static void acquire(const Parameters *p, Estimate *hat, quat q, mat3 R)
+{
+    hat->q = canonical(q);
+    memset(hat->P, 0, sizeof hat->P);
+    put_block(hat->P, STATES, THETA, THETA, R);
+    put_block(hat->P, STATES, BIAS, BIAS, identity(p->sigma_bias_0 * p->sigma_bias_0));
+    symmetrise(hat->P, STATES);
+}
+
+static double update(Estimate *hat, quat q, mat3 R)
+{
+    double dx[STATES];
+    Residual m = {.y = rotation_error(product(conjugate(hat->q), q)), .R = R, .count = 1};
+    m.block[0].at = THETA;
+    m.block[0].H = identity(1);
+    double nis = update_covariance(hat->P, STATES, &m, dx);
+    hat->q = canonical(product(hat->q, rotation(three(dx + THETA))));
+    hat->bias = add(hat->bias, three(dx + BIAS));
+    return nis;
+}
+
+static void use_star(const Parameters *p, const Input *u, State *x, double k)
+{
+    double m = nearbyint(u->star_time / p->sample_period);
+    if (m > k || k - m >= HISTORY || m < x->first) return;
+    quat D = turn_since(x, m, k), q_AN = canonical(u->q_AN), q_AS = canonical(p->q_AS);
+    quat q = product(product(q_AN, conjugate(q_AS)), D);
+    mat3 R = star_noise(p, D, k - m);
+    Estimate copy = x->hat;
+    Judgement verdict =
+        x->star.acquired ? judge(&p->gate, &x->star, update(&copy, q, R)) : ACQUISITION;
+    if (verdict == REJECTED) return;
+    note_used(&x->star, u->star_time);
+    if (verdict == ACCEPTED) {
+        x->hat = copy;
+    } else {
+        acquire(p, &x->hat, q, R);
+        note_acquired(&x->star);
+    }
+}
+
+/* ---- sampling ---- */
+static State start_state(const Parameters *p, double k)
+{
+    State x = {.first = k,
+               .index = k - 1,
+               .gyro_last = -1,
+               .star = new_track(&p->gate, -1),
+               .hat = {.q = quat_of_mrp(p->sigma_SN_0)}};
+    put_block(x.hat.P, STATES, THETA, THETA, identity(p->sigma_att_0 * p->sigma_att_0));
+    put_block(x.hat.P, STATES, BIAS, BIAS, identity(p->sigma_bias_0 * p->sigma_bias_0));
+    return x;
+}
+
+static void publish(const Parameters *p, const Input *u, const State *x, Output *y, double t)
+{
+    y->q_SN = x->hat.q;
+    y->omega_SN_S = vec(0, 0, 0);
+    if (u->gyro_valid > 0)
+        y->omega_SN_S = sub(scale(1 / p->sample_period, u->dtheta_S), x->hat.bias);
+    y->bias_hat_S = x->hat.bias;
+    y->sigma_theta_S = sigma_at(x->hat.P, STATES, THETA);
+    y->sigma_bias_S = sigma_at(x->hat.P, STATES, BIAS);
+    y->star_nis = x->star.nis;
+    y->star_rejected = x->star.rejected;
+    y->star_age = age(&x->star, t);
+    y->attitude_valid = is_valid(&p->gate, &x->star, t);
+}
+
+static void filter(const Parameters *p, const Input *u, State *x, Output *y, Sample s)
+{
+    if (!x->started) {
+        *x = start_state(p, s.index);
+        x->started = 1;
+    }
+    while (x->index < s.index) x->turn[place_of(++x->index)] = (quat){1, 0, 0, 0};
+    if (u->gyro_valid > 0 && u->gyro_time > x->gyro_last) {
+        x->gyro_last = u->gyro_time;
+        x->turn[place_of(s.index)] = propagate(p, u->dtheta_S, &x->hat);
+    }
+    if (is_new(&x->star, u->star_time, u->star_valid)) use_star(p, u, x, s.index);
+    publish(p, u, x, y, s.t);
+}
+
+static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    *x = start_state(p, 0);
+    publish(p, u, x, y, t);
+}
+
+static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
+{
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
+        filter(p, u, x, y, s);
+}
+
+FMU_MODEL("attitude_filter", "Attitude and gyro bias by a multiplicative extended Kalman filter");

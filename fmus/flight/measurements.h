@@ -1,0 +1,82 @@
+/* measurements.h - what every filter keeps of a sensor: which measurement is new, gate,
+ * acquisition, age.
+ *
+ * A measurement is new where it is valid and its time exceeds that of the last new one. Its
+ * residuals go into a copy of the estimate; where the sum of their normalised squares exceeds the
+ * gate, the copy is dropped. Acquisition sets the measured part of the estimate: at the first
+ * measurement, and after reset_after rejections in a row. Equations: docs/models.md F.3. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef MEASUREMENTS_H
+#define MEASUREMENTS_H
+
+#include "fmu.h"
+#include "time_grid.h"
+
+enum { HISTORY = 16 }; /* samples that a late measurement can be carried over */
+
+typedef struct { double gate, reset_after, age_max, acquire; } GateParameters;
+
+#define GATE_ROWS(member)                                                                   \
+    NONNEGATIVE_AS("gate", member.gate, "1",                                                \
+                   "largest sum of normalised squared residuals of a measurement"),         \
+        NONNEGATIVE_AS("reset_after", member.reset_after, "1",                              \
+                       "acquire anew after so many rejections in a row; 0 = never"),        \
+        NONNEGATIVE_AS("age_max", member.age_max, "s",                                      \
+                       "oldest last measurement of a valid "                                \
+                       "estimate"),                                                         \
+        ROW_AS(PARAMETER_ROW, p, "acquire", member.acquire, 1, "1",                         \
+               "1: the first measurement sets what it measures, 0: the start values count", \
+               SWITCH_VALUE)
+
+typedef struct {
+    double last, stamp, used; /* times of the last new and the last used one [s]; 1: some used */
+    double nis, rejected, in_row, acquired;
+} Track;
+
+static inline Track new_track(const GateParameters *p, double before_first)
+{
+    return (Track){.last = before_first, .stamp = -1, .acquired = p->acquire == 0};
+}
+
+static inline int is_new(Track *track, double time, double valid)
+{
+    if (!(valid > 0 && time > track->last)) return 0;
+    track->last = time;
+    return 1;
+}
+
+typedef enum { REJECTED, ACCEPTED, ACQUISITION } Judgement;
+
+static inline Judgement judge(const GateParameters *p, Track *track, double nis)
+{
+    track->nis = nis;
+    if (nis <= p->gate) {
+        track->in_row = 0;
+        return ACCEPTED;
+    }
+    track->rejected++;
+    track->in_row++;
+    return p->reset_after > 0 && track->in_row >= p->reset_after ? ACQUISITION : REJECTED;
+}
+
+static inline void note_used(Track *track, double stamp)
+{
+    track->stamp = stamp;
+    track->used = 1;
+}
+static inline void note_acquired(Track *track)
+{
+    track->nis = track->in_row = 0;
+    track->acquired = 1;
+}
+
+static inline double age(const Track *track, double t) { return t - track->stamp; }
+static inline int is_valid(const GateParameters *p, const Track *track, double t)
+{
+    return track->acquired > 0 && track->used > 0 && age(track, t) <= p->age_max;
+}
+
+/* place of a sample in a ring of the last HISTORY */
+static inline int place_of(double index) { return (int)(index - HISTORY * floor(index / HISTORY)); }
+
+#endif

@@ -1,0 +1,460 @@
+/* relative_filter.c - extended Kalman filter: motion of the target relative to the servicer, from
+ * poses that arrive late.
+ *
+ *   r_GK_K = C_KN (C_TN^T d - rho) - C_KS p_KS_S + noise,    q_TK = (q_SN q_KS)* q_TN rot(noise)
+ *
+ * A pose belongs to the sample of its time stamp. The anchor is the estimate at the last pose used
+ * or older, the head the estimate now; a pose moves the anchor to its sample, and where it is used,
+ * the head starts anew from there, through the last 16 samples of the servicer. So delayed poses in
+ * the order of their stamps are filtered exactly. Equations: docs/models.md F.6. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#include "body_rows.h"
+#include "measurements.h"
+#include "mounting.h"
+#include "pose_noise.h"
+#include "relative_motion.h"
+#include "rigid_body.h"
+#include "small_rotation.h"
+
+typedef struct {
+    double sample_period;
+    MotionModel model;
+    mat3 J_T;
+    vec3 p_GT_T;
+    double mass_hat;
+    vec3 rho_0_H, drho_0_H, sigma_TN_0, omega_TN_T_0;
+    double sigma_rho_0, sigma_drho_0, sigma_att_0, sigma_omega_0;
+    Ratios sigma_inertia_0;
+    vec3 sigma_p_0;
+    double sigma_acc_0;
+    Camera camera;
+    PoseNoise noise;
+    double sigma_mount, use_time_stamp, resolve_flip;
+    vec3 flip_axis;
+    GateParameters gate;
+} Parameters;
+typedef struct {
+    vec3 r_GK_K;
+    quat q_TK;
+    double pose_time, pose_valid;
+    Body S;
+    vec3 F_cmd_S;
+} Input;
+typedef struct {
+    Estimate head, anchor;
+    double started, index, anchor_index, late; /* samples: the last one, that of the anchor */
+    Track pose;
+    Servicer ring[HISTORY];
+} State;
+typedef struct {
+    Body T, S;
+    Ratios inertia_hat;
+    vec3 p_GT_T_hat, a_hat_N;
+    vec3 sigma_rho_N, sigma_drho_N, sigma_theta_T, sigma_omega_T;
+    Ratios sigma_inertia;
+    vec3 sigma_p_T, sigma_acc_N;
+    double pose_nis, pose_rejected, pose_late, pose_age, relative_valid;
+} Output;
+typedef struct {
+    Parameters p;
+    Input u;
+    State x;
+    Output y;
+} Model;
+
+static const Model start = {
+    .p = {.sample_period = 0.1,
+          .model = {.planet = {.mu = 3.986004415e14, .R_E = 6378136.3, .J2 = 1.0826360229829945e-3},
+                    .use_J2 = 1,
+                    .use_gravity_gradient = 1,
+                    .sigma_a = 3e-5,
+                    .sigma_thrust = 0.1,
+                    .sigma_alpha = 3e-5,
+                    .sigma_acc = 1e-6},
+          .J_T = {{{100, 0, 0}, {0, 150, 0}, {0, 0, 90}}},
+          .p_GT_T = {0.6, 0, 0},
+          .mass_hat = 95,
+          .rho_0_H = {0, 20, 0},
+          .sigma_rho_0 = 1,
+          .sigma_drho_0 = 0.05,
+          .sigma_att_0 = 0.5,
+          .sigma_omega_0 = 0.02,
+          .sigma_acc_0 = 3e-4,
+          .camera = CAMERA_START,
+          .noise = POSE_NOISE_START,
+          .sigma_mount = 1e-4,
+          .use_time_stamp = 1,
+          .flip_axis = {1, 0, 0},
+          .gate = {.gate = 22.46, .reset_after = 10, .age_max = 5, .acquire = 1}},
+    .u = {.q_TK = {1, 0, 0, 0},
+          .pose_time = -1,
+          .S = {.r = {7158140, 0, 0}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}}},
+};
+
+static const Variable variables[] = {
+    POSITIVE(sample_period, "s", "sample period of the software"),
+    NONNEGATIVE_AS("mu", model.planet.mu, "m3/s2",
+                   "gravitational parameter of the planet; 0 = deep space"),
+    NONNEGATIVE_AS("R_E", model.planet.R_E, "m", "equatorial radius of the planet"),
+    NONNEGATIVE_AS("J2", model.planet.J2, "1", "second zonal harmonic of the planet"),
+    ROW_AS(PARAMETER_ROW, p, "use_J2", model.use_J2, 1, "1",
+           "1: the software models the oblateness of the planet", SWITCH_VALUE),
+    ROW_AS(PARAMETER_ROW, p, "use_gravity_gradient", model.use_gravity_gradient, 1, "1",
+           "1: the software models the gravity gradient on the target", SWITCH_VALUE),
+    MATRIX(J_T, "kg.m2",
+           "inertia of the target as known to the software, body axes; its scale does "
+           "not matter"),
+    PARAMETER(p_GT_T, "m",
+              "origin of the tracked model from the centre of mass of the target, "
+              "target axes"),
+    POSITIVE(mass_hat, "kg", "mass of the servicer as known to the software"),
+    PARAMETER(rho_0_H, "m", "position relative to the target at the start, Hill axes"),
+    PARAMETER(drho_0_H, "m/s",
+              "velocity relative to the target at the start as seen in the Hill "
+              "frame"),
+    PARAMETER(sigma_TN_0, "1",
+              "attitude of the target at the start, modified Rodrigues parameters"),
+    PARAMETER(omega_TN_T_0, "rad/s", "angular velocity of the target at the start, target axes"),
+    NONNEGATIVE(sigma_rho_0, "m", "standard deviation of the position at the start, per axis"),
+    NONNEGATIVE(sigma_drho_0, "m/s", "standard deviation of the velocity at the start, per axis"),
+    NONNEGATIVE(sigma_att_0, "rad", "standard deviation of the attitude at the start, per axis"),
+    NONNEGATIVE(sigma_omega_0, "rad/s", "standard deviation of the rate at the start, per axis"),
+    NONNEGATIVE(sigma_inertia_0, "1",
+                "standard deviation of J22, J33, J12, J13, J23 over J11 at "
+                "the start; 0 = not estimated"),
+    NONNEGATIVE(sigma_p_0, "m", "standard deviation of p_GT_T at the start; 0 = not estimated"),
+    NONNEGATIVE(sigma_acc_0, "m/s2",
+                "standard deviation of the differential acceleration at the "
+                "start, per axis"),
+    NONNEGATIVE_AS("sigma_a", model.sigma_a, "1", "white acceleration, per axis [m/s^1.5]"),
+    NONNEGATIVE_AS("sigma_thrust", model.sigma_thrust, "1",
+                   "relative error of the thrust times the root of its duration [s^0.5]"),
+    NONNEGATIVE_AS("sigma_alpha", model.sigma_alpha, "1",
+                   "white angular acceleration of the target, per axis [rad/s^1.5]"),
+    NONNEGATIVE_AS("sigma_kappa", model.sigma_kappa, "1",
+                   "random walk of the ratios of inertia [1/s^0.5]"),
+    NONNEGATIVE_AS("sigma_d", model.sigma_d, "1", "random walk of p_GT_T, per axis [m/s^0.5]"),
+    NONNEGATIVE_AS("sigma_acc", model.sigma_acc, "1",
+                   "random walk of the differential acceleration, per axis [m/s^2.5]"),
+    CAMERA_ROWS(camera),
+    POSE_NOISE_ROWS(noise),
+    NONNEGATIVE(sigma_mount, "rad", "uncertainty of the camera's attitude relative to N, per axis"),
+    SWITCH(use_time_stamp, "1: a pose belongs to its time stamp, 0: to the sample of its arrival"),
+    SWITCH(resolve_flip,
+           "1: of a pose and itself turned by half a turn the one nearer the estimate"),
+    PARAMETER(flip_axis, "1", "axis of that half turn, unit vector, target axes"),
+    GATE_ROWS(gate),
+
+    INPUT(r_GK_K, "m", "measured position of the tracked point from the camera, camera axes"),
+    INPUT(q_TK, "1", "measured attitude of the target relative to the camera, scalar first"),
+    INPUT(pose_time, "s", "time of that measurement"),
+    INPUT(pose_valid, "1", "1: there is a measurement of that time"),
+    BODY_ROWS(INPUT_ROW, u, "S", "_hat", S, "servicer as estimated"),
+    INPUT(F_cmd_S, "N", "force commanded since the last sample, body axes"),
+
+    BODY_OUTPUTS("T", T, "target"),
+    BODY_OUTPUTS("S", S, "servicer, as read at the sample"),
+    OUTPUT(inertia_hat, "1", "J22, J33, J12, J13, J23 of the target over J11"),
+    OUTPUT(p_GT_T_hat, "m", "origin of the tracked model from the centre of mass, target axes"),
+    OUTPUT(a_hat_N, "m/s2", "differential acceleration that the model does not explain, N axes"),
+    NONNEGATIVE_OUTPUT(sigma_rho_N, "m", "standard deviation of the relative position, N axes"),
+    NONNEGATIVE_OUTPUT(sigma_drho_N, "m/s", "standard deviation of the relative velocity, N axes"),
+    NONNEGATIVE_OUTPUT(sigma_theta_T, "rad", "standard deviation of the attitude, target axes"),
+    NONNEGATIVE_OUTPUT(sigma_omega_T, "rad/s", "standard deviation of the rate, target axes"),
+    NONNEGATIVE_OUTPUT(sigma_inertia, "1", "standard deviation of inertia_hat"),
+    NONNEGATIVE_OUTPUT(sigma_p_T, "m", "standard deviation of p_GT_T_hat"),
+    NONNEGATIVE_OUTPUT(sigma_acc_N, "m/s2", "standard deviation of a_hat_N"),
+    NONNEGATIVE_OUTPUT(pose_nis, "1", "normalised innovation squared of the last pose"),
+    NONNEGATIVE_OUTPUT(pose_rejected, "1", "poses rejected so far"),
+    NONNEGATIVE_OUTPUT(pose_late, "1", "poses too old or from the future, not used"),
+    OUTPUT(pose_age, "s", "time since the last pose used"),
+    FLAG(relative_valid, "1: acquired, and the last pose used is young enough"),
+};
+
+static void check(const Parameters *p, Problems *problems)
+{
+    check_inertia(problems, "J_T", p->J_T);
+    check_unit_quaternion(problems, "|q_KS|", p->camera.q_KS);
+    if (fabs(norm(p->flip_axis) - 1) > 1e-9)
+        refuse(problems, "|flip_axis|", norm(p->flip_axis), "must be a unit vector");
+}
+
+/* ---- poses ---- */
+typedef struct {
+    vec3 r; /* r_GK_K */
+    quat q; /* q_TN that was measured */
+    mat3 C_KN;
+    vec3 lever_S; /* C_SN^T p_KS_S */
+} Pose;
+
+static Pose pose_at(const Parameters *p, const Input *u, quat q_SN, quat q_TN_hat)
+{
+    quat q_KN = canonical(product(q_SN, p->camera.q_KS));
+    quat q = canonical(product(q_KN, canonical(u->q_TK)));
+    quat other = product(q, (quat){0, p->flip_axis.x, p->flip_axis.y, p->flip_axis.z});
+    quat back = conjugate(q_TN_hat);
+    if (p->resolve_flip && fabs(product(back, other).w) > fabs(product(back, q).w)) q = other;
+    return (Pose){u->r_GK_K, q, dcm_of_quat(q_KN), tmul(dcm_of_quat(q_SN), p->camera.p_KS_S)};
+}
+
+/* h = C_KN (C_TN^T d - rho - C_SN^T p_KS_S) */
+static vec3 position_predicted(const Pose *m, const Estimate *x)
+{
+    return mul(m->C_KN, sub(sub(tmul(dcm_of_quat(x->q), x->d), x->rho), m->lever_S));
+}
+
+/* R_1 = diag(sigma_r^2) + sigma_mount^2 range^2 I,   R_2 = (sigma_t^2 + sigma_mount^2) I */
+static mat3 position_covariance(const Parameters *p, double range)
+{
+    vec3 s = position_noise(&p->noise, range);
+    double mount = p->sigma_mount * p->sigma_mount * range * range;
+    return diagonal(s.x * s.x + mount, s.y * s.y + mount, s.z * s.z + mount);
+}
+static mat3 attitude_covariance(const Parameters *p, double range)
+{
+    double s = attitude_noise(&p->noise, range);
+    return identity(s * s + p->sigma_mount * p->sigma_mount);
+}
+
+static double update(Estimate *x, const Residual *m)
+{
+    double dx[ERRORS];
+    double nis = update_covariance(x->P, ERRORS, m, dx);
+    x->rho = add(x->rho, three(dx + RHO));
+    x->v = add(x->v, three(dx + V));
+    x->q = canonical(product(x->q, rotation(three(dx + THETA))));
+    x->w = add(x->w, three(dx + W));
+    for (size_t i = 0; i < RATIOS; i++) x->kappa.k[i] += dx[KAPPA + i];
+    x->d = add(x->d, three(dx + D_AT));
+    x->a = add(x->a, three(dx + ACC));
+    return nis;
+}
+
+/* H_1 = [-C_KN, 0, -C_KN C_TN^T d~, 0, 0, C_KN C_TN^T, 0] */
+static double update_position(Estimate *x, const Pose *m, mat3 R)
+{
+    mat3 C_KT = matmul_t(m->C_KN, dcm_of_quat(x->q));
+    Residual residual = {.y = sub(m->r, position_predicted(m, x)),
+                         .R = R,
+                         .count = 3,
+                         .block = {{RHO, scaled(-1, m->C_KN)},
+                                   {THETA, scaled(-1, matmul(C_KT, tilde(x->d)))},
+                                   {D_AT, C_KT}}};
+    return update(x, &residual);
+}
+
+static double update_attitude(Estimate *x, const Pose *m, mat3 R)
+{
+    Residual residual = {.y = rotation_error(product(conjugate(x->q), m->q)),
+                         .R = R,
+                         .count = 1,
+                         .block = {{THETA, identity(1)}}};
+    return update(x, &residual);
+}
+
+static double update_both(const Parameters *p, Estimate *x, const Pose *m)
+{
+    double range = norm(position_predicted(m, x));
+    double nis = update_position(x, m, position_covariance(p, range));
+    return nis + update_attitude(x, m, attitude_covariance(p, range));
+}
+
+/* ---- start and acquisition ---- */
+static mat3 squared(vec3 s) { return diagonal(s.x * s.x, s.y * s.y, s.z * s.z); }
+
+/* what a pose does not measure: covariance of the start */
+static void start_covariance(const Parameters *p, double *P)
+{
+    memset(P, 0, ERRORS * ERRORS * sizeof *P);
+    add_diagonal(P, V, THETA, p->sigma_drho_0 * p->sigma_drho_0);
+    add_diagonal(P, W, KAPPA, p->sigma_omega_0 * p->sigma_omega_0);
+    for (size_t i = 0; i < RATIOS; i++)
+        add_diagonal(P, KAPPA + i, KAPPA + i + 1,
+                     p->sigma_inertia_0.k[i] * p->sigma_inertia_0.k[i]);
+    put_block(P, ERRORS, D_AT, D_AT, squared(p->sigma_p_0));
+    add_diagonal(P, ACC, ERRORS, p->sigma_acc_0 * p->sigma_acc_0);
+}
+
+static void put_pair(double *P, size_t row, size_t column, mat3 block)
+{
+    put_block(P, ERRORS, row, column, block);
+    put_block(P, ERRORS, column, row, transpose(block));
+}
+
+/* rho = C_TN^T d - C_KN^T r_GK_K - C_SN^T p_KS_S and q_TN with the covariance that follows */
+static void acquire(const Parameters *p, Estimate *x, const Pose *m)
+{
+    mat3 R_1 = position_covariance(p, norm(m->r)), R_2 = attitude_covariance(p, norm(m->r));
+    x->q = canonical(m->q);
+    mat3 C_NT = transpose(dcm_of_quat(x->q)), C_NK = transpose(m->C_KN),
+         P_dd = squared(p->sigma_p_0);
+    mat3 swing = matmul(C_NT, tilde(x->d));
+    x->rho = sub(sub(mul(C_NT, x->d), mul(C_NK, m->r)), m->lever_S);
+    start_covariance(p, x->P);
+    put_block(x->P, ERRORS, THETA, THETA, R_2);
+    put_block(x->P, ERRORS, RHO, RHO,
+              plus(matmul(C_NK, matmul_t(R_1, C_NK)),
+                   plus(matmul(swing, matmul_t(R_2, swing)), matmul(C_NT, matmul_t(P_dd, C_NT)))));
+    put_pair(x->P, RHO, THETA, scaled(-1, matmul(swing, R_2)));
+    put_pair(x->P, RHO, D_AT, matmul(C_NT, P_dd));
+    symmetrise(x->P, ERRORS);
+}
+
+static Ratios ratios_of(mat3 J)
+{
+    double k = 1 / J.row[0].x;
+    return (Ratios){
+        {k * J.row[1].y, k * J.row[2].z, k * J.row[0].y, k * J.row[0].z, k * J.row[1].z}};
+}
+
+static Estimate start_estimate(const Parameters *p, const Input *u)
+{
+    HillFrame H = hill_frame(p->model.planet.mu, u->S.r, u->S.v);
+    Estimate x = {.rho = tmul(H.C_HN, p->rho_0_H),
+                  .v = tmul(H.C_HN, rate_in_N(&H, p->rho_0_H, p->drho_0_H)),
+                  .q = quat_of_mrp(p->sigma_TN_0),
+                  .w = p->omega_TN_T_0,
+                  .kappa = ratios_of(p->J_T),
+                  .d = p->p_GT_T};
+    start_covariance(p, x.P);
+    add_diagonal(x.P, RHO, V, p->sigma_rho_0 * p->sigma_rho_0);
+    add_diagonal(x.P, THETA, W, p->sigma_att_0 * p->sigma_att_0);
+    return x;
+}
+
+/* ---- delay: ring, anchor, head ---- */
+static Servicer *sample_of(State *x, double index) { return &x->ring[place_of(index)]; }
+
+static void move_anchor(const Parameters *p, State *x, double index)
+{
+    for (; x->anchor_index < index; x->anchor_index++)
+        propagate_relative(&p->model, sample_of(x, x->anchor_index), &x->anchor, p->sample_period);
+}
+
+static void restart_head(const Parameters *p, State *x, double k)
+{
+    x->head = x->anchor;
+    for (double j = x->anchor_index; j < k; j++)
+        propagate_relative(&p->model, sample_of(x, j), &x->head, p->sample_period);
+}
+
+/* at the anchor; returns whether the anchor changed */
+static int use_pose(const Parameters *p, const Input *u, State *x)
+{
+    quat q_SN = sample_of(x, x->anchor_index)->q;
+    Pose m = pose_at(p, u, q_SN, x->anchor.q);
+    Judgement verdict = ACQUISITION;
+    if (x->pose.acquired > 0) {
+        Estimate copy = x->anchor;
+        verdict = judge(&p->gate, &x->pose, update_both(p, &copy, &m));
+        if (verdict == REJECTED) return 0;
+        if (verdict == ACCEPTED) x->anchor = copy;
+    }
+    if (verdict == ACQUISITION) {
+        acquire(p, &x->anchor, &m);
+        note_acquired(&x->pose);
+    }
+    note_used(&x->pose, u->pose_time);
+    return 1;
+}
+
+static void take_pose(const Parameters *p, const Input *u, State *x, double k)
+{
+    double m = p->use_time_stamp ? nearbyint(u->pose_time / p->sample_period) : k;
+    if (m < x->anchor_index || m > k) {
+        x->late++;
+        return;
+    }
+    move_anchor(p, x, m);
+    if (use_pose(p, u, x)) restart_head(p, x, k);
+}
+
+/* ---- sampling ---- */
+static void begin(const Parameters *p, const Input *u, State *x, double k)
+{
+    x->started = 1;
+    x->index = x->anchor_index = k;
+    x->late = 0;
+    x->pose = new_track(&p->gate, -p->sample_period / 2);
+    x->head = x->anchor = start_estimate(p, u);
+}
+
+static Servicer coasted(Servicer s, double T)
+{
+    s.r = add(s.r, scale(T, s.v));
+    return s;
+}
+
+/* The anchor leaves the oldest sample before the newest takes its place in the ring. One by one,
+ * should the rounding of a master's time have lost a sample. */
+static void advance(const Parameters *p, const Input *u, State *x, double k)
+{
+    Servicer *last = sample_of(x, x->index);
+    last->thrust_N = scale(1 / p->mass_hat, tmul(dcm_of_quat(last->q), u->F_cmd_S));
+    for (; x->index < k; x->index++) {
+        Servicer now = *sample_of(x, x->index);
+        propagate_relative(&p->model, &now, &x->head, p->sample_period);
+        move_anchor(p, x, x->index + 1 - (HISTORY - 1));
+        *sample_of(x, x->index + 1) = coasted(now, p->sample_period);
+    }
+}
+
+static Ratios sigma_ratios(const double *P)
+{
+    Ratios s;
+    for (size_t i = 0; i < RATIOS; i++) s.k[i] = sqrt(P[(KAPPA + i) * (ERRORS + 1)]);
+    return s;
+}
+
+static void publish_sigmas(const double *P, Output *y)
+{
+    y->sigma_rho_N = sigma_at(P, ERRORS, RHO);
+    y->sigma_drho_N = sigma_at(P, ERRORS, V);
+    y->sigma_theta_T = sigma_at(P, ERRORS, THETA);
+    y->sigma_omega_T = sigma_at(P, ERRORS, W);
+    y->sigma_inertia = sigma_ratios(P);
+    y->sigma_p_T = sigma_at(P, ERRORS, D_AT);
+    y->sigma_acc_N = sigma_at(P, ERRORS, ACC);
+}
+
+static void publish(const Parameters *p, const Input *u, const State *x, Output *y, double t)
+{
+    const Estimate *e = &x->head;
+    y->S = u->S;
+    y->S.q = canonical(u->S.q);
+    y->T = (Body){sub(u->S.r, e->rho), sub(u->S.v, e->v), e->q, e->w};
+    y->inertia_hat = e->kappa;
+    y->p_GT_T_hat = e->d;
+    y->a_hat_N = e->a;
+    publish_sigmas(e->P, y);
+    y->pose_nis = x->pose.nis;
+    y->pose_rejected = x->pose.rejected;
+    y->pose_late = x->late;
+    y->pose_age = age(&x->pose, t);
+    y->relative_valid = is_valid(&p->gate, &x->pose, t);
+}
+
+static void filter(const Parameters *p, const Input *u, State *x, Output *y, Sample s)
+{
+    if (x->started > 0) advance(p, u, x, s.index);
+    else begin(p, u, x, s.index);
+    *sample_of(x, s.index) = (Servicer){u->S.r, u->S.v, canonical(u->S.q), vec(0, 0, 0)};
+    if (is_new(&x->pose, u->pose_time, u->pose_valid)) take_pose(p, u, x, s.index);
+    publish(p, u, x, y, s.t);
+}
+
+static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    begin(p, u, x, 0);
+    x->started = 0;
+    publish(p, u, x, y, t);
+}
+
+static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
+{
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
+        filter(p, u, x, y, s);
+}
+
+FMU_MODEL("relative_filter",
+          "Motion of the target relative to the servicer by an extended Kalman filter");

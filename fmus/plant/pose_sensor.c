@@ -1,0 +1,208 @@
+/* pose_sensor.c - camera that measures position and attitude of the target, with range-dependent
+ * noise and latency.
+ *
+ *   r = C_KN ((r_T - r_S) + C_TN^T p_GT_T) - C_KS p_KS_S,     q = (q_SN q_KS)* q_TN
+ *   r_GK_K = r + sigma_r(|r|) o z_0..2,                       q_TK = q rot(sigma_t(|r|) z_3..5)
+ *
+ * G is the origin of the model of the target that the camera tracks. Outliers and flips (half a
+ * turn about flip_axis, for a target that looks the same) come on top, unseen by pose_valid. A
+ * sample is published `latency` later, from a ring of the last 8. Equations: docs/models.md F.2. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#include "mounting.h"
+#include "pose_noise.h"
+#include "sensor.h"
+#include "small_rotation.h"
+
+enum { RING = 8 };
+
+typedef struct {
+    double sample_period;
+    RandomStream random;
+    Camera camera;
+    vec3 p_GT_T;
+    PoseNoise noise;
+    double fov, range_min, range_max, latency;
+    double p_outlier, outlier_r, outlier_theta, p_flip;
+    vec3 flip_axis;
+    Sun sun;
+    Outage outage;
+} Parameters;
+typedef struct {
+    vec3 r_TN_N;
+    quat q_TN;
+    vec3 r_SN_N;
+    quat q_SN;
+} Input;
+typedef struct {
+    vec3 r_GK_K;
+    quat q_TK;
+    double pose_time, pose_valid, pose_status;
+} Output;
+typedef struct {
+    double taken, index;
+    Output pose;
+} Slot;
+typedef struct { Slot ring[RING]; } State;
+typedef struct {
+    Parameters p;
+    Input u;
+    State x;
+    Output y;
+} Model;
+
+enum {
+    OUT_OF_VIEW = 1,
+    OUT_OF_RANGE = 2,
+    DAZZLED = 4,
+    IN_OUTAGE = 8,
+    DROPPED = 16,
+    OUTLIER = 32,
+    FLIP = 64
+};
+
+static const Model start = {
+    .p = {.sample_period = 0.5,
+          .random = {.stream = 3},
+          .camera = CAMERA_START,
+          .p_GT_T = {0.6, 0, 0},
+          .noise = POSE_NOISE_START,
+          .fov = 0.5236,
+          .range_min = 0.5,
+          .range_max = 100,
+          .latency = 0.3,
+          .outlier_r = 2,
+          .outlier_theta = 1,
+          .flip_axis = {1, 0, 0},
+          .sun = {.direction = {1, 0, 0}}},
+    .u = {.r_TN_N = {20, 0, 0}, .q_TN = {1, 0, 0, 0}, .q_SN = {1, 0, 0, 0}},
+};
+
+static const Variable variables[] = {
+    SENSOR_PERIOD_ROW,
+    RANDOM_ROWS(random),
+    CAMERA_ROWS(camera),
+    PARAMETER(p_GT_T, "m",
+              "origin of the tracked model from the centre of mass of the target, "
+              "target axes"),
+    POSE_NOISE_ROWS(noise),
+    NONNEGATIVE(fov, "rad", "half angle of the field of view about the boresight"),
+    NONNEGATIVE(range_min, "m", "smallest range"),
+    NONNEGATIVE(range_max, "m", "largest range"),
+    NONNEGATIVE(latency, "s", "from the exposure to the output, up to 7 periods"),
+    NONNEGATIVE(p_outlier, "1", "probability of an outlier"),
+    NONNEGATIVE(outlier_r, "m", "largest outlier of the position, per axis"),
+    NONNEGATIVE(outlier_theta, "rad", "largest outlier of the attitude, per axis"),
+    NONNEGATIVE(p_flip, "1",
+                "probability that the target is taken for itself turned by half a "
+                "turn"),
+    PARAMETER(flip_axis, "1", "axis of that half turn, unit vector, target axes"),
+    SUN_ROWS(sun),
+    OUTAGE_ROWS(outage),
+
+    INPUT(r_TN_N, "m", "position of the target, N axes"),
+    INPUT(q_TN, "1", "attitude of the target relative to N, scalar first"),
+    INPUT(r_SN_N, "m", "position of the servicer, N axes"),
+    INPUT(q_SN, "1", "attitude of the servicer relative to N, scalar first"),
+
+    OUTPUT(r_GK_K, "m", "measured position of the tracked point from the camera, camera axes"),
+    OUTPUT(q_TK, "1", "measured attitude of the target relative to the camera, scalar first"),
+    OUTPUT(pose_time, "s", "time of the measurement; -1 = none yet"),
+    FLAG(pose_valid, "1: there is a measurement of that time"),
+    NONNEGATIVE_OUTPUT(pose_status, "1",
+                       "sum of 1 out of view, 2 out of range, 4 Sun, 8 outage, "
+                       "16 dropped, 32 outlier, 64 flip"),
+};
+
+static void check(const Parameters *p, Problems *problems)
+{
+    check_random(problems, &p->random);
+    check_unit_quaternion(problems, "|q_KS|", p->camera.q_KS);
+    check_unit_vector(problems, "|flip_axis|", p->flip_axis);
+    check_unit_vector(problems, "|sun_N|", p->sun.direction);
+    check_probability(problems, "p_drop", p->outage.p_drop);
+    check_probability(problems, "p_outlier", p->p_outlier);
+    check_probability(problems, "p_flip", p->p_flip);
+    if (p->range_max <= p->range_min)
+        refuse(problems, "range_max", p->range_max, "must be above range_min");
+    if (p->latency > 7 * p->sample_period * (1 + 1e-9))
+        refuse(problems, "latency", p->latency, "must be at most 7 sample periods");
+}
+
+static vec3 position_seen(const Parameters *p, const Input *u, quat q_KN)
+{
+    vec3 point = add(sub(u->r_TN_N, u->r_SN_N), tmul(dcm_of_quat(canonical(u->q_TN)), p->p_GT_T));
+    return sub(mul(dcm_of_quat(q_KN), point),
+               mul(dcm_of_quat(canonical(p->camera.q_KS)), p->camera.p_KS_S));
+}
+
+static int status(const Parameters *p, vec3 r, quat q_KN, double t, const Draws *d)
+{
+    double R = norm(r);
+    return OUT_OF_VIEW * (angle(r, vec(1, 0, 0)) > p->fov) |
+           OUT_OF_RANGE * (R < p->range_min || R > p->range_max) |
+           DAZZLED * dazzled(&p->sun, q_KN) | IN_OUTAGE * in_outage(&p->outage, t) |
+           DROPPED * (uniform(d, 6) < p->outage.p_drop) | OUTLIER * (uniform(d, 7) < p->p_outlier) |
+           FLIP * (uniform(d, 14) < p->p_flip);
+}
+
+static Output pose_with_noise(const Parameters *p, vec3 r, quat q, const Draws *d)
+{
+    double R = norm(r);
+    vec3 dr = times(position_noise(&p->noise, R), normals(d, 0));
+    vec3 dtheta = scale(attitude_noise(&p->noise, R), normals(d, 3));
+    return (Output){.r_GK_K = add(r, dr), .q_TK = product(q, rotation(dtheta))};
+}
+
+static void spoil(const Parameters *p, Output *pose, int what, const Draws *d)
+{
+    if (what & OUTLIER) {
+        pose->r_GK_K = add(pose->r_GK_K, scale(p->outlier_r, symmetric(d, 8)));
+        pose->q_TK = product(pose->q_TK, rotation(scale(p->outlier_theta, symmetric(d, 11))));
+    }
+    if (what & FLIP)
+        pose->q_TK = product(pose->q_TK, (quat){0, p->flip_axis.x, p->flip_axis.y, p->flip_axis.z});
+}
+
+static Output measure(const Parameters *p, const Input *u, Sample s)
+{
+    const Draws d = draws_of_sample(&p->random, s.index);
+    quat q_KN = canonical(product(u->q_SN, p->camera.q_KS));
+    vec3 r = position_seen(p, u, q_KN);
+    int what = status(p, r, q_KN, s.t, &d), valid = what % OUTLIER == 0;
+    Output pose = {.q_TK = {1, 0, 0, 0}};
+    if (valid) {
+        pose = pose_with_noise(p, r, product(conjugate(q_KN), canonical(u->q_TN)), &d);
+        spoil(p, &pose, what, &d);
+        pose.q_TK = canonical(pose.q_TK);
+    }
+    pose.pose_time = s.t;
+    pose.pose_valid = valid;
+    pose.pose_status = what;
+    return pose;
+}
+
+static Slot *slot(State *x, double index) { return &x->ring[(int)remainder_of(index, RING)]; }
+
+/* the newest sample n with n P + latency < t */
+static void release(const Parameters *p, State *x, Output *y, double t)
+{
+    double n = sample_index(t - p->latency, p->sample_period) - 1;
+    const Slot *s = slot(x, n);
+    if (s->taken > 0 && s->index == n) *y = s->pose;
+}
+
+static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    (void)p, (void)u, (void)t;
+    *x = (State){.ring = {{0}}};
+    *y = (Output){.q_TK = {1, 0, 0, 0}, .pose_time = -1};
+}
+
+static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
+{
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
+        *slot(x, s.index) = (Slot){1, s.index, measure(p, u, s)};
+    release(p, x, y, t + h);
+}
+
+FMU_MODEL("pose_sensor", "Camera that measures the pose of the target, with noise and latency");
