@@ -29,7 +29,11 @@ class Name(NamedTuple):
         return _read(text)
 
     def __str__(self) -> str:
-        return f"{self.variable}[{','.join(map(str, self.element))}]" if self.element else self.variable
+        return (
+            f"{self.variable}[{','.join(map(str, self.element))}]"
+            if self.element
+            else self.variable
+        )
 
 
 _ELEMENT = re.compile(r"(.+)\[(\d{1,9}(?: *, *\d{1,9})*)\]", re.ASCII | re.DOTALL)

@@ -43,9 +43,7 @@ def wire(
     taken = wiring.driven
     for port in left_open:
         if port in taken:
-            wiring.problems.append(
-                f"{port.component}.{port.signal}: is driven and left open"
-            )
+            wiring.problems.append(f"{port.component}.{port.signal}: is driven and left open")
     for port in _inputs(interfaces):
         if port not in taken and port not in left_open:
             _by_name(wiring, interfaces, port)
