@@ -53,7 +53,9 @@ class Child:
         self._terminal, terminal = multiprocessing.Pipe(duplex=False)
         self._lines, self._words = 0, deque[str](maxlen=LAST_WORDS)
         self.process = memory.context().Process(
-            target=_work, args=(theirs, terminal, note, function, arguments), daemon=True
+            target=_work,
+            args=(theirs, terminal, _open_files(), note, function, arguments),
+            daemon=True,
         )
         with warnings.catch_warnings():  # newer Pythons warn of forks beside other threads
             warnings.simplefilter("ignore", DeprecationWarning)
@@ -154,16 +156,17 @@ class Child:
 # ---- in the child
 
 
-def _work(
+def _work(  # noqa: PLR0913, PLR0917 - what joins the two processes
     messages: Connection,
     terminal: Connection,
+    inherited: frozenset[int],
     note: memory.Block,
     function: Callable[..., Any],
     arguments: tuple[Any, ...],
 ) -> None:
     _stand_alone()
     _redirect(terminal)
-    _let_go_of_files({messages.fileno(), terminal.fileno()})
+    _let_go_of_files(inherited, {messages.fileno(), terminal.fileno()})
     place.keep_in(memory.array(note, (place.SIZE,), "uint8"))
 
     def send(kind: str, content: Any) -> None:
@@ -217,19 +220,29 @@ def _wait_for_parent() -> None:
         os._exit(1)
 
 
-def _let_go_of_files(needed: set[int]) -> None:
+def _open_files() -> frozenset[int]:
+    """Numbers of the files that a fork would inherit now."""
+    folder = Path("/proc/self/fd")
+    if not memory.FORK or not folder.is_dir():
+        return frozenset()
+    return frozenset(filter(_is_open, [int(file.name) for file in folder.iterdir()]))
+
+
+def _is_open(number: int) -> bool:
+    try:
+        os.fstat(number)
+    except OSError:  # the one that has listed the others
+        return False
+    return True
+
+
+def _let_go_of_files(inherited: frozenset[int], needed: set[int]) -> None:
     """Close what a fork has inherited: foreign code must not write into files of ours, nor keep
     pipes open that others wait for.
     """
-    files = Path("/proc/self/fd")
-    parent = multiprocessing.parent_process()
-    if not memory.FORK or not files.is_dir() or parent is None:
-        return
-    needed |= {0, 1, 2, parent.sentinel}
-    for number in [int(file.name) for file in files.iterdir()]:
-        if number not in needed:
-            with suppress(OSError):  # the one that has listed them
-                os.close(number)
+    for number in inherited - needed - {0, 1, 2}:
+        with suppress(OSError):
+            os.close(number)
 
 
 def _redirect(terminal: Connection) -> None:

@@ -99,8 +99,9 @@ class _Run:
         self.simulation = Simulation(system, executor=executor, every=every)
         recorder = self.simulation.recorder
         table, marks = memory.block(recorder.table.nbytes), memory.block(recorder.marks.nbytes)
-        self._arguments = (system, executor, every, table, marks)
         _share(self.simulation, table, marks)
+        ready = self.simulation if memory.FORK else None  # a fork needs no second one
+        self._arguments = (ready, system, executor, every, table, marks)
         self.calls: list[tuple[str, str]] | None = None
         self.error: Exception | None = None
         self.over = self.closed = False
@@ -189,15 +190,24 @@ def _share(simulation: Simulation, table: memory.Block, marks: memory.Block) -> 
 
 
 def _run(  # noqa: PLR0913, PLR0917 - two blocks of memory
-    send: Send, system: System, executor: str, every: int, table: memory.Block, marks: memory.Block
+    send: Send,
+    simulation: Simulation | None,
+    system: System,
+    executor: str,
+    every: int,
+    table: memory.Block,
+    marks: memory.Block,
 ) -> None:
     """Run the system into shared memory; the outcome is sent before the FMUs are freed."""
-    with _silence():  # the parent has said it already
-        simulation = Simulation(system, executor=executor, every=every)
-    _share(simulation, table, marks)
+    if simulation is None:
+        with _silence():  # the parent has said it already
+            simulation = Simulation(system, executor=executor, every=every)
+        _share(simulation, table, marks)
+
+    recorder = simulation.recorder
 
     def obey(_: int) -> None:
-        if simulation.recorder.stopped:
+        if recorder.stopped:
             raise KeyboardInterrupt
 
     with simulation:

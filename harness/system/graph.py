@@ -109,7 +109,28 @@ def checked(system: System) -> Checked:
     macro_steps() raise.
     """
     graph = build_graph(system)
-    return Checked(graph, macro_steps(system.experiment, [c.every for c in system.components]))
+    steps = macro_steps(system.experiment, [c.every for c in system.components])
+    for note in _uneven_samples(graph, system.experiment.step or 0.0):
+        _log.warning("%s", note)
+    return Checked(graph, steps)
+
+
+SAMPLE_PERIOD = "sample_period"
+
+
+def _uneven_samples(graph: Graph, macro_step: float) -> Iterator[str]:
+    """Components whose samples do not all fall onto the ends of their steps."""
+    for slot, period in constants(graph):
+        component, _, name = slot.name.partition(".")
+        if name != SAMPLE_PERIOD or not period > 0:
+            continue
+        every = next(n.component.every for n in graph.nodes if n.component.name == component)
+        ratio = period / (every * macro_step)
+        if ratio < 1 - 1e-9 or abs(ratio - round(ratio)) > 1e-9 * ratio:
+            yield (
+                f"{slot.name} = {period:g} s is no multiple of the step of {component}, "
+                f"{every * macro_step:g} s: samples fall between communication points"
+            )
 
 
 def rechecked(system: System, known: System, graph: Graph) -> Checked:

@@ -58,7 +58,7 @@ def test_a_range_of_values_has_both_its_ends():
     assert labels(("set", "a.k=0.1:0.3:0.05")) == [
         f"a.k={k}" for k in ("0.1", "0.15", "0.2", "0.25", "0.3")
     ]
-    assert labels(("set", "a.k=2:0:-1,7")) == ["k=2", "k=1", "k=0", "k=7"]
+    assert labels(("set", "a.k=2:0:-1,7")) == [f"a.k={k}" for k in (2, 1, 0, 7)]
 
 
 @pytest.mark.parametrize("text", ["0:1:0", "0:1:x", "0:1:0.3", "0:1:-0.1", "0:inf:1"])
@@ -84,3 +84,31 @@ def test_labels_are_file_names():
 def test_a_mistaken_comparison_is_wrong_use(varied, problem):
     with pytest.raises(UsageError, match=problem):
         combinations({}, varied)
+
+
+def test_every_variant_has_a_file_of_its_own():
+    def files(*varied):
+        return [variant.file for variant in combinations({}, varied)]
+
+    assert files(("swap", "c=a b.fmu,a_b.fmu")) == ["a_b", "a_b-2"]
+    assert files(("swap", "c=Pid.fmu,pid.fmu")) == ["Pid", "pid-2"]
+    assert files(("params", "../../x,..")) == ["_.._x", "run"]
+    assert all(len(name) <= 100 for name in files(("params", f"{'x' * 300},b")))
+    assert files(("params", "hot,hot.partial")) == ["hot", "hot_partial"]
+
+
+@pytest.mark.parametrize("values", ["1,+1", "1,1.0", "0.5,5e-1", "[1,2],[1, 2]"])
+def test_equal_values_are_refused_however_they_are_written(values):
+    with pytest.raises(UsageError, match="stands there twice"):
+        combinations({}, [("set", f"a.at={values}")])
+
+
+def test_labels_name_the_component_of_a_parameter_and_of_several_swaps():
+    assert labels(("set", "a.k=1,2"), ("set", "b.k=1,2"))[0] == "a.k=1, b.k=1"
+    assert labels(("swap", "a=x,y"), ("swap", "b=x,y"))[1] == "a=x, b=y"
+
+
+@pytest.mark.parametrize("option", ["set", "swap", "latency"])
+def test_an_option_that_is_given_twice_for_one_name_is_refused(option):
+    with pytest.raises(UsageError, match=r"a\.k: is given twice"):
+        combinations({}, [(option, "a.k=1,2"), (option, "a.k=3,4")])
