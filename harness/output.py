@@ -26,6 +26,9 @@ def written(path: Path) -> Iterator[Path]:
     """
     with held(), _naming(path):
         target = path.resolve()
+        if target.exists() and not target.is_file():  # a device or pipe is written as it is
+            yield target
+            return
         beside = new_beside(target)
         try:
             yield beside

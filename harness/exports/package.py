@@ -29,7 +29,10 @@ def export(system: str | Path | System, target: Path, **changes: Unpack[Changes]
         changed = apply(found, **changes)
         checked(changed)
         file = _file(target, changed.name)
-        (write_container if file.suffix == ".fmu" else write_ssp)(changed, file)
+        try:
+            (write_container if file.suffix == ".fmu" else write_ssp)(changed, file)
+        except ValueError as error:  # lxml: control characters, which XML has no way to write
+            raise ResultsError(f"{file}: cannot be written ({error})") from error
     return file
 
 

@@ -116,6 +116,40 @@ def test_an_ignored_hang_up_stays_ignored(tmp_path):
     assert (tmp_path / "x.txt").exists()
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [
+        (("draw", "long.ssp", "-o"), "x.svg"),
+        (("export", "long.ssp"), "x.ssp"),
+        (("linearize", "slow.fmu", "-o"), "x.npz"),
+    ],
+)
+def test_a_full_device_is_one_line_and_stays_a_device(
+    work, fmus, monkeypatch, capsys, command, name
+):
+    monkeypatch.chdir(work)
+    (work / "slow.fmu").symlink_to(fmus["slow"])
+    (work / name).symlink_to("/dev/full")
+    assert main([*command, name]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"harness: {name}: cannot be written (No space left")
+    assert stat.S_ISCHR(Path("/dev/full").stat().st_mode)
+
+
+def test_control_characters_in_an_export_are_one_line(fmus, work, monkeypatch, capsys):
+    monkeypatch.chdir(work)
+    toml = 'name = "m"\n[experiment]\nstop = 1.0\nstep = 1.0\n[components]\na = "mixed"\n[open]\n'
+    toml += '"a.i" = 0\n"a.b" = false\n"a.r" = 0.0\n'
+    write_ssp(system_of(tomllib.loads(toml), fmus), work / "m.ssp")
+    (work / "copy.ssp").write_text("old")
+    for text in ("\x01", "\udce4", "\x00"):
+        assert main(["export", "m.ssp", "copy.ssp", "--set", f"a.label={text}"]) in (1, 2)
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.startswith("harness: copy.ssp: cannot be written")
+        assert (work / "copy.ssp").read_text() == "old"
+
+
 # ---- results
 
 
