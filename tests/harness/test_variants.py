@@ -99,7 +99,7 @@ def test_every_variant_has_a_file_of_its_own():
 
 @pytest.mark.parametrize("values", ["1,+1", "1,1.0", "0.5,5e-1", "[1,2],[1, 2]"])
 def test_equal_values_are_refused_however_they_are_written(values):
-    with pytest.raises(UsageError, match="stands there twice"):
+    with pytest.raises(UsageError, match="is given twice"):
         combinations({}, [("set", f"a.at={values}")])
 
 
