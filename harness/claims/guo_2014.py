@@ -65,7 +65,9 @@ EQUILIBRIUM = Claim(
 )
 CRITICAL = Claim(
     name="critical rate",
-    text="no tumbling on a circular orbit if the first rate is below the critical one, else tumbling",
+    text=(
+        "no tumbling on a circular orbit if the first rate is below the critical one, else tumbling"
+    ),
     where="section 3.1, (9)",
     needs=MOTION,
     measure=measures.critical_rate,
