@@ -1,4 +1,5 @@
-"""Claims of Guo, Li, Fan & Meng 2014 on the pitch motion of a locked space robot (docs/models.md D).
+"""Claims of Guo, Li, Fan & Meng 2014 on the pitch motion of a locked space robot (docs/models.md
+D).
 
 The paper gives neither the start of the motion nor how long it was followed: a verdict is about the
 run at hand, and for other starts tumbling begins elsewhere. Which claims belong to a run its
@@ -9,7 +10,8 @@ from __future__ import annotations
 
 from harness.claims import guo_measures as measures
 from harness.claims.claim import Band, Claim, Condition, Paper, at_least, at_most
-from harness.claims.guo_measures import ANGLES, ECCENTRICITY, MOTION, PITCH
+from harness.claims.guo_measures import ANGLES, ECCENTRICITY, MOTION
+from harness.results.pitch import PITCH
 from harness.results.result import Result
 
 PERIODIC, FIRST, LAST, END = 0.005, 0.06331, 0.06872, 0.08594
@@ -62,7 +64,7 @@ EQUILIBRIUM = Claim(
 )
 CRITICAL = Claim(
     name="critical rate",
-    text="no tumbling on a circular orbit if the first rate is below the critical one, else tumbling",
+    text="on a circular orbit no tumbling below the critical rate at the start, tumbling above",
     where="section 3.1, (9)",
     needs=MOTION,
     measure=measures.critical_rate,

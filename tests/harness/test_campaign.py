@@ -1,4 +1,4 @@
-"""Campaigns: draws, bad files, the same runs whoever flies them, failures, interruptions, numbers."""
+"""Campaigns: draws, bad files, the same runs whoever flies them, failures, interruptions."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Who runs the blocks of a campaign: this process, the processors of this machine, or a cluster.
 
 An engine is given blocks and yields what came of them, in whatever order. The block of a worker
-that was killed goes to another one; a block that kills every worker is taken apart, and the run that
-does it is a failed run.
+that was killed goes to another one; a block that kills every worker is taken apart, and the run
+that does it is a failed run.
 """
 
 from __future__ import annotations

@@ -2,7 +2,8 @@
 user.
 
 An expression names variables as the result does, `norm(servicer.r_SN_N - target.r_TN_N)[-1]`, and
-knows the functions of FUNCTIONS and nothing else. A function is `FILE.py:NAME` and takes the Result.
+knows the functions of FUNCTIONS and nothing else. A function is `FILE.py:NAME` and takes the
+Result.
 """
 
 from __future__ import annotations
