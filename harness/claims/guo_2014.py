@@ -65,7 +65,7 @@ EQUILIBRIUM = Claim(
 )
 CRITICAL = Claim(
     name="critical rate",
-    text="no tumbling on a circular orbit if the first rate is below the critical one, else tumbling",
+    text="on a circular orbit no tumbling below the critical rate at the start, tumbling above",
     where="section 3.1, (9)",
     needs=MOTION,
     measure=measures.critical_rate,

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from harness.claims.claim import Band, CannotJudgeError, Claim, Paper, at_least, at_most
-from harness.figures.navigation import (
+from harness.results.estimates import (
     FIXES,
     KINDS,
     MOTION,

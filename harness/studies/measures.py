@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.results import derived, pitch
+from harness.results import derived, estimates, pitch
 from harness.results.derived import (
     assembly_attitude_error,
     attitude_error,
@@ -134,6 +134,16 @@ def _attitude_steady(result: Result, _: Limits) -> float:
     return steady_error(time, error) if len(time) else float("nan")
 
 
+def _estimate_error(result: Result, part: int) -> float:
+    """Largest error of a part of the estimate in the last fifth, in m or deg: 0: position of S from
+    T, 2: attitude of T.
+    """
+    true, _ = estimates.rows(result)
+    error = np.linalg.norm(estimates.errors(result)[part].error, axis=1)
+    size = steady_error(result.time[true], np.asarray(error))
+    return size if part == 0 else float(np.degrees(size))
+
+
 # ---- safety
 
 
@@ -242,6 +252,8 @@ MEASURES = (
     Measure("minimum range", "m", POSITION[:2], lambda r, _: float(np.min(range_(r)))),
     Measure("inside reference", "m", POSITION, _inside_reference),
     Measure("inside keep-out", "m", POSITION[:2], _inside_keep_out),
+    Measure("estimate error", "m", estimates.MOTION, lambda r, _: _estimate_error(r, 0)),
+    Measure("estimate attitude", "deg", estimates.MOTION, lambda r, _: _estimate_error(r, 2)),
     Measure("delta-v", "m/s", ("propulsion.impulse", "servicer.mass"), _delta_v),
     Measure("torque impulse", "N m s", TORQUES, _torque_impulse, ("servicer.A_w",)),
     Measure("peak force", "N", ("propulsion.F_S",), _peak_force),

@@ -8,8 +8,8 @@ from __future__ import annotations
 import json
 
 import pytest
-from harness.validation.__main__ import main
 
+from harness.cli import main
 from harness.errors import UsageError
 from harness.validation import cases, judge, markdown, table, validate
 from harness.validation.case import FOLDER
@@ -70,10 +70,9 @@ def test_chosen_cases_are_flown_alone_and_a_wrong_name_gets_a_hint():
         validate(["valado-2-4"])
 
 
-def test_the_page_is_written_from_a_run(tmp_path, monkeypatch, capsys):
+def test_the_page_is_written_from_a_run(tmp_path, capsys):
     page = tmp_path / "page.md"
-    monkeypatch.setattr("sys.argv", ["validation", "jeod-lvlh-init", "--write", str(page)])
-    assert main() == 0
+    assert main(["validate", "jeod-lvlh-init", "--write", str(page)]) == 0
     assert "1 of 1 cases agree" in capsys.readouterr().out
     assert "| `jeod-lvlh-init` |" in page.read_text(encoding="utf-8")
 

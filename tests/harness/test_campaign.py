@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Campaigns: draws, bad files, the same runs whoever flies them, failures, interruptions,
-numbers.
-"""
+"""Campaigns: draws, bad files, the same runs whoever flies them, failures, interruptions."""
 
 from __future__ import annotations
 
@@ -483,3 +481,28 @@ def test_two_listed_factors_are_drawn_as_a_map(system, tmp_path):
     found = campaign(given, tmp_path / "out.zarr", workers=0)
     names = [path.name for path in pictures(found.store, tmp_path, "svg")]
     assert names == ["campaign_histograms.svg", "campaign_map_end.svg"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_ctrl_c_reaches_us_alone_and_the_workers_say_nothing(system, tmp_path):
+    (tmp_path / "long.toml").write_text(
+        f'system = "{system}"\nruns = 2000\n[fixed]\nstop = 600.0\n'
+        '[factors]\n"twice.k" = {uniform = {low = 1.0, high = 2.0}}\n'
+    )
+    command = [sys.executable, "-m", "harness", "campaign", "long.toml", "-o", "long.zarr"]
+    process = subprocess.Popen(
+        [*command, "--workers", "2", "--no-figures"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
+    )
+    until = time.monotonic() + 90
+    while len(psutil.Process(process.pid).children()) < 3 and time.monotonic() < until:
+        time.sleep(0.1)  # two workers, and the process that keeps track of what they share
+    time.sleep(1)
+    os.killpg(process.pid, signal.SIGINT)  # as the terminal does it
+    output, errors = process.communicate(timeout=90)
+    assert (output, errors, process.returncode) == ("", "harness: interrupted\n", 1)

@@ -15,6 +15,7 @@ from harness.claims import PAPERS, Verdict
 from harness.claims.navigation import CLAIMS, PAPER
 from harness.figures import FIGURES
 from harness.figures import navigation as figures
+from harness.results import estimates
 from harness.results.result import Result
 
 from ..reference.attitude import conjugate, multiply
@@ -86,7 +87,7 @@ def test_every_figure_can_be_drawn(figure):
 
 def test_drawn_errors_are_those_of_the_tests():
     """Two ways from the same run."""
-    rho, drho, theta, w = (part.error for part in figures.errors(flight()))
+    rho, drho, theta, w = (part.error for part in estimates.errors(flight()))
     e = Errors(flight(), 0.0, 1800.0)
     assert rms(rho) == pytest.approx(rms(e.rho()), rel=1e-12)
     assert rms(drho) == pytest.approx(rms(e.drho()), rel=1e-12)
@@ -98,18 +99,18 @@ def test_attitude_error_is_that_of_the_filter():
     rng = np.random.default_rng(1)
     a, b = (np.array([quaternion(rng) for _ in range(20)]) for _ in range(2))
     expected = [err(multiply(conjugate(p), q)) for p, q in zip(a, b, strict=True)]
-    assert figures.attitude_error(a, b) == pytest.approx(np.array(expected), abs=1e-13)
-    assert figures.attitude_error(-a, b) == pytest.approx(np.array(expected), abs=1e-13)
+    assert estimates.attitude_error(a, b) == pytest.approx(np.array(expected), abs=1e-13)
+    assert estimates.attitude_error(-a, b) == pytest.approx(np.array(expected), abs=1e-13)
 
 
 def test_innovations_are_counted_once_each():
     """3600 poses and stars less the first of each, which is set; 1800 fixes less one."""
-    counts = [len(figures.innovations(flight(), f, n, s)[0]) for _, f, n, s, _ in figures.KINDS]
+    counts = [len(estimates.innovations(flight(), f, n, s)[0]) for _, f, n, s, _ in estimates.KINDS]
     assert counts == [pytest.approx(n, abs=2) for n in (3599, 3599, 1799)]
 
 
 def test_bounds_are_those_of_chi_square():
-    assert figures.bounds(6) == pytest.approx(chi2.ppf((0.025, 0.975), 6))
-    low, high = figures.bounds(3, 50)
+    assert estimates.bounds(6) == pytest.approx(chi2.ppf((0.025, 0.975), 6))
+    low, high = estimates.bounds(3, 50)
     assert (low, high) == pytest.approx(chi2.ppf((0.025, 0.975), 150) / 50)
-    assert figures.moving_mean(np.arange(6.0), 3).tolist() == [1, 2, 3, 4]
+    assert estimates.moving_mean(np.arange(6.0), 3).tolist() == [1, 2, 3, 4]

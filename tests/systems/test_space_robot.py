@@ -12,6 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from harness import run
+from harness.results.pitch import rotation_number
 
 from ..fmu.robot_cases import PAPER, Q, pitch_constants, same_sign
 from ..reference.space_robot import Orbit, fly
@@ -110,6 +111,19 @@ def test_the_criterion_of_tumbling_on_a_circular_orbit(factor, tumbles):
     start = {"robot.euler_0": [0, 0, theta_hat + off], "robot.deuler_0": [0, 0, rate]}
     result = run("space_robot", params="circular", set=start, stop=20000.0)
     assert (np.abs(result["robot.pitch"] - theta_hat).max() > np.pi) is np.bool_(tumbles)
+
+
+@pytest.mark.parametrize(("e", "number", "near"), [(0.002, None, 5e-4), (0.036, 4 / 5, 3e-4)])
+def test_the_rotation_number_starts_at_the_frequency_of_libration_and_passes_four_fifths(
+    e, number, near
+):
+    """Small motion has the frequency sqrt(kappa) per orbit; the section is dotted near e =
+    0.036.
+    """
+    kappa, _ = pitch_constants(PAPER, Q)
+    many = {"robot.e": e, "robot.max_step": 10.0}
+    result = run("space_robot", set=many, step=60.0, stop=1.2e6)
+    assert rotation_number(result) == pytest.approx(number or np.sqrt(kappa), abs=near)
 
 
 def test_free_joints_drift_under_the_gravity_gradient_as_the_point_masses_do():

@@ -21,8 +21,10 @@ from harness.studies.campaign.worker import FAILED, Task
 
 ROWS = 200
 """Rows of kept histories, unless the campaign says otherwise."""
-BLOCKS, LARGEST_BLOCK = 32, 200
-"""A campaign has about so many blocks, and a block at most so many runs."""
+BLOCKS, LARGEST_BLOCK, BLOCK_STEPS = 32, 200, 2_000_000
+"""A campaign has at least so many blocks; a block has at most so many runs, and macro steps: some
+seconds of work, which is what a kill or Ctrl-C costs.
+"""
 
 
 @dataclass(frozen=True)
@@ -112,7 +114,7 @@ def _block(plan: Plan, store: Store, first: int) -> Block:
 
 
 def _created(path: Path, plan: Plan, task: Task, found: Layout) -> Store:
-    block = min(LARGEST_BLOCK, max(1, plan.runs // BLOCKS))
+    block = max(1, min(LARGEST_BLOCK, plan.runs // BLOCKS, BLOCK_STEPS // found.steps))
     steps = np.arange(task.rows, dtype=np.float64) * task.stride * plan.every
     time = found.start + steps * found.step
     return Store.create(path, plan, task, block, time)

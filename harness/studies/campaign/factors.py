@@ -196,9 +196,9 @@ def _inertia(principal: Any, spread: float, axes: float = 0.0) -> Draw:
         z = normal_quantile(u)
         moments = p * np.exp(spread * z[:3])
         turn = _matrix(_exponential(axes * z[3:]))
-        return (turn @ np.diag(moments.sum() - moments) @ turn.T).tolist()  # type: ignore[no-any-return]
+        return _symmetric(turn @ np.diag(moments.sum() - moments) @ turn.T)
 
-    return Draw(6, lambda u: _symmetric(value(u)))
+    return Draw(6, value)
 
 
 def _matrix(q: Array) -> Array:
@@ -207,9 +207,9 @@ def _matrix(q: Array) -> Array:
     return np.asarray(np.eye(3) + 2 * q[0] * x + 2 * x @ x)
 
 
-def _symmetric(j: list[list[float]]) -> list[list[float]]:
+def _symmetric(j: Array) -> list[list[float]]:
     """Equal to the last bit on both sides of the diagonal."""
-    return [[j[min(a, b)][max(a, b)] for b in range(3)] for a in range(3)]
+    return [[float(j[min(a, b), max(a, b)]) for b in range(3)] for a in range(3)]
 
 
 DRAWS: dict[str, Callable[..., Draw]] = {
