@@ -16,8 +16,8 @@ Index = tuple[int, ...]
 
 
 class Name(NamedTuple):
-    """Name of a scalar variable: that of the vector or matrix it belongs to, and its place in it (()
-    for a scalar).
+    """Name of a scalar variable: that of the vector or matrix it belongs to, and its place in it,
+    () for a scalar.
     """
 
     variable: str
