@@ -27,6 +27,13 @@ from harness.system.schedule import Verb
 OK, WARNING, FATAL = 0, 1, 4
 STATUS = {2: "fmi2Discard", 3: "fmi2Error", 4: "fmi2Fatal", 5: "fmi2Pending"}
 
+_SETTERS: dict[str, tuple[str, Any]] = {
+    "Real": ("Real", ctypes.c_double),
+    "Boolean": ("Boolean", ctypes.c_int),
+    "String": ("String", ctypes.c_char_p),
+}
+"""Functions fmi2SetX and the C types of their values; other types go as Integer."""
+
 Slave = Any
 """FMPy's FMU2Slave, which is not typed."""
 
@@ -112,16 +119,14 @@ class Instance:
 
     def _set(self, setting: Setting, time: float) -> None:
         variable, value = setting
-        setter = {"Real": "setReal", "Boolean": "setBoolean", "String": "setString"}.get(
-            variable.type, "setInteger"
-        )
-        place.enter(self.name, f"fmi2{setter[0].upper()}{setter[1:]}")
-        try:
-            getattr(self.slave, setter)([variable.reference], [value])
-        except FMICallException as error:
-            raise self._failure(
-                error.status, f"{setter} refused {value}", time, variable.name
-            ) from error
+        kind, ctype = _SETTERS.get(variable.type, ("Integer", ctypes.c_int))
+        place.enter(self.name, f"fmi2Set{kind}")
+        reference = (ctypes.c_uint * 1)(variable.reference)
+        plain: Any = value.encode() if isinstance(value, str) else value
+        set_value = getattr(self.library, f"fmi2Set{kind}")
+        status = set_value(self.handle, reference, ctypes.c_size_t(1), (ctype * 1)(plain))
+        if status not in (OK, WARNING):
+            raise self._failure(status, f"set{kind} refused {value}", time, variable.name)
 
     def enter_initialization(self, start: float, stop: float) -> None:
         """fmi2SetupExperiment and fmi2EnterInitializationMode."""
