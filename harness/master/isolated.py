@@ -155,6 +155,7 @@ class _Run:
 
     def _judge(self) -> None:
         """Raise what has ended the run early; a complete run is not lost to what came after it."""
+        self.simulation.recorder.mend()
         complete = self.calls is not None and self.simulation.step == self.simulation.steps
         if self.closed:
             self.child.report_output()
@@ -171,7 +172,7 @@ class _Run:
     def _crash(self) -> HarnessError:
         simulation = self.simulation
         instance, call = self.child.place
-        if self.calls is not None:
+        if self.calls is not None and 0 <= simulation.recorder.call < len(self.calls):
             instance, call = self.calls[simulation.recorder.call]
         return RunError(
             instance or simulation.system.name, simulation.time, f"{call} {self.child.end()}"

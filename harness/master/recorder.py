@@ -20,6 +20,7 @@ class Recorder:
         """
         if every < 1:
             raise UsageError(f"--every must be at least 1, not {every}")
+        self.steps = steps
         self.every = min(every, steps + 1)  # more means the first row only
         self.marks: NDArray[np.int64] = np.zeros(3, dtype=np.int64)
         rows = steps // every + 1
@@ -42,6 +43,10 @@ class Recorder:
     @done.setter
     def done(self, steps: int) -> None:
         self.marks[0] = steps
+
+    def mend(self) -> None:
+        """Make the marks possible again, whatever foreign code has written over them."""
+        self.done = min(max(self.done, 0), self.steps)
 
     @property
     def call(self) -> int:

@@ -274,7 +274,12 @@ class _Differences:
         )
         rows = [bench.outputs.index(name) for name in self.state]
         a, b = by_state[rows], by_input[rows]
-        c: Array = np.asarray(np.linalg.solve(a.T, by_state.T).T) if rows else by_state
+        try:
+            c: Array = np.asarray(np.linalg.solve(a.T, by_state.T).T) if rows else by_state
+        except np.linalg.LinAlgError as error:
+            name = bench.interface.model.modelName
+            reason = "its states after a step do not depend on those before: no linear model"
+            raise RunError(name, self.at, reason) from error
         units = {v.name: v.unit or "" for v in bench.interface.variables.values()}
         names = tuple(self.state), tuple(self.inputs), tuple(bench.outputs)
         return LinearModel(

@@ -131,7 +131,7 @@ def coerce(value: Scalar, kind: str) -> Scalar:
     it cannot.
     """
     if kind == "String":
-        return _text(value)
+        return _checked_text(_text(value))
     if isinstance(value, str):
         raise ValueError(f"{_quoted(value)} is not a number")
     if not isinstance(value, (int, float)):
@@ -161,6 +161,17 @@ def _float(value: float) -> float:
         return float(value)
     except OverflowError:
         raise ValueError("it is beyond all numbers that a variable can hold") from None
+
+
+def _checked_text(text: str) -> str:
+    """A text as C can hold it."""
+    if "\0" in text:
+        raise ValueError("a text must not hold a zero character")
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise ValueError(f"{_quoted(text)} is not a text in UTF-8") from None
+    return text
 
 
 def _text(value: Scalar) -> str:

@@ -103,3 +103,13 @@ def test_one_name_is_refused_twice(capsys, option):
     value = {"--set": "1", "--swap": "adaptive_controller", "--latency": "0"}[option]
     assert main(["run", "sync_approach", *2 * (option, f"{name}={value}")]) == 2
     assert f"{option} {name}: is given twice" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", ["\udce4", "a\0b"])
+def test_texts_that_c_cannot_hold_are_refused(make, text):
+    with pytest.raises(UsageError, match=r"a\.label: .*(UTF-8|zero character)"):
+        apply(make({"a": "mixed"}), set=[f"a.label={text}"])
+
+
+def test_a_text_beyond_ascii_reaches_the_fmu(make):
+    assert simulate(apply(make({"a": "mixed"}), set=["a.label=ü€"], stop=1.0)).complete

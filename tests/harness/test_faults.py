@@ -79,6 +79,7 @@ def harness(folder, *arguments, **about):
         cwd=folder,
         env=environment(**about),
         capture_output=True,
+        check=False,
         timeout=120,
         start_new_session=True,
     )
@@ -321,6 +322,35 @@ def test_every_vice_in_every_phase_of_linearize_and_export(folder, vice, phase):
 
 
 # ---- what only a run in a process of its own can do
+
+
+def test_marks_that_foreign_code_has_written_over_do_no_harm(folder, monkeypatch):
+    """Shared memory is open to the child."""
+    from harness import run
+    from harness.errors import RunError
+    from harness.master import isolated
+
+    crash = isolated._run
+
+    def scribble(send, simulation, *rest):
+        crash(
+            lambda kind, content: kind == isolated.BEGUN and send(kind, content), simulation, *rest
+        )
+        simulation.recorder.marks[:] = 2**62
+        os.abort()
+
+    monkeypatch.setattr(isolated, "_run", scribble)
+    assert run(folder / "two.ssp").complete  # all rows are there, as far as anybody can tell
+
+    def nonsense(send, simulation, *rest):
+        send(isolated.BEGUN, [("b", "fmi2DoStep")])
+        simulation.recorder.marks[:] = -(2**62)
+        os.abort()
+
+    monkeypatch.setattr(isolated, "_run", nonsense)
+    with pytest.raises(RunError, match="crashed") as caught:
+        run(folder / "two.ssp")
+    assert len(caught.value.partial.time) == 1
 
 
 def test_the_isolated_run_has_the_bits_of_the_one_in_process(folder):

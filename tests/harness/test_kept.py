@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import signal
 import stat
 import subprocess
@@ -146,7 +147,7 @@ def test_control_characters_in_an_export_are_one_line(fmus, work, monkeypatch, c
     for text in ("\x01", "\udce4", "\x00"):
         assert main(["export", "m.ssp", "copy.ssp", "--set", f"a.label={text}"]) in (1, 2)
         (line,) = capsys.readouterr().err.splitlines()
-        assert line.startswith("harness: copy.ssp: cannot be written")
+        assert re.match(r"harness: (copy\.ssp: cannot be written|--set a\.label: )", line)
         assert (work / "copy.ssp").read_text() == "old"
 
 

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Numbers, disks and streams at their limits: a result or one line that says which limit."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from harness.archive import unpack
+from harness.cli.app import main
+from harness.errors import ArchiveError, FmuError, ResultsError, StructureError, UsageError
+from harness.master.isolated import simulate
+from harness.system.graph import checked
+from harness.system.interface import read_interface
+from harness.system.units import Unit, compose
+from harness.temporary import PrivateFolder
+
+
+@pytest.mark.parametrize("every", [2**31, 2**32 + 1, 2**64])
+def test_rows_further_apart_than_the_run_is_long_leave_the_first_one(make, every):
+    assert len(simulate(make({"a": "counter"}), every=every).time) == 1
+
+
+@pytest.mark.parametrize("every", [2**31, 2**33])
+def test_a_period_beyond_32_bits_is_refused(make, every):
+    system = make({"a": "counter"}, timing={"a": (every, 0)}, stop=float(every))
+    with pytest.raises(StructureError, match=f"a: every must be at most {2**31 - 1}"):
+        checked(system)
+
+
+@pytest.mark.parametrize(("stop", "step"), [(1e300, 1.0), (1e300, 1e-300), (1.0, 1e-310)])
+def test_a_stop_time_beyond_all_macro_steps_is_refused(make, stop, step):
+    with pytest.raises(StructureError, match="is too many macro steps of"):
+        checked(make({"a": "counter"}, stop=stop, step=step))
+
+
+def test_a_table_beyond_all_memory_is_refused(make):
+    with pytest.raises(UsageError, match="do not fit into memory: record fewer with --every"):
+        simulate(make({"a": "counter"}, stop=1e15))
+
+
+def test_a_conversion_beyond_all_numbers_is_refused():
+    large, small = Unit("Gx", {"m": 1, "factor": 1e300}), Unit("fx", {"m": 1, "factor": 1e-300})
+    with pytest.raises(ValueError, match="Gx to fx goes beyond all numbers"):
+        compose(large, (), small)
+    assert compose(small, (), large).factor == 0.0
+
+
+def test_a_full_temporary_folder_is_not_called_damage(tmp_path, monkeypatch):
+    with zipfile.ZipFile(tmp_path / "x.zip", "w") as archive:
+        archive.writestr("a", "a")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(zipfile.ZipFile, "extractall", full)
+    (tmp_path / "into").mkdir()
+    with pytest.raises(ArchiveError, match=r"cannot be unpacked into .*No space left") as caught:
+        unpack(tmp_path / "x.zip", tmp_path / "into")
+    assert "damaged" not in str(caught.value)
+
+
+def test_a_missing_temporary_folder_is_one_line(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "gone"))
+    with pytest.raises(ResultsError, match="no temporary files can be made there"):
+        PrivateFolder()
+
+
+def test_an_fmu_for_model_exchange_is_called_that(tmp_path, fmus):
+    path = tmp_path / "exchange.fmu"
+    with zipfile.ZipFile(fmus["gain"]) as old, zipfile.ZipFile(path, "w") as new:
+        for name in old.namelist():
+            data = old.read(name)
+            if name == "modelDescription.xml":
+                text = data.decode().replace('canHandleVariableCommunicationStepSize="true"', "")
+                data = text.replace("<CoSimulation", "<ModelExchange").encode()
+            new.writestr(name, data)
+    with pytest.raises(FmuError, match=r"exchange\.fmu: is for model exchange only"):
+        read_interface(path)
+
+
+@pytest.mark.parametrize("name", ["x" * 5000, "a\0b", "\udce4", "x" * 300 + ".ssp"])
+def test_names_that_no_file_can_have_are_wrong_use(capsys, name):
+    assert main(["run", name, "-o", "x.csv"]) == 2
+    assert capsys.readouterr().err.endswith("there is no such system\n")
+
+
+# ---- streams
+
+
+def listed(shell):
+    """`harness list` with its streams as the shell says: exit status and what stderr got."""
+    command = f'"{sys.executable}" -m harness list {shell}'
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+    done = subprocess.run(
+        ["/bin/sh", "-c", command], env=environment, capture_output=True, text=True, check=False
+    )
+    return done.returncode, done.stderr
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_standard_output_is_one_line():
+    assert listed(">/dev/full") == (
+        1, "harness: standard output cannot be written (No space left on device)\n",
+    )  # fmt: skip
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a shell")
+def test_closed_streams_are_no_failure():
+    assert listed("2>&-")[0] == 0
+    assert listed(">&-")[0] == 0
+    assert listed(">&- 2>&- <&-")[0] == 0
