@@ -181,12 +181,20 @@ class _Bench:
                 self._call(
                     "doStep", currentCommunicationPoint=start + k * h, communicationStepSize=h
                 )
-            return np.array(self._call("getReal", [self._reference(n) for n in self.outputs]))
+            found = np.array(self._call("getReal", [self._reference(n) for n in self.outputs]))
         except Exception as error:
             name = self.interface.model.modelName
             raise RunError(
                 name, start, messages.take_error(name) or " ".join(str(error).split())
             ) from error
+        return self._finite(found, start + steps * h)
+
+    def _finite(self, outputs: Array, time: float) -> Array:
+        for name, value in zip(self.outputs, outputs, strict=True):
+            if not np.isfinite(value):
+                model = self.interface.model.modelName
+                raise RunError(model, time, "output is not a finite number", name)
+        return outputs
 
     def _call(self, function: str, *arguments: Any, **named: Any) -> Any:
         place.enter(self.interface.model.modelName, f"fmi2{function[0].upper()}{function[1:]}")

@@ -75,7 +75,6 @@ def harness(folder, *arguments, **about):
     """Run the command in a session of its own; exit status, lines of stdout and of stderr."""
     done = subprocess.run(
         [sys.executable, "-m", "harness", *map(str, arguments)],
-        check=False,
         cwd=folder,
         env=environment(**about),
         capture_output=True,
