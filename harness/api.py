@@ -16,6 +16,7 @@ from harness.studies import compare as comparison
 from harness.studies import linearize as linear
 from harness.studies import variants
 from harness.studies.measures import Limits
+from harness.system.graph import say_warnings
 from harness.system.model import System
 from harness.system.swap import find_fmu
 from harness.system.values import parse
@@ -55,6 +56,7 @@ def run(
     """
     with load(system) as found:
         changed = apply(found, **changes)
+        say_warnings(changed)
         return simulate(changed, executor=executor, every=every, progress=progress)
 
 

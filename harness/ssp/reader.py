@@ -29,6 +29,9 @@ from harness.system.model import (
 )
 from harness.temporary import PrivateFolder
 
+MAX_COMPONENTS = 10_000
+"""Largest number of components of a system."""
+
 _log = logging.getLogger("harness")
 
 
@@ -40,24 +43,38 @@ def opened(path: Path) -> Iterator[System]:
     Raises ArchiveError (damaged or unsafe archive) or StructureError (all problems of the
     description).
     """
-    with PrivateFolder() as folder:
-        unpack(path, folder)
-        try:
-            system = read(folder)
-        except StructureError as error:
-            raise StructureError(f"{path.name}: {problem}" for problem in error.problems) from error
+    with examined(path) as (system, problems):
+        if problems:
+            raise StructureError(problems)
         yield system
 
 
-def read(folder: Path) -> System:
-    """The system in an unpacked .ssp; StructureError with all problems."""
+@contextmanager
+def examined(path: Path) -> Iterator[tuple[System, tuple[str, ...]]]:
+    """The system in an .ssp as far as it can be read, and what is wrong with its description.
+
+    Unpacked as by opened(). Raises ArchiveError or StructureError if there is nothing to read.
+    """
+    with PrivateFolder() as folder:
+        unpack(path, folder)
+        try:
+            system, problems = _read(folder)
+        except StructureError as error:
+            raise StructureError(f"{path.name}: {problem}" for problem in error.problems) from error
+        yield system, tuple(f"{path.name}: {problem}" for problem in problems)
+
+
+def _read(folder: Path) -> tuple[System, list[str]]:
+    """The system in an unpacked .ssp and its problems; StructureError if it cannot be read."""
     if not (folder / xml.SSD_FILE).is_file():
         raise StructureError([f"it holds no {xml.SSD_FILE}"])
-    reader = _Reader(folder, xml.parse(folder / xml.SSD_FILE, xml.SSD_SCHEMA))
-    system = reader.system()
-    if reader.problems:
-        raise StructureError(reader.problems)
-    return system
+    root = xml.parse(folder / xml.SSD_FILE, xml.SSD_SCHEMA)
+    if (count := sum(1 for _ in root.iter(xml.tag("ssd:Component")))) > MAX_COMPONENTS:
+        raise StructureError(
+            [f"it has {count} components, more than the limit of {MAX_COMPONENTS}"]
+        )
+    reader = _Reader(folder, root)
+    return reader.system(), reader.problems
 
 
 class _Reader:

@@ -9,19 +9,27 @@ from collections.abc import Mapping
 from harness.spelling import did_you_mean
 from harness.system.interface import Interface, Variable
 from harness.system.model import Connection, Parameter
-from harness.system.units import IDENTITY, Affine, Unit, compose
+from harness.system.units import IDENTITY, Affine, UndefinedUnitError, Unit, compose
 from harness.system.values import Scalar, coerce
 
 
-def way(connection: Connection, interfaces: Mapping[str, Interface]) -> Affine:
+def way(
+    connection: Connection, interfaces: Mapping[str, Interface], strict: bool = False
+) -> Affine:
     """What happens to a signal between its output and its input; ValueError if the units do not
     fit.
+
+    Where a unit has no meaning nothing is converted, or if strict, UndefinedUnitError is raised.
     """
     source, target = (interfaces[port.component] for port in (connection.source, connection.target))
     start = source.unit(source.variables[connection.source.variable])
-    return compose(
-        start, connection.hops, target.unit(target.variables[connection.target.variable])
-    )
+    end = target.unit(target.variables[connection.target.variable])
+    try:
+        return compose(start, connection.hops, end)
+    except UndefinedUnitError:
+        if strict:
+            raise
+        return compose(None, [hop._replace(convert=False) for hop in connection.hops], None)
 
 
 def final(parameter: Parameter, variable: Variable, interface: Interface) -> Scalar:
@@ -31,13 +39,28 @@ def final(parameter: Parameter, variable: Variable, interface: Interface) -> Sca
         return _item(variable, value)
     if parameter.unit is None and not parameter.hops:
         return coerce(value, variable.type)
-    start = None if parameter.unit is None else parameter.meaning or Unit(parameter.unit)
-    change = compose(start, parameter.hops, interface.unit(variable))
+    change = _change(parameter, variable, interface)
     return (
         coerce(value, variable.type)
         if change == IDENTITY
         else coerce(change(_number(value)), variable.type)
     )
+
+
+def _change(parameter: Parameter, variable: Variable, interface: Interface) -> Affine:
+    """What happens to the number of a parameter; a unit that its file does not define may be one of
+    the FMU's. In files of other tools one that nobody defines changes nothing.
+    """
+    start = None
+    if parameter.unit is not None:
+        known = interface.units.get(parameter.unit)
+        start = parameter.meaning or Unit(parameter.unit, known)
+    try:
+        return compose(start, parameter.hops, interface.unit(variable))
+    except UndefinedUnitError:
+        if not parameter.optional:
+            raise
+        return compose(None, [hop._replace(convert=False) for hop in parameter.hops], None)
 
 
 def _item(variable: Variable, name: str) -> int:

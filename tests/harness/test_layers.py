@@ -23,7 +23,8 @@ LAYERS = (
     ("ssp",),
     ("results",),
     ("system",),
-    ("archive",),
+    ("rules",),
+    ("archive", "safe_xml"),
     ("output", "paths", "temporary", "spelling"),
     ("errors",),
 )
@@ -33,9 +34,9 @@ FLOOR = {room: len(LAYERS) - i for i, layer in enumerate(LAYERS) for room in lay
 ACQUAINTED = {("studies", "figures"), ("api", "__init__"), ("cli", "__init__")}
 
 ONLY = {
-    "lxml": {"ssp", "exports"},
+    "lxml": {"ssp", "exports", "rules", "safe_xml"},
     "ctypes": {"master", "bench"},
-    "fmpy": {"master", "ssp", "system", "studies", "bench"},
+    "fmpy": {"master", "ssp", "system", "studies", "rules", "bench"},
     "matplotlib": {"figures"},
     "typer": {"cli"},
     "rich": {"cli", "master"},
