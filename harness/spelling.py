@@ -9,6 +9,7 @@ import re
 import unicodedata
 from collections.abc import Iterable
 from functools import lru_cache
+from itertools import pairwise
 
 LONGEST = 100
 """Longest name that is compared: the time goes with the square of the length."""
@@ -45,7 +46,7 @@ def _alike(name: str, names: list[str]) -> list[str]:
 def _pairs(name: str) -> frozenset[str]:
     """Pairs of neighbouring letters, the margins included."""
     framed = f"^{name}$"
-    return frozenset(map("".join, zip(framed, framed[1:], strict=False)))
+    return frozenset(map("".join, pairwise(framed)))
 
 
 def printable(text: str) -> str:

@@ -138,25 +138,37 @@ def _last_line(file: TextIO) -> str:
 
 
 def _write_nc(result: Result, path: Path) -> None:
-    import xarray
+    """All variables are defined before the first is filled: each change from the one to the other
+    costs as much as all variables so far.
+    """
+    import netCDF4
 
-    histories = {
-        name: (("time", *axes), data, about) for name, axes, data, about in _variables(result)
-    }
-    fixed = {
+    time = {"units": "s", "long_name": "time"}
+    variables = {
         name: (axes, data[0], about) for name, axes, data, about in _variables(result.parameters)
     }
-    variables = fixed | histories
-    attributes = {
-        "system": result.system,
-        "complete": int(result.complete),
-        "message": result.message,
+    variables |= {
+        name: (("time", *axes), data, about) for name, axes, data, about in _variables(result)
     }
-    time = ("time", result.time, {"units": "s", "long_name": "time"})
-    data = xarray.Dataset(variables, coords={"time": time}, attrs=attributes)
-    data.to_netcdf(
-        path, engine="netcdf4", encoding={name: {"_FillValue": None} for name in data.variables}
-    )
+    with netCDF4.Dataset(path, "w") as file:
+        file.system, file.message = result.system, result.message
+        file.complete = int(result.complete)
+        variables["time"] = (("time",), result.time, time)
+        defined = [(_defined(file, name, *each), each[1]) for name, each in variables.items()]
+        for variable, data in defined:
+            variable[...] = data
+
+
+def _defined(
+    file: Any, name: str, axes: tuple[str, ...], data: NDArray[np.float64], about: dict[str, str]
+) -> Any:
+    """A new variable of a netCDF file, its dimensions and its attributes."""
+    for axis, size in zip(axes, data.shape, strict=True):
+        if axis not in file.dimensions:
+            file.createDimension(axis, size)
+    variable = file.createVariable(name, "f8", axes, fill_value=False)
+    variable.setncatts(about)
+    return variable
 
 
 def _variables(
@@ -182,21 +194,20 @@ def _dimensions(shape: tuple[int, ...]) -> tuple[str, ...]:
 
 
 def _read_nc(path: Path) -> Result:
-    import xarray
+    import netCDF4
 
-    with xarray.open_dataset(path, engine="netcdf4", decode_cf=False) as data:
-        variables = {str(name): variable for name, variable in data.data_vars.items()}
-        time = data["time"].to_numpy()
-        about = data.attrs
-        system = about.get("system", path.stem)
-        histories = {
-            name: (v.to_numpy(), v.attrs) for name, v in variables.items() if "time" in v.dims
-        }
-        fixed = {
-            name: (v.to_numpy()[None], v.attrs)
-            for name, v in variables.items()
-            if "time" not in v.dims
-        }
+    histories, fixed = {}, {}
+    with netCDF4.Dataset(path) as file:
+        file.set_auto_mask(False)
+        about = {name: file.getncattr(name) for name in file.ncattrs()}
+        time = file["time"][...]
+        for name, variable in file.variables.items():
+            data, notes = np.asarray(variable[...]), vars(variable)
+            if "time" in variable.dimensions and name != "time":
+                histories[name] = (data, notes)
+            elif name != "time":
+                fixed[name] = (data[None], notes)
+    system = about.get("system", path.stem)
     parameters = _table(system, time[:1], fixed) if fixed else None
     complete, message = bool(about.get("complete", 1)), about.get("message", "")
     return replace(

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 
 from harness.rules.description import Description, twice
+from harness.safe_xml import XmlElement
 
 _BARE_GUID = re.compile(r"[0-9a-fA-F]{8}(-[0-9a-fA-F]{4}){3}-[0-9a-fA-F]{12}")
 
@@ -98,7 +99,7 @@ def repeated_vendor_tools(d: Description) -> Iterator[str]:
         yield from (f"{place}: the tool {name} is listed twice" for name in twice(tools))
 
 
-def _annotated(d: Description) -> Iterator[tuple[str, object]]:
+def _annotated(d: Description) -> Iterator[tuple[str, XmlElement]]:
     yield from (("VendorAnnotations", e) for e in d.all("VendorAnnotations"))
     for variable in d.variables:
         yield from ((str(variable), e) for e in variable.element.iterfind("Annotations"))

@@ -1,4 +1,4 @@
-"""Faults against which FMPy's reader is not armed, mended in a copy, so that warnings stay warnings."""
+"""Faults that FMPy's reader cannot bear, mended in a copy, so that warnings stay warnings."""
 
 from __future__ import annotations
 

@@ -40,7 +40,8 @@ def kinds_and_dependencies(d: Description) -> Iterator[str]:
     for kind, e in _entries(d):
         given, kinds = e.get("dependencies"), e.get("dependenciesKind")
         if None not in (given, kinds) and len(given.split()) != len(kinds.split()):
-            yield f"{_place(kind, e)}: {len(given.split())} dependencies, {len(kinds.split())} kinds"
+            numbers = f"{len(given.split())} dependencies, {len(kinds.split())} kinds"
+            yield f"{_place(kind, e)}: {numbers}"
 
 
 def initial_kinds(d: Description) -> Iterator[str]:

@@ -13,11 +13,6 @@ _ARRAY = r"(?:\[\d+(?:,\d+)*\])?"
 _PLAIN = rf"{_WORD}{_ARRAY}(?:\.{_WORD}{_ARRAY})*"
 _STRUCTURED = re.compile(rf"{_PLAIN}|der\({_PLAIN}(?:,\d+)?\)", re.ASCII)
 
-NEVER_APPROXIMATE = ("parameter", "input")
-"""Causalities whose start value can be exact only."""
-
-STATIC = ("constant", "fixed", "tunable")
-
 
 def repeated_names(d: Description) -> Iterator[str]:
     """Variables have names of their own."""
@@ -64,7 +59,7 @@ def unstructured_names(d: Description) -> Iterator[str]:
         if structured and not _STRUCTURED.fullmatch(v.name):
             yield f"{v}: is no name of the naming convention 'structured'"
         elif not structured and set(v.name) & set("\r\n\t"):
-            yield f"{v!s}: holds a line break or tab"
+            yield f"{v}: holds a line break or tab"
 
 
 def empty_names(d: Description) -> Iterator[str]:
@@ -223,7 +218,8 @@ def shared_references(d: Description) -> Iterator[str]:
     for group in _aliases(d):
         free = [v for v in group if _settable(v)]
         if len(free) > 1:
-            yield f"{' and '.join(map(str, free))}: share a value reference, and more than one is set"
+            names = " and ".join(map(str, free))
+            yield f"{names}: share a value reference, and more than one is set"
 
 
 def mixed_aliases(d: Description) -> Iterator[str]:
@@ -249,4 +245,6 @@ def _aliases(d: Description) -> Iterator[list[Declared]]:
 def _settable(v: Declared) -> bool:
     if v.variability == "constant":
         return False
-    return v.causality in NEVER_APPROXIMATE or (v.start is not None and v.initial != "calculated")
+    return v.causality in ("parameter", "input") or (
+        v.start is not None and v.initial != "calculated"
+    )

@@ -85,7 +85,7 @@ class ElementReader:
         )
 
     def _judge_kind(self, element: xml.XmlElement, label: str, fmu: Path) -> None:
-        """What a component is its file says; where the description claims otherwise, the log tells."""
+        """What a component is its file says; the log tells where the description differs."""
         kind = element.get("type", xml.FMU_TYPE)
         if kind != xml.FMU_TYPE:
             if is_fmu(fmu):

@@ -150,7 +150,8 @@ class Flat:
 
     def _ends(self, start: Point) -> Iterator[Way]:
         """Variables of components behind a connector of a system, and the hops to them."""
-        seen, waiting = {start}, [(start, ())]
+        seen: set[Point] = {start}
+        waiting: list[Way] = [(start, ())]
         while waiting:
             point, hops = waiting.pop(0)
             for edge in self._from.get(point, ()):

@@ -13,9 +13,10 @@ from lxml import etree
 
 from harness.archive import MAX_ENTRY
 from harness.errors import StructureError
-from harness.safe_xml import UnsafeXmlError, XmlElement, parsed
+from harness.safe_xml import UnsafeXmlError, parsed
 from harness.system.values import Scalar
 
+XmlElement = Any
 Schema = Any
 """lxml has no types."""
 
@@ -128,7 +129,7 @@ def _as_version_1(root: XmlElement) -> None:
 
 
 def _without_empty(root: XmlElement) -> None:
-    """Leave out optional attributes that are empty, as OMSimulator writes them; they say nothing."""
+    """Leave out optional attributes that are empty, as OMSimulator writes them."""
     for element in root.iter():
         needed = ("source",) if element.tag == tag("ssd:Component") else ()
         for name in OPTIONAL:

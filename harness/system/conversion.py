@@ -51,16 +51,30 @@ def _change(parameter: Parameter, variable: Variable, interface: Interface) -> A
     """What happens to the number of a parameter; a unit that its file does not define may be one of
     the FMU's. In files of other tools one that nobody defines changes nothing.
     """
-    start = None
-    if parameter.unit is not None:
-        known = interface.units.get(parameter.unit)
-        start = parameter.meaning or Unit(parameter.unit, known)
     try:
-        return compose(start, parameter.hops, interface.unit(variable))
+        return compose(_start(parameter, interface), parameter.hops, interface.unit(variable))
     except UndefinedUnitError:
         if not parameter.optional:
             raise
         return compose(None, [hop._replace(convert=False) for hop in parameter.hops], None)
+
+
+def _start(parameter: Parameter, interface: Interface) -> Unit | None:
+    """The unit that a parameter is given in."""
+    if parameter.unit is None:
+        return None
+    return parameter.meaning or Unit(parameter.unit, interface.units.get(parameter.unit))
+
+
+def is_unconverted(parameter: Parameter, variable: Variable, interface: Interface) -> bool:
+    """Whether a parameter is taken as it is because nobody defines its unit."""
+    try:
+        compose(_start(parameter, interface), parameter.hops, interface.unit(variable))
+    except UndefinedUnitError:
+        return True
+    except ValueError:
+        return False
+    return False
 
 
 def _item(variable: Variable, name: str) -> int:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from harness.archive import MAX_UNPACKED
 from harness.errors import FmuError, StructureError
 from harness.spelling import did_you_mean
-from harness.system.conversion import final, way
+from harness.system.conversion import final, is_unconverted, way
 from harness.system.interface import Interface, Variable, read_interface, units_agree
 from harness.system.model import Component, Connection, Parameter, Port, System
 from harness.system.schedule import macro_steps
@@ -356,6 +356,13 @@ def _parameter_problems(component: Component, interface: Interface) -> Iterator[
             )
         elif problem := _parameter_problem(name, parameter, interface):
             yield f"{component.name}.{name}: {problem}"
+        elif is_unconverted(parameter, interface.variables[name], interface):
+            _log.warning(
+                "%s.%s: is given in %s, which nobody defines, taken as it is",
+                component.name,
+                name,
+                parameter.unit,
+            )
 
 
 def _parameter_problem(name: str, parameter: Parameter, interface: Interface) -> str | None:

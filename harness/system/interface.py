@@ -51,7 +51,7 @@ class Variable:
 @dataclass(frozen=True)
 class Interface:
     """Variables by name in the order of the file; units: base units by name; model: FMPy's
-    description; warnings: what is not by the book, one line each; size: of the unpacked FMU [bytes].
+    description; warnings: what is not by the book, one line each; size: bytes when unpacked.
     """
 
     path: Path
