@@ -100,7 +100,10 @@ def pack(path: Path, content: Mapping[str, bytes], compression: int = zipfile.ZI
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w", compression) as archive:
         for name, file in sorted(content.items()):
-            archive.writestr(_entry(name), file, compression)
+            entry = _entry(name)
+            if reason := _unsafe(entry):
+                raise ArchiveError(f"{path}: cannot be written, it would hold {reason}: {name!r}")
+            archive.writestr(entry, file, compression)
     with written(path) as target:
         target.write_bytes(data.getvalue())
 

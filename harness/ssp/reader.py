@@ -8,12 +8,13 @@ that transform signals.
 from __future__ import annotations
 
 import logging
+from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from harness.archive import unpack
-from harness.errors import StructureError
+from harness.archive import MAX_UNPACKED, unpack, unpacked_size
+from harness.errors import ArchiveError, StructureError
 from harness.ssp import xml
 from harness.ssp.elements import ElementReader
 from harness.ssp.flatten import Flat
@@ -61,7 +62,21 @@ def examined(path: Path) -> Iterator[tuple[System, tuple[str, ...]]]:
             system, problems = _read(folder)
         except StructureError as error:
             raise StructureError(f"{path.name}: {problem}" for problem in error.problems) from error
+        problems += _size_problems(path, system)
         yield system, tuple(f"{path.name}: {problem}" for problem in problems)
+
+
+def _size_problems(path: Path, system: System) -> Iterator[str]:
+    """The limit of archive.py for the .ssp and the FMUs of all its components together."""
+    size = unpacked_size(path)
+    for fmu, count in Counter(c.fmu for c in system.components).items():
+        with suppress(ArchiveError):  # which is said where the FMU is read
+            size += count * unpacked_size(fmu)
+    if size > MAX_UNPACKED:
+        yield (
+            f"with the FMUs of all components it would unpack to {size} bytes, more than the limit "
+            f"of {MAX_UNPACKED}"
+        )
 
 
 def _read(folder: Path) -> tuple[System, list[str]]:

@@ -1,8 +1,8 @@
 """Small systems in the dialects of other tools, each with numbers worked out by hand, and what the
 log says where a file is not by the book.
 
-The systems count steps (`count.n` = 0, 1, 2, 3) and multiply: under Jacobi, the order of a file that
-names none, a gain shows the count of one step before.
+The systems count steps (`count.n` = 0, 1, 2, 3) and multiply: under Jacobi, the order of a file
+that names none, a gain shows the count of one step before.
 """
 
 from __future__ import annotations
