@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 from harness.safe_xml import XmlElement
+
+SHOWN = 5
+"""Variables that a line names."""
 
 TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
 
@@ -109,6 +112,14 @@ class Description:
         return {e.get("name"): e[0] for e in self.all("TypeDefinitions/SimpleType")}
 
     @cached_property
+    def items(self) -> dict[str, set[int]]:
+        """Values of the items of every type by its name; none for one that is no enumeration."""
+        return {
+            name: {int(item.get("value")) for item in e.iterfind("Item")}
+            for name, e in self.types.items()
+        }
+
+    @cached_property
     def units(self) -> dict[str, set[str]]:
         """Names of the display units by unit."""
         return {
@@ -134,6 +145,12 @@ class Description:
 
 Rule = Callable[[Description], Iterator[str]]
 """Gives one line per fault."""
+
+
+def some(things: Sequence[object]) -> str:
+    """The first of several things, and how many more there are."""
+    more = f" and {len(things) - SHOWN} more" if len(things) > SHOWN else ""
+    return f"{', '.join(map(str, things[:SHOWN]))}{more}"
 
 
 def twice(values: Iterable[Hashable]) -> list[Any]:

@@ -28,7 +28,7 @@ def stray_files(d: Description) -> Iterator[str]:
 
 def missing_sources(d: Description) -> Iterator[str]:
     """Every source file that is listed is there."""
-    listed = dict.fromkeys(e.get("name") for e in d.all("*/SourceFiles/File"))
-    for name in listed:
-        if f"sources/{name}" not in d.files:
+    there = set(d.files)
+    for name in dict.fromkeys(e.get("name") for e in d.all("*/SourceFiles/File")):
+        if f"sources/{name}" not in there:
             yield f"the source file sources/{name} is listed, but not in the archive"

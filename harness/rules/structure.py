@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from harness.rules.description import Declared, Description, twice
+from harness.rules.description import Declared, Description, some, twice
 from harness.safe_xml import XmlElement
 
 LISTS = ("Outputs", "Derivatives", "InitialUnknowns")
-SHOWN = 5
-"""Variables that a line names."""
 
 
 def unknown_indices(d: Description) -> Iterator[str]:
@@ -84,9 +82,7 @@ def _calculated(v: Declared) -> bool:
 def _difference(kind: str, wanted: set[Declared], listed: set[Declared]) -> Iterator[str]:
     for names, what in ((wanted - listed, "does not list"), (listed - wanted, "lists, wrongly,")):
         if names:
-            shown = sorted(v.name for v in names)
-            more = f" and {len(shown) - SHOWN} more" if len(shown) > SHOWN else ""
-            yield f"ModelStructure/{kind}: {what} {', '.join(shown[:SHOWN])}{more}"
+            yield f"ModelStructure/{kind}: {what} {some(sorted(v.name for v in names))}"
 
 
 def _entries(d: Description) -> Iterator[tuple[str, XmlElement]]:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from itertools import groupby
 
-from harness.rules.description import DEFAULT_INITIAL, Declared, Description, twice
+from harness.rules.description import DEFAULT_INITIAL, Declared, Description, some, twice
 
 _WORD = r"(?:[A-Za-z_]\w*|'(?:[^'\\]|\\.)+')"
 _ARRAY = r"(?:\[\d+(?:,\d+)*\])?"
@@ -129,7 +129,7 @@ def several_independent(d: Description) -> Iterator[str]:
     """There is at most one independent variable."""
     found = [v.name for v in d.variables if v.causality == "independent"]
     if len(found) > 1:
-        yield f"{' and '.join(found)} are independent variables, at most one is allowed"
+        yield f"{some(found)}: are independent variables, at most one is allowed"
 
 
 def independent_not_real(d: Description) -> Iterator[str]:
@@ -163,8 +163,7 @@ def starts_that_are_no_item(d: Description) -> Iterator[str]:
     for v in d.variables:
         if v.type != "Enumeration" or v.start is None or v.definition is None:
             continue
-        values = [int(e.get("value")) for e in v.definition.iterfind("Item")]
-        if int(v.start) not in values:
+        if int(v.start) not in d.items[v.value.get("declaredType")]:
             yield f"{v}: start {v.start} is no item of its type"
 
 
@@ -218,14 +217,13 @@ def shared_references(d: Description) -> Iterator[str]:
     for group in _aliases(d):
         free = [v for v in group if _settable(v)]
         if len(free) > 1:
-            names = " and ".join(map(str, free))
-            yield f"{names}: share a value reference, and more than one is set"
+            yield f"{some(free)}: share a value reference, and more than one is set"
 
 
 def mixed_aliases(d: Description) -> Iterator[str]:
     """Constants share value references with constants only, and aliases have one unit."""
     for group in _aliases(d):
-        names = " and ".join(map(str, group))
+        names = some(group)
         if len({v.variability == "constant" for v in group}) > 1:
             yield f"{names}: share a value reference, but not all are constants"
         if len({v.attribute("unit") for v in group}) > 1:

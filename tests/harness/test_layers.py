@@ -40,7 +40,7 @@ ONLY = {
     "matplotlib": {"figures"},
     "typer": {"cli"},
     "rich": {"cli", "master"},
-    "xarray": {"results"},
+    "netCDF4": {"results"},
 }
 """Libraries, and the only rooms that may import them."""
 
