@@ -17,6 +17,7 @@ import typer
 
 from harness.cli import look, models, runs
 from harness.errors import HarnessError
+from harness.spelling import printable
 
 app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None, no_args_is_help=True)
 for group in (runs, look, models):
@@ -24,6 +25,13 @@ for group in (runs, look, models):
 
 INTERRUPTED = 130
 """What newer versions of typer return after Ctrl-C."""
+
+
+class _Printable(logging.Formatter):
+    """Notes that cannot control a terminal, whoever they come from."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return printable(super().format(record))
 
 
 def _show_version(wanted: bool) -> None:
@@ -45,7 +53,9 @@ def options(
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit status."""
-    logging.basicConfig(format="harness: note: %(message)s", level=logging.WARNING)
+    notes = logging.StreamHandler()
+    notes.setFormatter(_Printable("harness: note: %(message)s"))
+    logging.basicConfig(handlers=[notes], level=logging.WARNING)
     try:
         status = app(
             list(sys.argv[1:] if arguments is None else arguments) or ["--help"],
@@ -81,5 +91,5 @@ def _unexpected(error: Exception) -> int:
 
 def _complain(message: str, status: int) -> int:
     for line in message.splitlines():
-        print(f"harness: {line}", file=sys.stderr)
+        print(printable(f"harness: {line}"), file=sys.stderr)
     return status

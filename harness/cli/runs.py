@@ -20,6 +20,7 @@ from harness.cli.options import (
     takes_changes,
 )
 from harness.errors import ComparisonError, RunError, UsageError
+from harness.spelling import printable
 
 app = typer.Typer()
 
@@ -72,7 +73,7 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     file.write(result)
     if not quiet:
         typer.echo(
-            f"{result.system}: {result.time[-1]:g} s in {seconds:.2f} s, "
+            f"{printable(result.system)}: {result.time[-1]:g} s in {seconds:.2f} s, "
             f"{len(result.time)} rows in {file.path}"
         )
         for note in notes(result):

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -16,6 +17,9 @@ from harness.errors import UsageError
 
 NAMED = ("swap", "latency", "set")
 """Options whose values stand after `component=` or `component.parameter=`."""
+
+MAX_RUNS = 10_000
+"""Runs of one comparison."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,8 @@ def combinations(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Vari
     """
     choices = [list(_choices(option, text)) for option, text in varied]
     several = [len(each) > 1 for each in choices]
+    if (count := math.prod(map(len, choices))) > MAX_RUNS:
+        raise UsageError(f"these are {count} runs, more than the limit of {MAX_RUNS}")
     if not any(several):
         raise UsageError(
             "there is nothing to compare: give several values, e.g. --swap controller=A,B or "
@@ -61,13 +67,14 @@ def _choices(option: str, text: str) -> Iterator[_Choice]:
     name, given = next(pairs(f"--{option}", [text])) if option in NAMED else ("", text)
     values = [value for piece in _split(given) for value in _range(piece.strip(), option)]
     stems = [Path(value).stem for value in values]
+    counts, alike = Counter(values), Counter(stems)
     for value, stem in zip(values, stems, strict=True):
         if not value:
             raise UsageError(f"--{option} {text}: a value is missing")
-        if values.count(value) > 1:
+        if counts[value] > 1:
             raise UsageError(f"--{option} {text}: {value} is given twice")
         labels = {
-            "swap": value if Counter(stems)[stem] > 1 else stem,
+            "swap": value if alike[stem] > 1 else stem,
             "latency": _delay(name, value),
             "set": f"{name.partition('.')[2]}={value}",
         }
@@ -97,6 +104,8 @@ def _range(text: str, option: str) -> Sequence[str]:
         count = round((last - first) / step)
     except (ValueError, ZeroDivisionError, OverflowError) as error:
         raise UsageError(f"{text}: a range of values is first:last:step, three numbers") from error
+    if count >= MAX_RUNS:
+        raise UsageError(f"{text}: are {count + 1} values, more than the limit of {MAX_RUNS}")
     if count < 0 or abs(first + count * step - last) > 1e-9 * abs(step):
         raise UsageError(f"{text}: the range does not end at {parts[1]} after whole steps")
     return [f"{first + k * step:.12g}" for k in range(count + 1)]
