@@ -13,6 +13,7 @@ from harness.master.simulation import Simulation
 from harness.results.files import read
 from harness.results.result import Result
 from harness.ssp.library import load
+from harness.system.graph import say_warnings
 from harness.system.model import System
 from harness.system.swap import find_fmu
 from harness.system.values import parse
@@ -61,6 +62,7 @@ def run(
     """
     with load(system) as found:
         changed = apply(found, **changes)
+        say_warnings(changed)
         return simulate(
             changed, executor=executor, every=every, progress=progress, in_process=in_process
         )

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Unpacking of .ssp and .fmu archives that may come from anywhere, and packing of our own.
 
-Every name is judged before anything is written: no absolute path, no `..`, no link, no more than
-MAX_UNPACKED bytes.
+Every name is judged before anything is written: no absolute path, no `..`, no link, no name twice,
+no more than MAX_UNPACKED bytes.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ import io
 import stat
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
 from harness.errors import ArchiveError
@@ -20,7 +21,7 @@ from harness.output import written
 from harness.paths import is_file
 
 MAX_UNPACKED = 2 * 1024**3
-"""Largest sum of unpacked sizes of one archive [bytes]."""
+"""Largest sum of unpacked sizes of one archive, and of all archives of one run [bytes]."""
 
 MAX_FILES = 100_000
 """Largest number of files in one archive."""
@@ -55,44 +56,58 @@ def unpack(
 
     content: the bytes of the archive, if they have been read already.
     """
-    if not is_file(path):
-        raise ArchiveError(f"{path}: no such file")
-    try:
-        with zipfile.ZipFile(path if content is None else io.BytesIO(content)) as archive:
-            _refuse_unsafe(path, archive.infolist(), limit)
+    with _opened(path, "unpacked", content) as archive:
+        _refuse_unsafe(path, archive.infolist(), limit)
+        try:
             archive.extractall(folder)
-    except _DAMAGE as error:
-        if isinstance(error, OSError) and error.errno in _NO_ROOM:
-            raise ArchiveError(
-                f"{path}: cannot be unpacked into {folder.parent} ({error.strerror})"
-            ) from error
-        raise ArchiveError(
-            f"{path}: cannot be unpacked, the file is damaged or not a zip archive ({error})"
-        ) from error
+        except OSError as error:
+            if error.errno not in _NO_ROOM:
+                raise
+            reason = f"cannot be unpacked into {folder.parent} ({error.strerror})"
+            raise ArchiveError(f"{path}: {reason}") from error
+
+
+def inspect(path: Path, limit: int = MAX_UNPACKED) -> tuple[str, ...]:
+    """Names of all files of an archive that unpack() would take; ArchiveError if it would not."""
+    with _opened(path, "unpacked") as archive:
+        _refuse_unsafe(path, archive.infolist(), limit)
+        return tuple(entry.filename for entry in archive.infolist() if not entry.is_dir())
+
+
+def unpacked_size(path: Path) -> int:
+    """Bytes that an archive takes when it is unpacked; ArchiveError if it cannot be read."""
+    with _opened(path, "read") as archive:
+        return sum(entry.file_size for entry in archive.infolist())
 
 
 def read_entry(path: Path, name: str, limit: int = MAX_ENTRY) -> bytes:
     """Content of one file of an archive; ArchiveError if it is not there, damaged or longer than
     the limit.
     """
+    with _opened(path, "read") as archive:
+        found = [entry for entry in archive.infolist() if entry.filename == name]
+        if len(found) != 1:
+            number = f"{len(found)} files" if found else "no"
+            raise ArchiveError(f"{path}: it holds {number} {name}")
+        if found[0].file_size > limit:
+            raise ArchiveError(f"{path}: {name} is longer than the limit of {limit} bytes")
+        return archive.read(found[0])
+
+
+@contextmanager
+def _opened(path: Path, done: str, content: bytes | None = None) -> Iterator[zipfile.ZipFile]:
+    """An archive to read from; whatever is wrong with it as an ArchiveError."""
+    if not is_file(path):
+        raise ArchiveError(f"{path}: no such file")
     try:
-        with zipfile.ZipFile(path) as archive:
-            if archive.getinfo(name).file_size > limit:
-                raise ArchiveError(f"{path}: {name} is longer than the limit of {limit} bytes")
-            return archive.read(name)
-    except KeyError:
-        raise ArchiveError(f"{path}: it holds no {name}") from None
+        with zipfile.ZipFile(path if content is None else io.BytesIO(content)) as archive:
+            yield archive
     except _DAMAGE as error:
+        if isinstance(error, OSError) and error.errno is not None:  # a full disk is no damage
+            raise ArchiveError(f"{path}: cannot be {done} ({error.strerror})") from None
         raise ArchiveError(
-            f"{path}: cannot be read, the file is damaged or not a zip archive ({error})"
+            f"{path}: cannot be {done}, the file is damaged or not a zip archive ({error})"
         ) from error
-
-
-def has_doctype(xml: bytes) -> bool:
-    """Whether a text in any encoding may declare a document type, and with it entities; nothing of
-    it is parsed.
-    """
-    return b"<!DOCTYPE" in xml.replace(b"\0", b"")
 
 
 def pack(path: Path, content: Mapping[str, bytes], compression: int = zipfile.ZIP_STORED) -> None:
@@ -102,7 +117,10 @@ def pack(path: Path, content: Mapping[str, bytes], compression: int = zipfile.ZI
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w", compression) as archive:
         for name, file in sorted(content.items()):
-            archive.writestr(_entry(name), file, compression)
+            entry = _entry(name)
+            if reason := _unsafe(entry):
+                raise ArchiveError(f"{path}: cannot be written, it would hold {reason}: {name!r}")
+            archive.writestr(entry, file, compression)
     with written(path) as target:
         target.write_bytes(data.getvalue())
 
@@ -123,6 +141,8 @@ def _refuse_unsafe(path: Path, entries: list[zipfile.ZipInfo], limit: int) -> No
     for entry in entries:
         if reason := _unsafe(entry):
             raise ArchiveError(f"{path}: refused, it holds {reason}: {entry.orig_filename!r}")
+    if double := _double(entries):
+        raise ArchiveError(f"{path}: refused, it holds two files of one name: {double!r}")
     if len(entries) > MAX_FILES:
         raise ArchiveError(
             f"{path}: refused, it holds {len(entries)} files, more than the limit of {MAX_FILES}"
@@ -132,6 +152,17 @@ def _refuse_unsafe(path: Path, entries: list[zipfile.ZipInfo], limit: int) -> No
         raise ArchiveError(
             f"{path}: refused, it would unpack to {size} bytes, more than the limit of {limit}"
         )
+
+
+def _double(entries: list[zipfile.ZipInfo]) -> str | None:
+    """A name that occurs twice, as an unpacked file would (`a//b` is `a/b`), or None."""
+    seen: set[PurePosixPath] = set()
+    for entry in entries:
+        place = PurePosixPath(entry.filename)
+        if place in seen:
+            return entry.orig_filename
+        seen.add(place)
+    return None
 
 
 def _unsafe(entry: zipfile.ZipInfo) -> str | None:

@@ -20,6 +20,7 @@ from harness import signals
 from harness.cli import look, models, runs
 from harness.cli.once import OnceCommand
 from harness.errors import HarnessError
+from harness.spelling import printable
 
 app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None, no_args_is_help=True)
 for group in (runs, look, models):
@@ -29,6 +30,13 @@ for group in (runs, look, models):
 
 INTERRUPTED = 130
 """What newer versions of typer return after Ctrl-C."""
+
+
+class _Printable(logging.Formatter):
+    """Notes that cannot control a terminal, whoever they come from."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return printable(super().format(record))
 
 
 def _show_version(wanted: bool) -> None:
@@ -82,7 +90,9 @@ def _output_lost(error: OSError) -> int:
 
 
 def _main(arguments: Sequence[str] | None) -> int:
-    logging.basicConfig(format="harness: note: %(message)s", level=logging.WARNING)
+    notes = logging.StreamHandler()
+    notes.setFormatter(_Printable("harness: note: %(message)s"))
+    logging.basicConfig(handlers=[notes], level=logging.WARNING)
     try:
         status = app(
             list(sys.argv[1:] if arguments is None else arguments) or ["--help"],
@@ -120,10 +130,5 @@ def _unexpected(error: Exception) -> int:
 def _complain(message: str, status: int) -> int:
     for line in message.splitlines():
         with suppress(OSError):  # nobody listens
-            print(f"harness: {printable(line)}", file=sys.stderr)
+            print(printable(f"harness: {line}"), file=sys.stderr)
     return status
-
-
-def printable(line: str) -> str:
-    """Without control characters, which do things to a terminal."""
-    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in line)

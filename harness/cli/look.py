@@ -15,6 +15,7 @@ from harness.cli.options import (
     SystemArgument,
     takes_changes,
 )
+from harness.spelling import file_stem, printable
 
 app = typer.Typer()
 
@@ -28,7 +29,7 @@ def list_command(
     """Show systems, parameter sets and FMUs."""
     from harness.cli import listing
 
-    typer.echo(listing.text(system))
+    typer.echo(printable(listing.text(system)))
 
 
 @app.command()
@@ -36,11 +37,18 @@ def check(
     name: Annotated[
         str, typer.Argument(metavar="SYSTEM_OR_FMU", help="name, or path of an .ssp or .fmu")
     ],
+    strict: Annotated[bool, typer.Option("--strict", help="warnings are errors")] = False,
 ) -> None:
-    """Find all that is wrong with a system or an FMU."""
+    """Find all that is wrong with a system or an FMU.
+
+    Errors keep it from being run (exit status 1); warnings are what is not by the book.
+    """
     from harness.studies import check as study
 
-    typer.echo(study.check(name))
+    verdict = study.check(name, strict)
+    for warning in verdict.warnings:
+        typer.echo(printable(f"harness: warning: {warning}"), err=True)
+    typer.echo(printable(str(verdict)))
 
 
 @app.command("draw")
@@ -55,7 +63,7 @@ def draw_command(
     from harness.ssp.library import load
 
     with load(system) as found:
-        path = output or Path(f"{found.name}.svg")
+        path = output or Path(f"{file_stem(found.name)}.svg")
         draw(found, path)
     typer.echo(path)
 
@@ -114,7 +122,7 @@ def report(file: FileArgument) -> None:
     from harness.results.files import read
 
     text, passed = judge(read(file))
-    typer.echo(text)
+    typer.echo(printable(text))
     if not passed:
         raise typer.Exit(1)
 

@@ -20,6 +20,7 @@ from harness.cli.options import (
     takes_changes,
 )
 from harness.errors import ComparisonError, RunError, UsageError
+from harness.spelling import printable
 
 app = typer.Typer()
 
@@ -53,6 +54,7 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     from harness.results.notes import notes
     from harness.signals import held
     from harness.ssp.library import load
+    from harness.system.graph import say_warnings
 
     if like is not None:
         from harness.studies.campaign.campaign import like as run_of
@@ -63,6 +65,7 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     began = perf_counter()
     with load(system) as found:
         changed = apply(found, **changes)
+        say_warnings(changed)
         file.accept(changed)
         with held():  # from here on nothing that was recorded is lost
             try:
@@ -82,7 +85,7 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
             file.write(result)
             if not quiet:
                 typer.echo(
-                    f"{result.system}: {result.time[-1]:g} s in {seconds:.2f} s, "
+                    f"{printable(result.system)}: {result.time[-1]:g} s in {seconds:.2f} s, "
                     f"{len(result.time)} rows in {file.path}"
                 )
                 for note in notes(result):

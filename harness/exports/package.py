@@ -11,6 +11,7 @@ from typing import Unpack
 from harness.changes import Changes, apply
 from harness.errors import ResultsError
 from harness.exports.container import write_container
+from harness.spelling import file_stem
 from harness.ssp.library import load
 from harness.ssp.writer import write_ssp
 from harness.system.graph import checked
@@ -44,4 +45,4 @@ def _file(target: Path, name: str) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ResultsError(f"{folder}: cannot be made a folder ({error.strerror})") from error
-    return target if is_file else folder / f"{name}.ssp"
+    return target if is_file else folder / f"{file_stem(name)}.ssp"

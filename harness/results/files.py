@@ -221,38 +221,37 @@ def _last_line(file: TextIO) -> str:
 
 
 def _write_nc(result: Result, path: Path) -> None:
-    from netCDF4 import Dataset
+    """All variables are defined before the first is filled: each change from the one to the other
+    costs as much as all variables so far.
+    """
+    import netCDF4
 
-    attributes = {
-        "system": result.system,
-        "complete": int(result.complete),
-        "message": result.message,
+    time = {"units": "s", "long_name": "time"}
+    variables = {
+        name: (axes, data[0], about) for name, axes, data, about in _variables(result.parameters)
     }
-    with Dataset(path, "w", format="NETCDF4") as file:
-        file.setncatts(attributes)
-        _put(file, "time", ("time",), result.time, {"units": "s", "long_name": "time"})
-        histories = {name for name, *_ in _variables(result)}
-        for name, axes, values, about in _variables(result.parameters):
-            if name not in histories:
-                _put(file, name, axes, values[0], about)
-        for name, axes, values, about in _variables(result):
-            _put(file, name, ("time", *axes), values, about)
+    variables |= {
+        name: (("time", *axes), data, about) for name, axes, data, about in _variables(result)
+    }
+    with netCDF4.Dataset(path, "w") as file:
+        file.system, file.message = result.system, result.message
+        file.complete = int(result.complete)
+        variables["time"] = (("time",), result.time, time)
+        defined = [(_defined(file, name, *each), each[1]) for name, each in variables.items()]
+        for variable, data in defined:
+            variable[...] = data
 
 
-def _put(
-    file: Any,
-    name: str,
-    axes: tuple[str, ...],
-    values: NDArray[np.float64],
-    about: Mapping[str, str],
-) -> None:
-    """One variable of a netCDF4 file, without fill values."""
-    for axis, size in zip(axes, values.shape, strict=True):
+def _defined(
+    file: Any, name: str, axes: tuple[str, ...], data: NDArray[np.float64], about: dict[str, str]
+) -> Any:
+    """A new variable of a netCDF file, its dimensions and its attributes."""
+    for axis, size in zip(axes, data.shape, strict=True):
         if axis not in file.dimensions:
             file.createDimension(axis, size)
     variable = file.createVariable(name, "f8", axes, fill_value=False)
     variable.setncatts(about)
-    variable[...] = values
+    return variable
 
 
 def _variables(
@@ -282,21 +281,20 @@ def _dimensions(shape: tuple[int, ...]) -> tuple[str, ...]:
 
 
 def _read_nc(path: Path) -> Result:
-    from netCDF4 import Dataset
+    import netCDF4
 
-    with Dataset(path) as file:
-        file.set_auto_maskandscale(False)
-        variables = {
-            name: (np.asarray(v[...], dtype=np.float64), v.__dict__, "time" in v.dimensions)
-            for name, v in file.variables.items()
-        }
-        about = file.__dict__
-    time = variables.pop("time")[0]
+    histories, fixed = {}, {}
+    with netCDF4.Dataset(path) as file:
+        file.set_auto_mask(False)
+        about = {name: file.getncattr(name) for name in file.ncattrs()}
+        time = file["time"][...]
+        for name, variable in file.variables.items():
+            data, notes = np.asarray(variable[...]), vars(variable)
+            if "time" in variable.dimensions and name != "time":
+                histories[name] = (data, notes)
+            elif name != "time":
+                fixed[name] = (data[None], notes)
     system = about.get("system", path.stem)
-    histories = {
-        name: (values, units) for name, (values, units, moves) in variables.items() if moves
-    }
-    fixed = {name: (v[None], units) for name, (v, units, moves) in variables.items() if not moves}
     parameters = _table(system, time[:1], fixed) if fixed else None
     complete, message = bool(about.get("complete", 1)), about.get("message", "")
     return replace(

@@ -5,12 +5,13 @@ plain data.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-from harness.archive import read_entry
+from harness.archive import inspect, read_entry
 from harness.errors import ArchiveError, StructureError
 from harness.paths import is_file
 from harness.spelling import did_you_mean
@@ -27,6 +28,8 @@ from harness.ssp.parameters import (
 from harness.ssp.tree import INWARD, Connector, Edge, Element, Group, Leaf, Place, Point
 from harness.system.model import Parameter
 from harness.system.units import Hop
+
+_log = logging.getLogger("harness")
 
 SSV_TYPE = "application/x-ssp-parameter-set"
 SSM_TYPE = "application/x-ssp-parameter-mapping"
@@ -71,11 +74,8 @@ class ElementReader:
 
     def _leaf(self, element: xml.XmlElement, place: Place) -> Leaf:
         label = _label(place)
-        if element.get("type", xml.FMU_TYPE) != xml.FMU_TYPE:
-            self.problems.append(f"{label}: only FMUs can be run, not {element.get('type')}")
-        if element.get("implementation") == "ModelExchange":
-            self.problems.append(f"{label}: model exchange is not supported, only co-simulation")
         fmu = self.file(element.get("source"), label)
+        self._judge_kind(element, label, fmu)
         hint = element.find("ssd:Annotations/ssc:Annotation/osp:StepSizeHint", xml.NS)
         bindings = self._bindings(element, label, fmu)
         return Leaf(
@@ -86,15 +86,25 @@ class ElementReader:
             xml.number(hint, "value", self.problems),
         )
 
+    def _judge_kind(self, element: xml.XmlElement, label: str, fmu: Path) -> None:
+        """What a component is its file says; the log tells where the description differs."""
+        kind = element.get("type", xml.FMU_TYPE)
+        if kind != xml.FMU_TYPE:
+            if is_fmu(fmu):
+                _log.warning("%s: %s is an FMU, not %s", label, fmu.name, kind)
+            else:
+                self.problems.append(f"{label}: only FMUs can be run, not {kind}")
+        if element.get("implementation") == "ModelExchange":
+            _log.warning("%s: model exchange is not supported, run by co-simulation", label)
+
     def _connectors(self, element: xml.XmlElement, place: Place) -> dict[str, Connector]:
         connectors = {}
         for e in element.iterfind("ssd:Connectors/ssd:Connector", xml.NS):
             unit = e.find("ssc:Real", xml.NS)
             unit = None if unit is None else unit.get("unit")
             if unit is not None and unit not in self.units:
-                self.problems.append(
-                    f"{Point(place, e.get('name'))}: the file does not define its unit {unit}"
-                )
+                point = Point(place, e.get("name"))
+                _log.warning("%s: the file does not define its unit %s, ignored", point, unit)
             connectors[e.get("name")] = Connector(e.get("kind"), self.units.get(unit))
         return connectors
 
@@ -178,14 +188,24 @@ class ElementReader:
     def _bound(
         self, binding: xml.XmlElement, label: str, fmu: Path | None
     ) -> Mapping[str, Parameter]:
+        if self._ignored(binding, "ssd:ParameterValues/*", label):
+            return {}
         root = self._part(binding, "ssd:ParameterValues/*", (SSV_TYPE, xml.SSV_SCHEMA), label, fmu)
         parameters = dict(prefixed(parameter_set(root, self.units), binding.get("prefix", "")))
         found = binding.find("ssd:ParameterMapping", xml.NS)
-        if found is None:
+        if found is None or self._ignored(found, "*", label):
             return parameters
         return mapped(
             parameters, mapping(self._part(found, "*", (SSM_TYPE, xml.SSM_SCHEMA), label, fmu))
         )
+
+    def _ignored(self, element: xml.XmlElement, inline: str, label: str) -> bool:
+        """Whether a file of another tool binds nothing here; the log tells."""
+        empty = element.get("source") is None and element.find(inline, xml.NS) is None
+        if empty and not self.own:
+            kind = element.tag.rpartition("}")[2]
+            _log.warning("%s: a %s is empty and names no file, ignored", label, kind)
+        return empty and not self.own
 
     def _part(
         self,
@@ -236,6 +256,14 @@ class ElementReader:
                 f"{label}: {name or 'a file without a name'} is not in the archive"
             )
         return path
+
+
+def is_fmu(path: Path) -> bool:
+    """Whether a file is an FMU, whatever it is called."""
+    try:
+        return "modelDescription.xml" in inspect(path)
+    except ArchiveError:
+        return False
 
 
 def _label(place: Place) -> str:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import logging
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -19,6 +20,15 @@ from harness.system.model import Connection, Parameter, Port
 from harness.system.units import PLAIN, Hop, Unit
 
 _log = logging.getLogger("harness")
+
+Way = tuple[Point, tuple[Hop, ...]]
+"""An end of a chain of connections through systems, and all hops of the chain."""
+
+MAX_WAYS = 10
+"""Ways to one connector that are followed."""
+
+MAX_CHAIN = 200
+"""Connectors of systems in a row that are followed."""
 
 
 class Flat:
@@ -31,6 +41,13 @@ class Flat:
         self.leaves = {leaf.place: leaf for leaf in _leaves(top)}
         self.names = _names(list(self.leaves))
         self._edges = list(_edges(top))
+        self._to: dict[Point, list[Edge]] = {}
+        self._from: dict[Point, list[Edge]] = {}
+        for edge in self._edges:
+            self._to.setdefault(edge.target, []).append(edge)
+            self._from.setdefault(edge.source, []).append(edge)
+        self._known: dict[Point, list[Way]] = {}
+        self._circle: set[Point] = set()
         self._connectors = {
             Point(e.place, n): c for e in _elements(top) for n, c in e.connectors.items()
         }
@@ -44,30 +61,42 @@ class Flat:
     def _connections(self) -> Iterator[Connection]:
         for edge in self._edges:
             if edge.target.place in self.leaves:
-                for source, hops in self._ways(edge, ()):
+                for source, hops in self._ways(edge):
                     yield Connection(
                         self._port(source),
                         self._port(edge.target),
                         () if hops == (PLAIN,) else hops,
                     )
 
-    def _ways(self, edge: Edge, seen: tuple[Point, ...]) -> Iterator[tuple[Point, tuple[Hop, ...]]]:
+    def _ways(self, edge: Edge) -> list[Way]:
         """Outputs that reach the end of a connection, and all hops up to there; none behind an open
         connector.
         """
         source = edge.source
-        if source in seen:
-            self.problems.append(
-                f"{source}: the connectors of systems drive each other in a circle"
-            )
-        elif source.place in self.leaves:
-            if self._kind(source) == "calculatedParameter":
-                self.problems.append(f"{source}: connections between parameters are not supported")
-            yield source, (edge.hop,)
-        else:
-            for before in (e for e in self._edges if e.target == source):
-                for origin, hops in self._ways(before, (*seen, source)):
-                    yield origin, (*hops, edge.hop)
+        if source.place not in self.leaves:
+            return [(origin, (*hops, edge.hop)) for origin, hops in self._behind(source)]
+        if self._kind(source) == "calculatedParameter":
+            self.problems.append(f"{source}: connections between parameters are not supported")
+        return [(source, (edge.hop,))]
+
+    def _behind(self, point: Point) -> list[Way]:
+        """Ways to a connector of a system, found once; not more than MAX_WAYS, since one is right
+        and each level of systems could double them.
+        """
+        if point not in self._known:
+            if len(self._circle) > MAX_CHAIN:
+                self.problems.append(f"{point}: lies behind more than {MAX_CHAIN} connectors")
+                return []
+            self._known[point] = []  # what comes back here while it is looked for goes in a circle
+            self._circle.add(point)
+            ways = [way for before in self._to.get(point, ()) for way in self._ways(before)]
+            if len(ways) > MAX_WAYS:
+                self.problems.append(f"{point}: is driven on more than {MAX_WAYS} ways")
+            self._circle.discard(point)
+            self._known[point] = ways[:MAX_WAYS]
+        elif point in self._circle:
+            self.problems.append(f"{point}: the connectors of systems drive each other in a circle")
+        return self._known[point]
 
     def _kind(self, point: Point) -> str:
         return self._connectors[point].kind if point in self._connectors else ""
@@ -114,21 +143,26 @@ class Flat:
         elif connector.unit is not None:
             *earlier, last = parameter.hops or (PLAIN,)
             parameter = replace(parameter, hops=(*earlier, last._replace(unit=connector.unit)))
-        reached = list(self._ends(point, (), ()))
+        reached = list(self._ends(point))
         for end, hops in reached:
             self.parameters[end.place][end.connector] = _sent(parameter, hops)
         if not reached:
             _log.warning("%s: the connector is not connected, its value is ignored", point)
 
-    def _ends(
-        self, point: Point, hops: tuple[Hop, ...], seen: tuple[Point, ...]
-    ) -> Iterator[tuple[Point, tuple[Hop, ...]]]:
+    def _ends(self, start: Point) -> Iterator[Way]:
         """Variables of components behind a connector of a system, and the hops to them."""
-        for edge in (e for e in self._edges if e.source == point and e.target not in seen):
-            if edge.target.place in self.leaves:
-                yield edge.target, (*hops, edge.hop)
-            else:
-                yield from self._ends(edge.target, (*hops, edge.hop), (*seen, point))
+        seen: set[Point] = {start}
+        waiting: list[Way] = [(start, ())]
+        while waiting:
+            point, hops = waiting.pop(0)
+            for edge in self._from.get(point, ()):
+                if edge.target not in seen:
+                    seen.add(edge.target)
+                    way = (edge.target, (*hops, edge.hop))
+                    if edge.target.place in self.leaves:
+                        yield way
+                    else:
+                        waiting.append(way)
 
     # ---- names
 
@@ -179,13 +213,15 @@ def _names(places: list[Place]) -> dict[Place, str]:
     names: dict[Place, str] = {
         place: place[0] for place in places if len(place) == 1 and _is_identifier(place[0])
     }
+    taken = set(names.values())
+    last: Counter[str] = Counter()
     for place in places:
         if place not in names:
-            wish = _identifier("_".join(place))
-            taken, n, name = set(names.values()), 1, wish
+            wish = name = _identifier("_".join(place))
             while name in taken:
-                n += 1
-                name = f"{wish}_{n}"
+                last[wish] += 1
+                name = f"{wish}_{last[wish] + 1}"
+            taken.add(name)
             names[place] = name
     return {place: names[place] for place in places}
 

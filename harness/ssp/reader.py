@@ -9,13 +9,14 @@ that transform signals.
 from __future__ import annotations
 
 import logging
+from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from harness import cache
-from harness.archive import unpack
-from harness.errors import StructureError
+from harness.archive import MAX_UNPACKED, unpack, unpacked_size
+from harness.errors import ArchiveError, StructureError
 from harness.paths import is_file
 from harness.ssp import xml
 from harness.ssp.elements import ElementReader
@@ -32,6 +33,9 @@ from harness.system.model import (
 )
 from harness.temporary import PrivateFolder
 
+MAX_COMPONENTS = 10_000
+"""Largest number of components of a system."""
+
 _log = logging.getLogger("harness")
 
 
@@ -43,11 +47,9 @@ def opened(path: Path) -> Iterator[System]:
     Raises ArchiveError (damaged or unsafe archive) or StructureError (all problems of the
     description).
     """
-    with _unpacked(path) as folder:
-        try:
-            system = read(folder)
-        except StructureError as error:
-            raise StructureError(f"{path.name}: {problem}" for problem in error.problems) from error
+    with examined(path) as (system, problems):
+        if problems:
+            raise StructureError(problems)
         yield system
 
 
@@ -62,15 +64,45 @@ def _unpacked(path: Path) -> Iterator[Path]:
             yield folder
 
 
-def read(folder: Path) -> System:
-    """The system in an unpacked .ssp; StructureError with all problems."""
+@contextmanager
+def examined(path: Path) -> Iterator[tuple[System, tuple[str, ...]]]:
+    """The system in an .ssp as far as it can be read, and what is wrong with its description.
+
+    Unpacked as by opened(). Raises ArchiveError or StructureError if there is nothing to read.
+    """
+    with _unpacked(path) as folder:
+        try:
+            system, problems = _read(folder)
+        except StructureError as error:
+            raise StructureError(f"{path.name}: {problem}" for problem in error.problems) from error
+        problems += _size_problems(path, system)
+        yield system, tuple(f"{path.name}: {problem}" for problem in problems)
+
+
+def _size_problems(path: Path, system: System) -> Iterator[str]:
+    """The limit of archive.py for the .ssp and the FMUs of all its components together."""
+    size = unpacked_size(path)
+    for fmu, count in Counter(c.fmu for c in system.components).items():
+        with suppress(ArchiveError):  # which is said where the FMU is read
+            size += count * unpacked_size(fmu)
+    if size > MAX_UNPACKED:
+        yield (
+            f"with the FMUs of all components it would unpack to {size} bytes, more than the limit "
+            f"of {MAX_UNPACKED}"
+        )
+
+
+def _read(folder: Path) -> tuple[System, list[str]]:
+    """The system in an unpacked .ssp and its problems; StructureError if it cannot be read."""
     if not (folder / xml.SSD_FILE).is_file():
         raise StructureError([f"it holds no {xml.SSD_FILE}"])
-    reader = _Reader(folder, xml.parse(folder / xml.SSD_FILE, xml.SSD_SCHEMA))
-    system = reader.system()
-    if reader.problems:
-        raise StructureError(reader.problems)
-    return system
+    root = xml.parse(folder / xml.SSD_FILE, xml.SSD_SCHEMA)
+    if (count := sum(1 for _ in root.iter(xml.tag("ssd:Component")))) > MAX_COMPONENTS:
+        raise StructureError(
+            [f"it has {count} components, more than the limit of {MAX_COMPONENTS}"]
+        )
+    reader = _Reader(folder, root)
+    return reader.system(), reader.problems
 
 
 class _Reader:

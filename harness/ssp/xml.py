@@ -13,8 +13,9 @@ import fmpy
 from lxml import etree
 
 from harness import cache
-from harness.archive import has_doctype
+from harness.archive import MAX_ENTRY
 from harness.errors import StructureError
+from harness.safe_xml import UnsafeXmlError, parsed
 from harness.system.values import Scalar
 
 XmlElement = Any
@@ -42,6 +43,18 @@ FMU_TYPE = "application/x-fmu-sharedlibrary"
 SSD_SCHEMA = "SystemStructureDescription.xsd"
 SSV_SCHEMA = "SystemStructureParameterValues.xsd"
 SSM_SCHEMA = "SystemStructureParameterMapping.xsd"
+
+OPTIONAL = (
+    "startElement",
+    "endElement",
+    "source",
+    "type",
+    "sourceBase",
+    "implementation",
+    "unit",
+    "prefix",
+)
+"""Attributes that say nothing when they are empty."""
 
 _NUMBERS = {
     "Real": ("Float64", "Float32"),
@@ -72,22 +85,14 @@ def parse(source: Path | bytes, schema: str, name: str = "") -> XmlElement:
     violation of the schema.
     """
     name = source.name if isinstance(source, Path) else name
+    if isinstance(source, Path) and source.stat().st_size > MAX_ENTRY:
+        raise StructureError([f"{name}: is longer than the limit of {MAX_ENTRY} bytes"])
     data = source.read_bytes() if isinstance(source, Path) else source
-    parser = etree.XMLParser(
-        resolve_entities=False,
-        no_network=True,
-        load_dtd=False,
-        remove_comments=True,
-        remove_pis=True,
-    )
     try:
-        tree = None if has_doctype(data) else etree.ElementTree(etree.fromstring(data, parser))
-    except etree.XMLSyntaxError as error:
-        raise StructureError([f"{name}: not a readable XML file ({error})"]) from error
-    if tree is None or tree.docinfo.doctype:
-        raise StructureError([f"{name}: a document type declaration is not allowed"])
-    root = tree.getroot()
-    _as_version_1(root)
+        root = parsed(data)
+    except UnsafeXmlError as error:
+        raise StructureError([f"{name}: {error}"]) from error
+    _made_readable(root)
     cache.passed(
         f"{schema} of fmpy {fmpy.__version__}", data, lambda: _validate(root, schema, name)
     )
@@ -106,9 +111,15 @@ def valid(root: XmlElement, schema: str, name: str) -> XmlElement:
     """The root element itself; StructureError with every violation of the schema, by the name of
     the file.
     """
-    _as_version_1(root)
+    _made_readable(root)
     _validate(root, schema, name)
     return root
+
+
+def _made_readable(root: XmlElement) -> None:
+    """Rewrite the spellings of SSP 2.0 and of other tools that mean the same."""
+    _as_version_1(root)
+    _without_empty(root)
 
 
 def _validate(root: XmlElement, schema: str, name: str) -> None:
@@ -130,6 +141,15 @@ def _as_version_1(root: XmlElement) -> None:
         element.tag = _OLD_NAMES[element.tag]
     for element in list(root.iter(tag("ssc:MetaData"), tag("ssc:Signature"))):
         element.getparent().remove(element)
+
+
+def _without_empty(root: XmlElement) -> None:
+    """Leave out optional attributes that are empty, as OMSimulator writes them."""
+    for element in root.iter():
+        needed = ("source",) if element.tag == tag("ssd:Component") else ()
+        for name in OPTIONAL:
+            if element.get(name) == "" and name not in needed:
+                del element.attrib[name]
 
 
 @lru_cache
@@ -168,7 +188,12 @@ def attributes(element: XmlElement, /, **values: Scalar | None) -> None:
     """Set attributes in the given order; None and "" are left out."""
     for name, value in values.items():
         if value is not None and value != "":
-            element.set(name, literal(value))
+            try:
+                element.set(name, literal(value))
+            except ValueError:  # lxml: a control character
+                raise StructureError(
+                    [f"{name} {value!r}: holds a character that XML cannot hold"]
+                ) from None
 
 
 def literal(value: Scalar) -> str:

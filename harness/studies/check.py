@@ -1,29 +1,49 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What is wrong with a system or an FMU: everything at once."""
+"""What is wrong with a system or an FMU: everything at once, errors apart from warnings.
+
+Errors keep it from being run, exactly those that a run would end with. Warnings are what is not by
+the book.
+"""
 
 from __future__ import annotations
 
-import zipfile
-from collections.abc import Callable
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-
-from fmpy.validation import validate_fmu
+from typing import NamedTuple
 
 from harness import paths
 from harness.changes import choose_set, set_names
 from harness.errors import FmuError, HarnessError, StructureError, UsageError
+from harness.rules.judge import judge
 from harness.spelling import did_you_mean
 from harness.ssp import reader
-from harness.system.graph import build_graph
-from harness.system.interface import has_binary, read_interface
+from harness.system.graph import problems as graph_problems
+from harness.system.graph import readable_interfaces, size_problems
+from harness.system.interface import Interface, binaries, has_binary, platforms, read_interface
 from harness.system.model import System
 from harness.system.schedule import macro_steps
 
 
-def check(name: str) -> str:
-    """Verdict on a system or FMU, given by name or path; StructureError or FmuError with everything
-    that is wrong.
+class Verdict(NamedTuple):
+    """What can be run: a line that says so, and the warnings, one line each."""
+
+    text: str
+    warnings: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        count = len(self.warnings)
+        return f"{self.text}, {count} warning{'s' * (count > 1)}" if count else self.text
+
+
+def check(name: str, strict: bool = False) -> Verdict:
+    """Verdict on a system or FMU, given by name or path.
+
+    strict: warnings are errors. Raises StructureError or FmuError with everything that is wrong,
+    warnings included.
     """
     systems, fmus = paths.systems(), paths.fmus()
     path = systems.get(name) or fmus.get(name) or Path(name)
@@ -31,52 +51,100 @@ def check(name: str) -> str:
         raise UsageError(
             f"{name}: there is no such system or FMU{did_you_mean(name, [*systems, *fmus])}"
         )
-    if path.suffix == ".fmu":
-        return _check_fmu(path)
-    with reader.opened(path) as system:
-        return _check_system(system)
+    return (_check_fmu if path.suffix == ".fmu" else _check_system)(path, strict)
 
 
-def _check_fmu(path: Path) -> str:
-    if problems := _fmu_problems(path):
-        raise FmuError("\n".join(f"{path.name}: {problem}" for problem in problems))
+def _check_fmu(path: Path, strict: bool) -> Verdict:
+    found = judge(path)
+    errors = [*found.errors, *_complaints(lambda: _loadable(path))[: not found.errors]]
+    lines = (*errors, *(f"warning: {w}" for w in found.warnings))
+    if errors or (strict and lines):
+        raise FmuError("\n".join(f"{path.name}: {line}" for line in lines))
     interface = read_interface(path)
     counts = {kind: len(interface.named(kind)) for kind in ("input", "output", "parameter")}
-    return f"{path.name}: fine ({', '.join(f'{n} {kind}s' for kind, n in counts.items())})"
+    text = f"{path.name}: fine ({', '.join(f'{n} {kind}s' for kind, n in counts.items())})"
+    return Verdict(text, tuple(f"{path.name}: {warning}" for warning in found.warnings))
 
 
-def _fmu_problems(path: Path) -> list[str]:
-    """Everything FMPy finds, and a missing binary."""
-    if not zipfile.is_zipfile(path):
-        return ["damaged or not a zip archive (File is not a zip file)"]
-    problems = [" ".join(problem.split()) for problem in validate_fmu(str(path))]
-    if not problems and not has_binary(read_interface(path)):
-        problems.append("it holds no binary for this platform")
-    return problems
+def _loadable(path: Path) -> None:
+    """FmuError if the FMU has nothing to load."""
+    if problem := _without_binary(read_interface(path)):
+        raise FmuError(problem)
 
 
-def _check_system(system: System) -> str:
-    """Check time span and schedule, and structure, FMUs and parameters with every parameter set."""
-    experiment = system.experiment
-    missing = [name for name in ("step", "stop") if getattr(experiment, name) is None]
-    problems = []
-    if not missing:
-        problems = _complaints(
-            lambda: macro_steps(experiment, [c.every for c in system.components])
-        )
-    for name in set_names(system):
-        problems += _complaints(partial(build_graph, choose_set(system, name)))
-    if not problems:
-        bare = [c for c in system.components if not has_binary(read_interface(c.fmu))]
-        problems = [f"{c.name}: {c.fmu.name} holds no binary for this platform" for c in bare]
-    if problems:
-        raise StructureError(problems)
+def _without_binary(interface: Interface) -> str | None:
+    """Why a readable FMU has nothing to load here, or None."""
+    if has_binary(interface):
+        return None
+    others = platforms(interface)
+    shown = f", only for {', '.join(others)}" if others else f" ({binaries(interface)[0]})"
+    return f"it holds no binary for this platform{shown}"
+
+
+def _check_system(path: Path, strict: bool) -> Verdict:
+    """Everything that is wrong with the file, its wiring with every parameter set, its FMUs and its
+    time span.
+    """
+    with _noted() as notes, reader.examined(path) as (system, problems):
+        errors = [*problems, *_system_errors(system)]
+    lines = (*errors, *(f"warning: {note}" for note in notes))
+    if errors or (strict and lines):
+        raise StructureError(lines)
+    missing = [name for name in ("step", "stop") if getattr(system.experiment, name) is None]
     counts = (
         f"{len(system.components)} components, {len(system.connections)} connections, "
         f"{len(set_names(system))} sets"
     )
     wanted = f", give {' and '.join(f'--{name}' for name in missing)}" if missing else ""
-    return f"{system.name}: fine ({counts}){wanted}"
+    return Verdict(f"{system.name}: fine ({counts}){wanted}", tuple(notes))
+
+
+def _system_errors(system: System) -> Iterator[str]:
+    """Time span, FMUs, and the wiring with every parameter set as far as the FMUs can be read."""
+    experiment = system.experiment
+    if experiment.step is not None and experiment.stop is not None:
+        periods = [max(1, c.every) for c in system.components]
+        yield from _complaints(partial(macro_steps, experiment, periods))
+    there = tuple(c for c in system.components if c.fmu.is_file())  # else the reader has said it
+    interfaces, unreadable = readable_interfaces(replace(system, components=there))
+    yield from unreadable
+    for component in system.components:
+        interface = interfaces.get(component.name)
+        if interface and (problem := _without_binary(interface)):
+            yield f"{component.name}: {component.fmu.name}: {problem}"
+    yield from size_problems(system, interfaces)
+    for name in set_names(system):
+        yield from graph_problems(choose_set(system, name), interfaces)
+    _say_warnings(interfaces)
+
+
+def _say_warnings(interfaces: dict[str, Interface]) -> None:
+    """All warnings of the FMUs, each once."""
+    log = logging.getLogger("harness")
+    for interface in {i.path: i for i in interfaces.values()}.values():
+        for warning in interface.warnings:
+            log.warning("%s: %s", interface.path.name, warning)
+
+
+@contextmanager
+def _noted() -> Iterator[list[str]]:
+    """What the harness notes in the `with` block, each line once, in place of its log."""
+    lines: dict[str, None] = {}
+
+    class Keeper(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            lines[record.getMessage()] = None
+
+    log, keeper = logging.getLogger("harness"), Keeper(logging.WARNING)
+    kept: list[str] = []
+    spread, log.propagate = log.propagate, False
+    log.addHandler(keeper)
+    try:
+        yield kept
+    finally:
+        log.removeHandler(keeper)
+        log.propagate = spread
+        kept += lines
 
 
 def _complaints(test: Callable[[], object]) -> list[str]:

@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 import itertools
+import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from harness.changes import Changes, pairs
 from harness.errors import UsageError
@@ -17,6 +18,9 @@ from harness.system.values import parse
 
 NAMED = ("swap", "latency", "set")
 """Options whose values stand after `component=` or `component.parameter=`."""
+
+MAX_RUNS = 10_000
+"""Runs of one comparison."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,8 @@ def combinations(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Vari
     choices = [list(_choices(option, text)) for option, text in varied]
     _refuse_doubles(choices)
     several = [len(each) > 1 for each in choices]
+    if (count := math.prod(map(len, choices))) > MAX_RUNS:
+        raise UsageError(f"these are {count} runs, more than the limit of {MAX_RUNS}")
     if not any(several):
         raise UsageError(
             "there is nothing to compare: give several values, e.g. --swap controller=A,B or "
@@ -96,22 +102,30 @@ def _choices(option: str, text: str) -> Iterator[_Choice]:
     name, given = next(pairs(f"--{option}", [text])) if option in NAMED else ("", text)
     values = [value for piece in _split(given) for value in _range(piece.strip(), option)]
     stems = [Path(value).stem for value in values]
+    counts, alike = Counter(values), Counter(stems)
+    meanings = Counter(_meaning(value, option) for value in values)
     for value, stem in zip(values, stems, strict=True):
         if not value:
             raise UsageError(f"--{option} {text}: a value is missing")
-        if sum(_same(value, other, option) for other in values) > 1:
+        if counts[value] > 1 or meanings[_meaning(value, option)] > 1:
             raise UsageError(f"--{option} {text}: {value} is given twice")
         labels = {
-            "swap": value if Counter(stems)[stem] > 1 else stem,
+            "swap": value if alike[stem] > 1 else stem,
             "latency": _delay(name, value),
             "set": f"{name}={value}",
         }
         yield _Choice(labels.get(option, value), option, (name, value) if name else value)
 
 
-def _same(a: str, b: str, option: str) -> bool:
-    """Whether two values are one: 1 and +1 are, under all options that take numbers."""
-    return a == b or (option in ("set", "latency") and parse(a) == parse(b))
+def _meaning(value: str, option: str) -> Any:
+    """What is equal for equal values: 1 and +1, under all options that take numbers."""
+    return _hashable(parse(value)) if option in ("set", "latency") else value
+
+
+def _hashable(value: Any) -> Any:
+    if isinstance(value, list):
+        return tuple(map(_hashable, value))
+    return repr(value) if isinstance(value, dict) else value
 
 
 def _split(text: str) -> Iterator[str]:
@@ -137,6 +151,8 @@ def _range(text: str, option: str) -> Sequence[str]:
         count = round((last - first) / step)
     except (ValueError, ZeroDivisionError, OverflowError) as error:
         raise UsageError(f"{text}: a range of values is first:last:step, three numbers") from error
+    if count >= MAX_RUNS:
+        raise UsageError(f"{text}: are {count + 1} values, more than the limit of {MAX_RUNS}")
     if count < 0 or abs(first + count * step - last) > 1e-9 * abs(step):
         raise UsageError(f"{text}: the range does not end at {parts[1]} after whole steps")
     return [f"{first + k * step:.12g}" for k in range(count + 1)]

@@ -9,18 +9,20 @@ problems are reported at once.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from harness.archive import MAX_UNPACKED
 from harness.errors import FmuError, StructureError
 from harness.spelling import did_you_mean
-from harness.system.conversion import final, way
+from harness.system.conversion import final, is_unconverted, way
 from harness.system.interface import Interface, Variable, read_interface, units_agree
 from harness.system.model import Component, Connection, Parameter, Port, System
 from harness.system.schedule import macro_steps
 from harness.system.schedule import problems as schedule_problems
-from harness.system.units import IDENTITY, Affine, Unit, compose
+from harness.system.units import IDENTITY, Affine, UndefinedUnitError, Unit, compose
 from harness.system.values import Scalar
 
 _log = logging.getLogger("harness")
@@ -84,7 +86,7 @@ def build_graph(system: System) -> Graph:
     doubly driven or open inputs, unknown or ill-typed parameters, schedule.
     """
     interfaces = read_interfaces(system)
-    if found := list(problems(system, interfaces)):
+    if found := [*problems(system, interfaces), *size_problems(system, interfaces)]:
         raise StructureError(found)
     ports = [Port(name, v) for name, interface in interfaces.items() for v in interface.outputs()]
     slot_of = {port: slot for slot, port in enumerate(ports)}
@@ -184,15 +186,41 @@ def _adapted(node: Node, component: Component) -> Node:
 
 def read_interfaces(system: System) -> dict[str, Interface]:
     """Interface of every component by name; FmuError with one line per FMU that cannot be read."""
+    interfaces, unreadable = readable_interfaces(system)
+    if unreadable:
+        raise FmuError("\n".join(unreadable))
+    return interfaces
+
+
+def readable_interfaces(system: System) -> tuple[dict[str, Interface], list[str]]:
+    """Interfaces of the components whose FMUs can be read, and what is wrong with the others."""
     interfaces, unreadable = {}, []
     for component in system.components:
         try:
             interfaces[component.name] = read_interface(component.fmu)
         except FmuError as error:
             unreadable += [f"{component.name}: {line}" for line in str(error).splitlines()]
-    if unreadable:
-        raise FmuError("\n".join(unreadable))
-    return interfaces
+    return interfaces, unreadable
+
+
+def say_warnings(system: System) -> None:
+    """What is not by the book in the FMUs of a system, in the log, as few lines as will do."""
+    interfaces, _ = readable_interfaces(system)
+    for interface in {i.path: i for i in interfaces.values()}.values():
+        first, count = interface.warnings[:1], len(interface.warnings)
+        more = f", and {count - 1} more (harness check lists them)" if count > 1 else ""
+        for warning in first:
+            _log.warning("%s: %s%s", interface.path.name, warning, more)
+
+
+def size_problems(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
+    """The limits of archive.py for the run as a whole: every component is unpacked on its own."""
+    size = sum(interfaces[c.name].size for c in system.components if c.name in interfaces)
+    if size > MAX_UNPACKED:
+        yield (
+            f"the FMUs of all components would unpack to {size} bytes, more than the limit of "
+            f"{MAX_UNPACKED}"
+        )
 
 
 def _slot(port: Port, variable: Variable) -> Slot:
@@ -237,37 +265,47 @@ def constants(graph: Graph) -> Iterator[tuple[Slot, float]]:
 
 
 def problems(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
-    """Everything that is wrong with a system, one line each."""
+    """Everything that is wrong with a system, one line each, as far as its FMUs can be read."""
+    unread = {c.name for c in system.components} - interfaces.keys()
     yield from _component_problems(system.components)
     yield from schedule_problems(system.experiment.algorithm, system.components)
     for connection in system.connections:
-        yield from _connection_problems(connection, interfaces)
+        yield from _connection_problems(connection, interfaces, unread, system.strict)
     yield from _double_drive(system.connections)
     yield from _declared_problems(system, interfaces)
     if system.strict:
         yield from _open_inputs(system, interfaces)
     for component in system.components:
-        yield from _parameter_problems(component, interfaces[component.name])
+        if component.name in interfaces:
+            yield from _parameter_problems(component, interfaces[component.name])
 
 
 def _component_problems(components: Sequence[Component]) -> Iterator[str]:
-    names = [c.name for c in components]
+    names = Counter(c.name for c in components)
     if not names:
         yield "the system has no components"
     yield from (
-        f"{name}: there are two components of this name" for name in names if names.count(name) > 1
+        f"{name}: there are two components of this name" for name, n in names.items() if n > 1
     )
 
 
 def _connection_problems(
-    connection: Connection, interfaces: Mapping[str, Interface]
+    connection: Connection,
+    interfaces: Mapping[str, Interface],
+    unread: Collection[str],
+    strict: bool,
 ) -> Iterator[str]:
-    source, source_problem = _end(connection.source, "output", interfaces)
-    target, target_problem = _end(connection.target, "input", interfaces)
-    yield from (problem for problem in (source_problem, target_problem) if problem)
-    if source and target:
-        yield from _mismatch(connection, source, target)
-        yield from _unit_problem(connection, interfaces)
+    ends: list[Variable | None] = []
+    for port, causality in ((connection.source, "output"), (connection.target, "input")):
+        variable, problem = (
+            (None, None) if port.component in unread else _end(port, causality, interfaces)
+        )
+        ends.append(variable)
+        if problem:
+            yield problem
+    if ends[0] and ends[1]:
+        yield from _mismatch(connection, ends[0], ends[1])
+        yield from _unit_problem(connection, interfaces, strict)
 
 
 def _end(
@@ -304,9 +342,17 @@ def _mismatch(connection: Connection, source: Variable, target: Variable) -> Ite
         )
 
 
-def _unit_problem(connection: Connection, interfaces: Mapping[str, Interface]) -> Iterator[str]:
+def _unit_problem(
+    connection: Connection, interfaces: Mapping[str, Interface], strict: bool
+) -> Iterator[str]:
     try:
-        change = way(connection, interfaces)
+        change = way(connection, interfaces, strict=True)
+    except UndefinedUnitError as error:
+        if not strict:
+            _log.warning("%s: taken as it is, %s", connection.target, error)
+            return
+        yield f"{connection.target}: {error}"
+        return
     except ValueError as error:
         ends = [interfaces[port.component].variables[port.variable] for port in connection[:2]]
         yield (
@@ -335,17 +381,20 @@ def _declared_problems(system: System, interfaces: Mapping[str, Interface]) -> I
     for port, claimed in system.declared.items():
         interface = interfaces.get(port.component)
         variable = None if interface is None else interface.variables.get(port.variable)
-        if interface and variable and not _same(claimed, interface.unit(variable)):
+        if interface and variable and not _same(port, claimed, interface.unit(variable)):
             yield (
                 f"{port}: its connector says {claimed.name}, but the unit of the FMU is "
                 f"{variable.unit}"
             )
 
 
-def _same(a: Unit, b: Unit | None) -> bool:
-    """Whether two units mean the same, under whatever names."""
+def _same(port: Port, a: Unit, b: Unit | None) -> bool:
+    """Whether two units mean the same, under whatever names; the log says if that is not known."""
     try:
         return compose(a, (), b) == IDENTITY
+    except UndefinedUnitError as error:
+        _log.warning("%s: its connector says %s, which is not compared (%s)", port, a.name, error)
+        return True
     except ValueError:
         return False
 
@@ -361,7 +410,7 @@ def _double_drive(connections: Sequence[Connection]) -> Iterator[str]:
 
 def _open_inputs(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
     driven = {connection.target for connection in system.connections}
-    for component in system.components:
+    for component in (c for c in system.components if c.name in interfaces):
         for name in interfaces[component.name].named("input"):
             if Port(component.name, name) not in driven and name not in component.parameters:
                 yield (
@@ -378,6 +427,13 @@ def _parameter_problems(component: Component, interface: Interface) -> Iterator[
             )
         elif problem := _parameter_problem(name, parameter, interface):
             yield f"{component.name}.{name}: {problem}"
+        elif is_unconverted(parameter, interface.variables[name], interface):
+            _log.warning(
+                "%s.%s: is given in %s, which nobody defines, taken as it is",
+                component.name,
+                name,
+                parameter.unit,
+            )
 
 
 def _parameter_problem(name: str, parameter: Parameter, interface: Interface) -> str | None:

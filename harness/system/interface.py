@@ -5,6 +5,7 @@ without any FMI call.
 
 from __future__ import annotations
 
+import io
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,14 +13,13 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import fmpy
 from fmpy import platform, platform_tuple, read_model_description, sharedLibraryExtension
-from fmpy.model_description import ValidationError
 
-from harness import cache
-from harness.archive import has_doctype, read_entry
-from harness.errors import ArchiveError, FmuError
+from harness.archive import unpacked_size
+from harness.errors import FmuError
 from harness.paths import is_file
+from harness.rules.judge import Verdict, judge
+from harness.rules.mend import readable
 from harness.system.units import Unit
 
 FmpyObject = Any
@@ -53,13 +53,15 @@ class Variable:
 @dataclass(frozen=True)
 class Interface:
     """Variables by name in the order of the file; units: base units by name; model: FMPy's
-    description.
+    description; warnings: what is not by the book, one line each; size: bytes when unpacked.
     """
 
     path: Path
     variables: Mapping[str, Variable]
     units: Mapping[str, Mapping[str, float]]
     model: FmpyObject
+    warnings: tuple[str, ...] = ()
+    size: int = 0
 
     def named(self, causality: str) -> dict[str, Variable]:
         """Variables of one causality (input, output, parameter, ...)."""
@@ -92,54 +94,25 @@ def read_interface(path: Path) -> Interface:
 
 @lru_cache(maxsize=64)
 def _read(path: Path, _modified: int, _size: int) -> Interface:
-    model = _description(path)
-    if model.fmiVersion == "2.0" and model.coSimulation is None:
-        raise FmuError(f"{path.name}: is for model exchange only, co-simulation is needed")
-    if model.fmiVersion != "2.0":
-        raise FmuError(
-            f"{path.name}: only FMI 2.0 co-simulation FMUs can be run, this one is FMI "
-            f"{model.fmiVersion}"
-        )
+    verdict = judge(path)
+    if verdict.errors:
+        raise FmuError("\n".join(f"{path.name}: {problem}" for problem in verdict.errors))
+    model = _description(path, verdict)
     variables = {v.name: _variable(v) for v in model.modelVariables}
     units = {
         u.name: _base_unit(u.baseUnit) for u in model.unitDefinitions if u.baseUnit is not None
     }
-    return Interface(path, variables, units, model)
+    return Interface(path, variables, units, model, verdict.warnings, unpacked_size(path))
 
 
-def _description(path: Path) -> FmpyObject:
-    """FMPy's reading of modelDescription.xml, every failure as an FmuError; entities are refused
-    before it reads.
-    """
+def _description(path: Path, verdict: Verdict) -> FmpyObject:
+    """FMPy's reading of modelDescription.xml, from the very bytes that were judged."""
+    mended = io.BytesIO()
+    with zipfile.ZipFile(mended, "w") as archive:
+        archive.writestr("modelDescription.xml", readable(verdict.root))
     try:
-        text = read_entry(path, "modelDescription.xml")
-        if has_doctype(text):
-            raise FmuError(
-                f"{path.name}: modelDescription.xml has a document type declaration, which is "
-                "not allowed"
-            )
-        checked: list[FmpyObject] = []
-        cache.passed(
-            f"modelDescription.xml by fmpy {fmpy.__version__}",
-            text,
-            lambda: checked.append(read_model_description(str(path), validate=True)),
-        )
-        return checked[0] if checked else read_model_description(str(path), validate=False)
-    except ValidationError as error:
-        raise FmuError(
-            "\n".join(f"{path.name}: {problem}" for problem in error.problems)
-        ) from error
-    except ArchiveError as error:
-        cause = error.__cause__
-        reason = (
-            f"damaged or not a zip archive ({cause})"
-            if cause
-            else str(error).removeprefix(f"{path}: ")
-        )
-        raise FmuError(f"{path.name}: {reason}") from error
-    except FmuError:
-        raise
-    except Exception as error:  # FMPy raises bare Exceptions, lxml and zlib their own
+        return read_model_description(mended, validate=False)
+    except Exception as error:  # FMPy raises bare Exceptions
         raise FmuError(f"{path.name}: cannot be read ({' '.join(str(error).split())})") from error
 
 
@@ -178,6 +151,13 @@ def has_binary(interface: Interface) -> bool:
     """Whether the archive holds a binary for this platform."""
     with zipfile.ZipFile(interface.path) as archive:
         return not set(binaries(interface)).isdisjoint(archive.namelist())
+
+
+def platforms(interface: Interface) -> tuple[str, ...]:
+    """Platforms for which the archive holds binaries."""
+    with zipfile.ZipFile(interface.path) as archive:
+        places = (name.split("/") for name in archive.namelist() if name.startswith("binaries/"))
+        return tuple(sorted({place[1] for place in places if len(place) > 2 and place[-1]}))
 
 
 def units_agree(a: str | None, b: str | None) -> bool:

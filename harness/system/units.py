@@ -19,6 +19,10 @@ Base = Mapping[str, float]
 """A BaseUnit: exponents of kg m s A K mol cd rad, then factor and offset."""
 
 
+class UndefinedUnitError(ValueError):
+    """A unit has a name, but no meaning."""
+
+
 class Unit(NamedTuple):
     """Name of a unit and its meaning, if that is declared."""
 
@@ -98,7 +102,7 @@ def _conversion(a: Unit | None, b: Unit | None) -> _Exact:
         return Fraction(1), Fraction(0)
     for unit in (a, b):
         if unit.base is None:
-            raise ValueError(
+            raise UndefinedUnitError(
                 f"{a.name} cannot be converted to {b.name}: {unit.name} is not defined by a "
                 "BaseUnit"
             )

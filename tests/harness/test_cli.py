@@ -289,9 +289,13 @@ def test_check_prints_everything_that_is_wrong_with_an_fmu(command, folder, fmus
         },
     )
     status, out, err = command("check", path)
-    assert (status, out) == (1, [])
+    assert (status, out) == (0, ["odd.fmu: fine (1 inputs, 1 outputs, 1 parameters), 3 warnings"])
     assert len(err) == 3  # u, y and k
-    assert all(line.startswith("harness: odd.fmu: ") and "parsec" in line for line in err)
+    assert all(line.startswith("harness: warning: odd.fmu: ") for line in err)
+    assert all("parsec" in line for line in err)
+    status, out, strict = command("check", path, "--strict")
+    assert (status, out) == (1, [])
+    assert [line.replace("odd.fmu: warning", "warning: odd.fmu") for line in strict] == err
     repacked(
         path,
         lambda f: {

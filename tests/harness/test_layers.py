@@ -24,8 +24,9 @@ LAYERS = (
     ("ssp",),
     ("results",),
     ("system",),
+    ("rules",),
     ("cache",),
-    ("archive",),
+    ("archive", "safe_xml"),
     ("output", "paths", "temporary", "spelling"),
     ("signals",),
     ("errors",),
@@ -36,9 +37,9 @@ FLOOR = {room: len(LAYERS) - i for i, layer in enumerate(LAYERS) for room in lay
 ACQUAINTED = {("studies", "figures"), ("api", "__init__"), ("cli", "__init__")}
 
 ONLY = {
-    "lxml": {"ssp", "exports"},
+    "lxml": {"ssp", "exports", "rules", "safe_xml"},
     "ctypes": {"master", "bench", "validation"},
-    "fmpy": {"master", "ssp", "system", "studies", "bench", "validation"},
+    "fmpy": {"master", "ssp", "system", "studies", "rules", "bench", "validation"},
     "matplotlib": {"figures"},
     "typer": {"cli"},
     "rich": {"cli", "master"},

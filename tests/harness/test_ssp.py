@@ -101,21 +101,6 @@ def test_a_file_of_another_tool_runs_whatever_its_prefixes(write):
             "component bus: signal dictionaries are not supported",
         ),
         (
-            "</d:ParameterValues>",
-            "</d:ParameterValues><d:ParameterMapping/>",
-            "component twice: a ParameterMapping is empty and names no file",
-        ),
-        (
-            'name="twice"',
-            'name="twice" type="application/x-ssp-package"',
-            "component twice: only FMUs can be run, not application/x-ssp-package",
-        ),
-        (
-            'name="twice"',
-            'name="twice" implementation="ModelExchange"',
-            "component twice: model exchange is not supported, only co-simulation",
-        ),
-        (
             '<v:Real value="3"/>',
             '<v:Real value="NaN"/>',
             "component twice: parameter k: must not be NaN",

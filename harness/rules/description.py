@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""modelDescription.xml as the rules read it: XML elements with the defaults of FMI 2.0."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from harness.safe_xml import XmlElement
+
+SHOWN = 5
+"""Variables that a line names."""
+
+TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
+
+DEFAULT_INITIAL = {
+    ("output", "constant"): "exact",
+    ("local", "constant"): "exact",
+    ("parameter", "fixed"): "exact",
+    ("parameter", "tunable"): "exact",
+    ("calculatedParameter", "fixed"): "calculated",
+    ("calculatedParameter", "tunable"): "calculated",
+    ("local", "fixed"): "calculated",
+    ("local", "tunable"): "calculated",
+    ("output", "discrete"): "calculated",
+    ("output", "continuous"): "calculated",
+    ("local", "discrete"): "calculated",
+    ("local", "continuous"): "calculated",
+    ("input", "discrete"): "exact",
+    ("input", "continuous"): "exact",
+    ("independent", "continuous"): "",
+}
+"""Values of `initial` by causality and variability (FMI 2.0, 2.2.7); no other pairs are allowed."""
+
+
+@dataclass(frozen=True)
+class Declared:
+    """One ScalarVariable; value: its element Real, Integer, ...; definition: that of its type."""
+
+    element: XmlElement
+    value: XmlElement
+    definition: XmlElement | None
+
+    def __str__(self) -> str:
+        return f"{self.name} (line {self.element.sourceline})"
+
+    @property
+    def name(self) -> str:
+        """Name of the variable."""
+        return str(self.element.get("name"))
+
+    @property
+    def type(self) -> str:
+        """Real, Integer, Boolean, String or Enumeration."""
+        return str(self.value.tag)
+
+    @property
+    def reference(self) -> int:
+        """Value reference."""
+        return int(self.element.get("valueReference"))
+
+    @property
+    def causality(self) -> str:
+        """Causality, by default local."""
+        return str(self.element.get("causality", "local"))
+
+    @property
+    def variability(self) -> str:
+        """Variability, by default continuous."""
+        return str(self.element.get("variability", "continuous"))
+
+    @property
+    def initial(self) -> str:
+        """What it says of its start value, or the default of its causality and variability."""
+        default = DEFAULT_INITIAL.get((self.causality, self.variability), "")
+        return str(self.element.get("initial", default))
+
+    @property
+    def start(self) -> str | None:
+        """Start value as it is written."""
+        return self.value.get("start")  # type: ignore[no-any-return]
+
+    def attribute(self, name: str) -> str | None:
+        """An attribute of the variable, else that of its type."""
+        found = self.value.get(name)
+        if found is None and self.definition is not None:
+            found = self.definition.get(name)
+        return found  # type: ignore[no-any-return]
+
+    def number(self, name: str) -> float | None:
+        """A number in such an attribute."""
+        text = self.attribute(name)
+        return None if text is None else float(text)
+
+
+@dataclass(frozen=True)
+class Description:
+    """The root element, and the names of all files of the archive."""
+
+    root: XmlElement
+    files: tuple[str, ...]
+
+    def all(self, path: str) -> list[XmlElement]:
+        """Elements by their path below the root."""
+        return list(self.root.iterfind(path))
+
+    @cached_property
+    def types(self) -> dict[str, XmlElement]:
+        """Elements Real, Integer, ... of the definitions of types by name; of two the last."""
+        return {e.get("name"): e[0] for e in self.all("TypeDefinitions/SimpleType")}
+
+    @cached_property
+    def items(self) -> dict[str, set[int]]:
+        """Values of the items of every type by its name; none for one that is no enumeration."""
+        return {
+            name: {int(item.get("value")) for item in e.iterfind("Item")}
+            for name, e in self.types.items()
+        }
+
+    @cached_property
+    def units(self) -> dict[str, set[str]]:
+        """Names of the display units by unit."""
+        return {
+            e.get("name"): {d.get("name") for d in e.iterfind("DisplayUnit")}
+            for e in self.all("UnitDefinitions/Unit")
+        }
+
+    @cached_property
+    def variables(self) -> tuple[Declared, ...]:
+        """All variables in the order of the file."""
+        return tuple(map(self._declared, self.all("ModelVariables/ScalarVariable")))
+
+    def _declared(self, element: XmlElement) -> Declared:
+        value = next(child for child in element if child.tag in TYPES)
+        return Declared(element, value, self.types.get(value.get("declaredType")))
+
+    @property
+    def experiment(self) -> XmlElement:
+        """The default experiment, or an empty one."""
+        found = self.root.find("DefaultExperiment")
+        return {} if found is None else found
+
+
+Rule = Callable[[Description], Iterator[str]]
+"""Gives one line per fault."""
+
+
+def some(things: Sequence[object]) -> str:
+    """The first of several things, and how many more there are."""
+    more = f" and {len(things) - SHOWN} more" if len(things) > SHOWN else ""
+    return f"{', '.join(map(str, things[:SHOWN]))}{more}"
+
+
+def twice(values: Iterable[Hashable]) -> list[Any]:
+    """Values that occur more than once."""
+    return [value for value, count in Counter(values).items() if count > 1]

@@ -1,0 +1,404 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""One fault at a time in a description that is by the book: `harness check` names each of them,
+tells errors from warnings, and says the same as `run`.
+"""
+
+from __future__ import annotations
+
+import warnings
+import zipfile
+from typing import NamedTuple
+
+import fmpy
+import pytest
+from fmpy.validation import validate_fmu
+
+from harness import run
+from harness.cli.app import main
+from harness.errors import FmuError
+from harness.rules.judge import ERRORS, WARNINGS, judge
+from harness.system.interface import read_interface
+from tests.harness.foreign_ssp import component, system, write
+
+BINARY = f"binaries/{fmpy.platform}/gain{fmpy.sharedLibraryExtension}"
+
+GOOD = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="gain"
+    guid="{8c4e810f-3df3-4a00-8276-176fa3c9f9e0}" variableNamingConvention="structured">
+  <CoSimulation modelIdentifier="gain"><SourceFiles><File name="gain.c"/></SourceFiles>
+  </CoSimulation>
+  <UnitDefinitions>
+    <Unit name="m"><BaseUnit m="1"/><DisplayUnit name="km" factor="0.001"/></Unit>
+    <Unit name="s"><BaseUnit s="1"/></Unit>
+  </UnitDefinitions>
+  <TypeDefinitions>
+    <SimpleType name="Length"><Real unit="m" min="0" max="10"/></SimpleType>
+    <SimpleType name="Mode"><Enumeration><Item name="off" value="1"/><Item name="on" value="2"/>
+    </Enumeration></SimpleType>
+  </TypeDefinitions>
+  <LogCategories><Category name="logAll"/><Category name="logEvents"/></LogCategories>
+  <DefaultExperiment startTime="0" stopTime="10" tolerance="1e-6" stepSize="0.1"/>
+  <VendorAnnotations><Tool name="a"/><Tool name="b"/></VendorAnnotations>
+  <ModelVariables>
+    <ScalarVariable name="u" valueReference="0" causality="input"><Real start="0"/></ScalarVariable>
+    <ScalarVariable name="y" valueReference="1" causality="output"><Real/></ScalarVariable>
+    <ScalarVariable name="k" valueReference="2" causality="parameter" variability="fixed">
+      <Real start="2" unit="m" displayUnit="km" min="1" max="5" nominal="2"/></ScalarVariable>
+    <ScalarVariable name="n" valueReference="3" causality="local" variability="discrete">
+      <Integer/></ScalarVariable>
+    <ScalarVariable name="mode" valueReference="4" causality="parameter" variability="tunable">
+      <Enumeration declaredType="Mode" start="2"/></ScalarVariable>
+    <ScalarVariable name="time" valueReference="5" causality="independent">
+      <Real/></ScalarVariable>
+    <ScalarVariable name="x" valueReference="6"><Real unit="m"/></ScalarVariable>
+    <ScalarVariable name="der(x)" valueReference="7"><Real derivative="7"/></ScalarVariable>
+    <ScalarVariable name="c" valueReference="8" causality="calculatedParameter"
+      variability="fixed"><Real declaredType="Length"/></ScalarVariable>
+  </ModelVariables>
+  <ModelStructure>
+    <Outputs><Unknown index="2" dependencies="1" dependenciesKind="dependent"/></Outputs>
+    <Derivatives><Unknown index="8" dependencies="1"/></Derivatives>
+    <InitialUnknowns><Unknown index="2" dependencies="1"/><Unknown index="7"/>
+      <Unknown index="8"/><Unknown index="9"/></InitialUnknowns>
+  </ModelStructure>
+</fmiModelDescription>
+"""
+
+U = '<Real start="0"/>'
+Y = 'causality="output"><Real/>'
+K = 'start="2" unit="m" displayUnit="km" min="1" max="5" nominal="2"'
+N = 'causality="local" variability="discrete">\n      <Integer/>'
+TOOLS = '<Tool name="a"/><Tool name="b"/>'
+ITEMS = '<Item name="off" value="1"/><Item name="on" value="2"/>'
+UNITS = "</UnitDefinitions>"
+OUTPUT = '<Outputs><Unknown index="2" dependencies="1" dependenciesKind="dependent"/>'
+WHOLE = (
+    '<CoSimulation modelIdentifier="gain"><SourceFiles><File name="gain.c"/></SourceFiles>\n'
+    "  </CoSimulation>"
+)
+CAPABLE = '<CoSimulation modelIdentifier="gain"'
+
+
+class Fault(NamedTuple):
+    """What is replaced by what, and a piece of the line that says so."""
+
+    old: str
+    new: str
+    line: str
+
+
+FATAL = {
+    "a violated schema": Fault('modelName="gain"', "", "'modelName' is required"),
+    "an unknown element": Fault("<ModelStructure>", "<What/><ModelStructure>", "What"),
+    "no number": Fault('start="2" unit', 'start="two" unit', "two"),
+    "an unknown causality": Fault('"local"', '"lokal"', "lokal"),
+    "no type": Fault("<Real/></ScalarVariable>\n    <ScalarVariable name=\"k\"",
+                     "</ScalarVariable>\n    <ScalarVariable name=\"k\"", "ScalarVariable"),
+    "broken XML": Fault("</ModelStructure>", "", "not a readable XML file"),
+    "a document type": Fault("<fmiModel", "<!DOCTYPE x><fmiModel", "document type"),
+    "an odd encoding": Fault("UTF-8", "UTF-7", "its encoding UTF-7 is not read"),
+    "no version": Fault('fmiVersion="2.0" ', "", "does not say its fmiVersion"),
+    "FMI 1.0": Fault('fmiVersion="2.0"', 'fmiVersion="1.0"', "this one is FMI 1.0"),
+    "FMI 3.0": Fault('fmiVersion="2.0"', 'fmiVersion="3.0"', "this one is FMI 3.0"),
+    "model exchange": Fault(WHOLE,
+                            '<ModelExchange modelIdentifier="gain"/>', "2.0 model exchange"),
+    "two interfaces": Fault("<UnitDef", '<CoSimulation modelIdentifier="g"/><UnitDef', "2 elem"),
+    "a path for a library": Fault(CAPABLE, '<CoSimulation modelIdentifier="../g"', "'../g'"),
+    "equal names": Fault('name="n"', 'name="k"', "two variables of this name"),
+    "an empty name": Fault('name="n"', 'name=""', "has no name"),
+    "an undefined type": Fault('"Length"/></Sc', '"Width"/></Sc', "type Width is not defined"),
+    "an unknown state": Fault('derivative="7"', 'derivative="70"', "of variable 70, which"),
+    "an unknown output": Fault('<Outputs><Unknown index="2"', '<Outputs><Unknown index="20"',
+                               "no variable 20"),
+    "an unknown dependency": Fault('index="8" dependencies="1"', 'index="8" dependencies="90"',
+                                   "no variable 90"),
+    "equal names of items": Fault('name="on"', 'name="off"', "item off is listed twice"),
+}  # fmt: skip
+
+ODD = {
+    "an odd identifier": Fault(CAPABLE, '<CoSimulation modelIdentifier="g-n"', "C identifier"),
+    "an empty model name": Fault('modelName="gain"', 'modelName=""', "modelName is empty"),
+    "an empty guid": Fault('guid="{8c4e810f-3df3-4a00-8276-176fa3c9f9e0}"', 'guid=""', "guid is"),
+    "a guid without braces": Fault("{8c4e810f-3df3-4a00-8276-176fa3c9f9e0}",
+                                   "8c4e810f-3df3-4a00-8276-176fa3c9f9e0", "has no braces"),
+    "stop before start": Fault('stopTime="10"', 'stopTime="-1"', "stopTime -1 does not lie"),
+    "a negative step": Fault('stepSize="0.1"', 'stepSize="-0.1"', "stepSize -0.1 is not a pos"),
+    "a negative tolerance": Fault('"1e-6"', '"-1e-6"', "tolerance -1e-6 is not a positive"),
+    "an infinite time": Fault('startTime="0"', 'startTime="-INF"', "startTime -INF is not fin"),
+    "equal log categories": Fault("logEvents", "logAll", "category logAll is listed twice"),
+    "equal tools": Fault(TOOLS, '<Tool name="a"/><Tool name="a"/>', "tool a is listed twice"),
+    "equal tools of a variable": Fault(
+        Y, Y + '<Annotations><Tool name="a"/><Tool name="a"/></Annotations>', "tool a is listed"
+    ),
+    "equal units": Fault(UNITS, '<Unit name="m"/></UnitDefinitions>', "unit m is defined twice"),
+    "equal display units": Fault(
+        '"0.001"/>', '"0.001"/><DisplayUnit name="km"/>', "display unit km of m is defined twice"
+    ),
+    "a factor of zero": Fault('<BaseUnit s="1"/>', '<BaseUnit s="1" factor="0"/>', "the factor 0"),
+    "equal types": Fault("</TypeDefinitions>", '<SimpleType name="Length"><Real unit="m"/>'
+                         "</SimpleType></TypeDefinitions>", "type Length is defined twice"),
+    "a type like a variable": Fault("<TypeDefinitions>", '<TypeDefinitions><SimpleType name="x">'
+                                    "<Real/></SimpleType>", "has the name of a type"),
+    "equal items": Fault('name="on" value="2"', 'name="on" value="1"', "two items have the value"),
+    "crossed limits of a type": Fault('min="0" max="10"', 'min="11" max="10"', "min 11 exceeds"),
+    "an undefined unit of a type": Fault('<Real unit="m" min="0"', '<Real unit="ly" min="0"',
+                                         "the type Length: its unit ly is not defined"),
+    "another type": Fault("<Integer/>", '<Integer declaredType="Length"/>', "its type is Real"),
+    "a discrete derivative": Fault('name="x" valueReference="6">', 'name="x" valueReference="6" '
+                                   'variability="discrete">', "but not both are continuous"),
+    "an odd name": Fault('name="n"', 'name="n 1"', "naming convention 'structured'"),
+    "a continuous Integer": Fault(N, "><Integer/>", "is Integer, which cannot be continuous"),
+    "a continuous parameter": Fault('causality="parameter" variability="fixed"',
+                                    'causality="parameter"', "parameter cannot be continuous"),
+    "initial of an input": Fault('causality="input"', 'causality="input" initial="exact"',
+                                 "an input must not have initial"),
+    "an impossible initial": Fault('variability="tunable"', 'variability="tunable" initial='
+                                   '"approx"', "tunable parameter cannot have initial='approx'"),
+    "no start": Fault(U, "<Real/>", "has no start value"),
+    "a start of what is calculated": Fault(Y, 'causality="output"><Real start="1"/>',
+                                           "is calculated, but has a start value"),
+    "a start of time": Fault('"independent">\n      <Real/>', '"independent"><Real start="1"/>',
+                             "is the independent variable, but has a start value"),
+    "two times": Fault(N, 'causality="independent"><Real/>', "are independent variables"),
+    "a time that is no Real": Fault('"independent">\n      <Real/>', '"independent" variability='
+                                    '"discrete"><Integer/>', "independent variable, but Integer"),
+    "crossed limits": Fault('min="1" max="5"', 'min="6" max="5"', "min 6 exceeds max 5"),
+    "a start outside": Fault('start="2" unit="m"', 'start="7" unit="m"', "lies outside [1, 5]"),
+    "a start that is no item": Fault('Mode" start="2"', 'Mode" start="3"', "is no item"),
+    "an infinite start": Fault(U, '<Real start="INF"/>', "start INF is not finite"),
+    "a nominal value of 0": Fault('nominal="2"', 'nominal="0"', "nominal is 0"),
+    "an undefined unit": Fault('<Real unit="m"/>', '<Real unit="ly"/>', "unit ly is not defined"),
+    "an undefined display unit": Fault('displayUnit="km"', 'displayUnit="AU"', "unit AU is not"),
+    "a display unit without a unit": Fault(U, '<Real start="0" displayUnit="km"/>', "unit km is"),
+    "reinit": Fault('<Real unit="m"/>', '<Real unit="m" reinit="true"/>', "reinit means nothing"),
+    "several sets": Fault('causality="input"', 'causality="input" '
+                          'canHandleMultipleSetPerTimeInstant="true"', "of model exchange only"),
+    "a shared reference": Fault('valueReference="2"', 'valueReference="0"', "more than one is set"),
+    "a shared reference, other unit": Fault('valueReference="6"', 'valueReference="7"', "not thei"),
+    "a constant alias": Fault(
+        'valueReference="3" causality="local" variability="discrete">\n      <Integer/>',
+        'valueReference="1" variability="constant"><Real start="1"/>', "not all are constants",
+    ),
+    "an output listed twice": Fault("</Outputs>", '<Unknown index="2"/></Outputs>', "listed twice"),
+    "a missing output": Fault(
+        "</ModelVariables>",
+        f'<ScalarVariable name="z" valueReference="9" {Y}</ScalarVariable></ModelVariables>',
+        "Outputs: does not list z",
+    ),
+    "no output": Fault("</Outputs>", '<Unknown index="4"/></Outputs>', "lists, wrongly, n"),
+    "kinds without dependencies": Fault('<Unknown index="2" dependencies="1" dependenciesKind',
+                                        '<Unknown index="2" dependenciesKind', "Kind without dep"),
+    "fewer kinds": Fault(OUTPUT, OUTPUT.replace('"1"', '"1 3"'), "2 dependencies, 1 kinds"),
+    "a kind for steps": Fault(
+        '<InitialUnknowns><Unknown index="2" dependencies="1"',
+        '<InitialUnknowns><Unknown index="2" dependencies="1" dependenciesKind="fixed"',
+        "dependenciesKind fixed is for steps only",
+    ),
+    "a derivative of nothing": Fault(' derivative="7"', "", "does not say of which variable"),
+    "a missing initial unknown": Fault('<Unknown index="9"/>', "", "does not list c"),
+    "an initial unknown too many": Fault('<Unknown index="9"/>', '<Unknown index="9"/>'
+                                         '<Unknown index="1"/>', "lists, wrongly, u"),
+}  # fmt: skip
+
+
+@pytest.fixture
+def packed(fmus, tmp_path):
+    """An FMU with a description of our own, the library of the model `gain`, and further files."""
+
+    def pack(text, files=None, binary=BINARY):
+        path = tmp_path / "gain.fmu"
+        with zipfile.ZipFile(fmus["gain"]) as good:
+            library = good.read(BINARY)
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("modelDescription.xml", text)
+            content = {binary: library, "sources/gain.c": b""} | (files or {})
+            content[BINARY.replace("gain", "g-n")] = library if binary == BINARY else None
+            for name, data in content.items():
+                if data is not None:
+                    archive.writestr(name, data)
+        return path
+
+    return pack
+
+
+def with_fault(fault):
+    assert fault.old in GOOD
+    return GOOD.replace(fault.old, fault.new, 1)
+
+
+def test_what_is_by_the_book_has_no_fault_by_our_rules_nor_by_those_of_fmpy(packed, capsys):
+    path = packed(GOOD)
+    verdict = judge(path)
+    assert (verdict.errors, verdict.warnings) == ((), ())
+    assert validate_fmu(str(path)) == []
+    assert main(["check", str(path), "--strict"]) == 0
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("kind", FATAL)
+def test_an_error_is_status_1_and_run_says_the_same(packed, capsys, kind):
+    path = packed(with_fault(FATAL[kind]))
+    assert main(["check", str(path)]) == 1
+    lines = capsys.readouterr().err.splitlines()
+    assert any(FATAL[kind].line in line for line in lines), lines
+    with pytest.raises(FmuError) as caught:
+        read_interface(path)
+    errors = [line for line in lines if ": warning: " not in line]
+    assert errors == [f"harness: {line}" for line in str(caught.value).splitlines()]
+
+
+@pytest.mark.parametrize("kind", ODD)
+def test_a_warning_is_status_0_and_status_1_on_demand(packed, capsys, kind):
+    path = packed(with_fault(ODD[kind]))
+    assert main(["check", str(path)]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert any(ODD[kind].line in line for line in lines), lines
+    assert all(line.startswith("harness: warning: gain.fmu: ") for line in lines)
+    assert main(["check", str(path), "--strict"]) == 1
+    read_interface(path)
+
+
+@pytest.mark.parametrize("kind", [*FATAL, *ODD])
+def test_no_fault_that_fmpy_finds_is_missed(packed, kind):
+    if kind in ("a document type", "an odd encoding"):
+        pytest.skip("is not to be parsed")
+    path = packed(with_fault((FATAL | ODD)[kind]))
+    with warnings.catch_warnings(action="ignore"):
+        theirs = validate_fmu(str(path))
+    verdict = judge(path)
+    assert len(verdict.errors + verdict.warnings) >= bool(theirs)
+
+
+def test_every_rule_is_broken_by_one_of_the_faults(packed):
+    """No rule that never speaks; the two that judge the archive are tried below."""
+    silent = set(ERRORS + WARNINGS)
+    for fault in (FATAL | ODD).values():
+        from harness.rules.description import Description
+        from harness.safe_xml import UnsafeXmlError, parsed
+
+        try:
+            description = Description(parsed(with_fault(fault).encode()), ("sources/gain.c",))
+            silent -= {rule for rule in silent if any(rule(description))}
+        except (UnsafeXmlError, StopIteration, RuntimeError, ValueError):
+            continue
+    assert {rule.__name__ for rule in silent} == {"stray_files", "missing_sources"}
+
+
+def test_there_are_at_least_44_kinds():
+    assert len(FATAL) + len(ODD) >= 44
+
+
+# ---- the archive
+
+
+@pytest.mark.parametrize(
+    ("files", "line"),
+    [
+        ({"notes.txt": b""}, "notes.txt: has no place at the top of the archive"),
+        ({"stuff/notes.txt": b""}, "stuff: has no place at the top of the archive"),
+        ({"sources/gain.c": None}, "the source file sources/gain.c is listed, but not in the"),
+    ],
+)
+def test_odd_archives_are_warnings(packed, capsys, files, line):
+    assert main(["check", str(packed(GOOD, files))]) == 0
+    assert line in capsys.readouterr().err
+
+
+def appended(path, name):
+    with warnings.catch_warnings(action="ignore"), zipfile.ZipFile(path, "a") as archive:
+        archive.writestr(name, "")
+
+
+@pytest.mark.parametrize(
+    ("spoil", "line"),
+    [
+        (lambda p: p.write_bytes(b"MZ" * 50 + p.read_bytes()), "damaged or not a zip archive"),
+        (lambda p: p.write_bytes(p.read_bytes()[:-30]), "damaged or not a zip archive"),
+        (lambda p: appended(p, "modelDescription.xml"), "two files of one name"),
+        (lambda p: appended(p, "resources//a") or appended(p, "resources/a"), "two files of one"),
+        (lambda p: appended(p, "../x"), "a path that leaves the archive"),
+        (lambda p: p.write_bytes(b""), "damaged or not a zip archive"),
+    ],
+)
+def test_check_and_run_refuse_the_same_archives(packed, fmus, tmp_path, capsys, spoil, line):
+    path = packed(GOOD)
+    spoil(path)
+    assert main(["check", str(path)]) == 1
+    assert line in capsys.readouterr().err
+    top = system("top", [component("gain", "gain")], [])
+    whole = str(write(tmp_path / "x.ssp", top, {"gain": path}))
+    for arguments in (["check", whole], ["run", whole, "-o", str(tmp_path / "x.csv")]):
+        assert main(arguments) == 1
+        assert line in capsys.readouterr().err
+
+
+def test_check_and_run_refuse_a_binary_of_another_platform(packed, tmp_path, capsys):
+    path = packed(GOOD, binary="binaries/solaris/gain.so")
+    assert main(["check", str(path)]) == 1
+    assert "it holds no binary for this platform, only for solaris" in capsys.readouterr().err
+    top = system("top", [component("gain", "gain")], [])
+    whole = str(write(tmp_path / "x.ssp", top, {"gain": path}))
+    for arguments in (["check", whole], ["run", whole, "-o", str(tmp_path / "x.csv")]):
+        assert main(arguments) == 1
+        assert "no binary for this platform" in capsys.readouterr().err
+
+
+def test_check_and_run_have_one_limit_of_size(packed, tmp_path, capsys, monkeypatch):
+    """Two components of 2000 bytes each exceed 3000, one does not."""
+    path = packed(GOOD)
+    with zipfile.ZipFile(path) as archive:
+        size = sum(entry.file_size for entry in archive.infolist())
+    monkeypatch.setattr("harness.system.graph.MAX_UNPACKED", 3 * size // 2)
+    for count, status in ((1, 0), (2, 1)):
+        parts = [component(f"g{i}", "gain") for i in range(count)]
+        whole = str(write(tmp_path / "x.ssp", system("top", parts, []), {"gain": path}))
+        for arguments in (["check", whole], ["run", whole, "-o", str(tmp_path / "x.csv")]):
+            assert main(arguments) == status
+            said = capsys.readouterr().err
+            assert (f"would unpack to {2 * size} bytes" in said) == bool(status)
+
+
+# ---- in a system
+
+
+def test_run_says_the_warnings_once_and_runs(packed, tmp_path, caplog):
+    text = with_fault(ODD["an undefined unit"]).replace('nominal="2"', 'nominal="0"')
+    parts = [component("a", "gain"), component("b", "gain")]
+    guid = text.replace("{8c4e810f-3df3-4a00-8276-176fa3c9f9e0}", "gain")
+    path = write(tmp_path / "x.ssp", system("top", parts, ["a.y b.u"]), {"gain": packed(guid)})
+    result = run(path)
+    assert len(result.time) == 4
+    said = [message for message in caplog.messages if message.startswith("gain.fmu: ")]
+    assert len(said) == 1
+    assert "and 1 more (harness check lists them)" in said[0]
+
+
+def test_wiring_faults_are_shown_together_with_all_others(fmus, packed, tmp_path, capsys):
+    """A fault of the description, one of an FMU, one of a missing file, and two of the wiring."""
+    bad = packed(with_fault(FATAL["equal names"]))
+    parts = [
+        component("count", "counter"),
+        component("twice", "integrator"),
+        component("bad", "gain"),
+        component("lost", "nowhere"),
+    ]
+    wires = [
+        "count.n twice.w",
+        "count.m twice.u",
+        "gone.y twice.u",
+        "bad.y twice.u",
+        "lost.y bad.q",
+    ]
+    files = {"counter": fmus["counter"], "integrator": fmus["integrator"], "gain": bad}
+    path = write(tmp_path / "x.ssp", system("top", parts, wires), files)
+    assert main(["check", str(path)]) == 1
+    lines = capsys.readouterr().err.splitlines()
+    for wanted in (
+        "twice.w: there is no such input",
+        "count.m: there is no such output",
+        "component gone.y: there is no component 'gone'",
+        "bad: gain.fmu: k: there are two variables of this name",
+        "component lost: resources/nowhere.fmu is not in the archive",
+    ):
+        assert sum(wanted in line for line in lines) == 1, (wanted, lines)
+    assert not any("bad.q" in line or "no component 'bad'" in line for line in lines)
