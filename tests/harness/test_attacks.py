@@ -173,6 +173,17 @@ def test_check_parses_nothing_before_the_document_type_is_refused(tmp_path, monk
     assert "document type declaration" in capsys.readouterr().err
 
 
+def test_a_full_disk_is_not_called_a_damaged_archive(fmus, tmp_path, monkeypatch):
+    def full(*_arguments):
+        raise OSError(28, "No space left on device")
+
+    path = write(tmp_path / "x.ssp", system("top", [COUNT], []), fmus)
+    monkeypatch.setattr("zipfile.ZipFile.extractall", full)
+    with pytest.raises(ArchiveError) as caught, reader.opened(path):
+        pass
+    assert str(caught.value) == f"{path}: cannot be unpacked (No space left on device)"
+
+
 # ---- time
 
 
