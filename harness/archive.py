@@ -103,7 +103,7 @@ def _opened(path: Path, done: str, content: bytes | None = None) -> Iterator[zip
         with zipfile.ZipFile(path if content is None else io.BytesIO(content)) as archive:
             yield archive
     except _DAMAGE as error:
-        if isinstance(error, OSError) and error.errno is not None:  # a full disk is no damage
+        if isinstance(error, OSError) and error.errno not in (None, errno.EINVAL):  # a full disk
             raise ArchiveError(f"{path}: cannot be {done} ({error.strerror})") from None
         raise ArchiveError(
             f"{path}: cannot be {done}, the file is damaged or not a zip archive ({error})"

@@ -10,11 +10,8 @@
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
 #include "measurements.h"
-#include "mounting.h"
-#include "pose_noise.h"
-#include "relative_motion.h"
+#include "pose_update.h"
 #include "rigid_body.h"
-#include "small_rotation.h"
 
 typedef struct {
     double sample_period;
@@ -23,14 +20,9 @@ typedef struct {
     vec3 p_GT_T;
     double mass_hat;
     vec3 rho_0_H, drho_0_H, sigma_TN_0, omega_TN_T_0;
-    double sigma_rho_0, sigma_drho_0, sigma_att_0, sigma_omega_0;
-    Ratios sigma_inertia_0;
-    vec3 sigma_p_0;
-    double sigma_acc_0;
-    Camera camera;
-    PoseNoise noise;
-    double sigma_mount, use_time_stamp, resolve_flip;
-    vec3 flip_axis;
+    StartSigmas sigma_0;
+    PoseModel pose;
+    double use_time_stamp;
     GateParameters gate;
 } Parameters;
 typedef struct {
@@ -75,16 +67,12 @@ static const Model start = {
           .p_GT_T = {0.6, 0, 0},
           .mass_hat = 95,
           .rho_0_H = {0, 20, 0},
-          .sigma_rho_0 = 1,
-          .sigma_drho_0 = 0.05,
-          .sigma_att_0 = 0.5,
-          .sigma_omega_0 = 0.02,
-          .sigma_acc_0 = 3e-4,
-          .camera = CAMERA_START,
-          .noise = POSE_NOISE_START,
-          .sigma_mount = 1e-4,
+          .sigma_0 = {.rho = 1, .drho = 0.05, .att = 0.5, .omega = 0.02, .acc = 3e-4},
+          .pose = {.camera = CAMERA_START,
+                   .noise = POSE_NOISE_START,
+                   .sigma_mount = 1e-4,
+                   .flip_axis = {1, 0, 0}},
           .use_time_stamp = 1,
-          .flip_axis = {1, 0, 0},
           .gate = {.gate = 22.46, .reset_after = 10, .age_max = 5, .acquire = 1}},
     .u = {.q_TK = {1, 0, 0, 0},
           .pose_time = -1,
@@ -115,17 +103,22 @@ static const Variable variables[] = {
     PARAMETER(sigma_TN_0, "1",
               "attitude of the target at the start, modified Rodrigues parameters"),
     PARAMETER(omega_TN_T_0, "rad/s", "angular velocity of the target at the start, target axes"),
-    NONNEGATIVE(sigma_rho_0, "m", "standard deviation of the position at the start, per axis"),
-    NONNEGATIVE(sigma_drho_0, "m/s", "standard deviation of the velocity at the start, per axis"),
-    NONNEGATIVE(sigma_att_0, "rad", "standard deviation of the attitude at the start, per axis"),
-    NONNEGATIVE(sigma_omega_0, "rad/s", "standard deviation of the rate at the start, per axis"),
-    NONNEGATIVE(sigma_inertia_0, "1",
-                "standard deviation of J22, J33, J12, J13, J23 over J11 at "
-                "the start; 0 = not estimated"),
-    NONNEGATIVE(sigma_p_0, "m", "standard deviation of p_GT_T at the start; 0 = not estimated"),
-    NONNEGATIVE(sigma_acc_0, "m/s2",
-                "standard deviation of the differential acceleration at the "
-                "start, per axis"),
+    NONNEGATIVE_AS("sigma_rho_0", sigma_0.rho, "m",
+                   "standard deviation of the position at the start, per axis"),
+    NONNEGATIVE_AS("sigma_drho_0", sigma_0.drho, "m/s",
+                   "standard deviation of the velocity at the start, per axis"),
+    NONNEGATIVE_AS("sigma_att_0", sigma_0.att, "rad",
+                   "standard deviation of the attitude at the start, per axis"),
+    NONNEGATIVE_AS("sigma_omega_0", sigma_0.omega, "rad/s",
+                   "standard deviation of the rate at the start, per axis"),
+    NONNEGATIVE_AS("sigma_inertia_0", sigma_0.inertia, "1",
+                   "standard deviation of J22, J33, J12, J13, J23 over J11 at "
+                   "the start; 0 = not estimated"),
+    NONNEGATIVE_AS("sigma_p_0", sigma_0.p, "m",
+                   "standard deviation of p_GT_T at the start; 0 = not estimated"),
+    NONNEGATIVE_AS("sigma_acc_0", sigma_0.acc, "m/s2",
+                   "standard deviation of the differential acceleration at the "
+                   "start, per axis"),
     NONNEGATIVE_AS("sigma_a", model.sigma_a, "1", "white acceleration, per axis [m/s^1.5]"),
     NONNEGATIVE_AS("sigma_thrust", model.sigma_thrust, "1",
                    "relative error of the thrust times the root of its duration [s^0.5]"),
@@ -136,13 +129,16 @@ static const Variable variables[] = {
     NONNEGATIVE_AS("sigma_d", model.sigma_d, "1", "random walk of p_GT_T, per axis [m/s^0.5]"),
     NONNEGATIVE_AS("sigma_acc", model.sigma_acc, "1",
                    "random walk of the differential acceleration, per axis [m/s^2.5]"),
-    CAMERA_ROWS(camera),
-    POSE_NOISE_ROWS(noise),
-    NONNEGATIVE(sigma_mount, "rad", "uncertainty of the camera's attitude relative to N, per axis"),
+    CAMERA_ROWS(pose.camera),
+    POSE_NOISE_ROWS(pose.noise),
+    NONNEGATIVE_AS("sigma_mount", pose.sigma_mount, "rad",
+                   "uncertainty of the camera's attitude relative to N, per axis"),
     SWITCH(use_time_stamp, "1: a pose belongs to its time stamp, 0: to the sample of its arrival"),
-    SWITCH(resolve_flip,
-           "1: of a pose and itself turned by half a turn the one nearer the estimate"),
-    PARAMETER(flip_axis, "1", "axis of that half turn, unit vector, target axes"),
+    ROW_AS(PARAMETER_ROW, p, "resolve_flip", pose.resolve_flip, 1, "1",
+           "1: of a pose and itself turned by half a turn the one nearer the estimate",
+           SWITCH_VALUE),
+    PARAMETER_AS("flip_axis", pose.flip_axis, "1",
+                 "axis of that half turn, unit vector, target axes"),
     GATE_ROWS(gate),
 
     INPUT(r_GK_K, "m", "measured position of the tracked point from the camera, camera axes"),
@@ -174,132 +170,12 @@ static const Variable variables[] = {
 static void check(const Parameters *p, Problems *problems)
 {
     check_inertia(problems, "J_T", p->J_T);
-    check_unit_quaternion(problems, "|q_KS|", p->camera.q_KS);
-    if (fabs(norm(p->flip_axis) - 1) > 1e-9)
-        refuse(problems, "|flip_axis|", norm(p->flip_axis), "must be a unit vector");
+    check_unit_quaternion(problems, "|q_KS|", p->pose.camera.q_KS);
+    if (fabs(norm(p->pose.flip_axis) - 1) > 1e-9)
+        refuse(problems, "|flip_axis|", norm(p->pose.flip_axis), "must be a unit vector");
 }
 
-/* ---- poses ---- */
-typedef struct {
-    vec3 r; /* r_GK_K */
-    quat q; /* q_TN that was measured */
-    mat3 C_KN;
-    vec3 lever_S; /* C_SN^T p_KS_S */
-} Pose;
-
-static Pose pose_at(const Parameters *p, const Input *u, quat q_SN, quat q_TN_hat)
-{
-    quat q_KN = canonical(product(q_SN, p->camera.q_KS));
-    quat q = canonical(product(q_KN, canonical(u->q_TK)));
-    quat other = product(q, (quat){0, p->flip_axis.x, p->flip_axis.y, p->flip_axis.z});
-    quat back = conjugate(q_TN_hat);
-    if (p->resolve_flip && fabs(product(back, other).w) > fabs(product(back, q).w)) q = other;
-    return (Pose){u->r_GK_K, q, dcm_of_quat(q_KN), tmul(dcm_of_quat(q_SN), p->camera.p_KS_S)};
-}
-
-/* h = C_KN (C_TN^T d - rho - C_SN^T p_KS_S) */
-static vec3 position_predicted(const Pose *m, const Estimate *x)
-{
-    return mul(m->C_KN, sub(sub(tmul(dcm_of_quat(x->q), x->d), x->rho), m->lever_S));
-}
-
-/* R_1 = diag(sigma_r^2) + sigma_mount^2 range^2 I,   R_2 = (sigma_t^2 + sigma_mount^2) I */
-static mat3 position_covariance(const Parameters *p, double range)
-{
-    vec3 s = position_noise(&p->noise, range);
-    double mount = p->sigma_mount * p->sigma_mount * range * range;
-    return diagonal(s.x * s.x + mount, s.y * s.y + mount, s.z * s.z + mount);
-}
-static mat3 attitude_covariance(const Parameters *p, double range)
-{
-    double s = attitude_noise(&p->noise, range);
-    return identity(s * s + p->sigma_mount * p->sigma_mount);
-}
-
-static double update(Estimate *x, const Residual *m)
-{
-    double dx[ERRORS];
-    double nis = update_covariance(x->P, ERRORS, m, dx);
-    x->rho = add(x->rho, three(dx + RHO));
-    x->v = add(x->v, three(dx + V));
-    x->q = canonical(product(x->q, rotation(three(dx + THETA))));
-    x->w = add(x->w, three(dx + W));
-    for (size_t i = 0; i < RATIOS; i++) x->kappa.k[i] += dx[KAPPA + i];
-    x->d = add(x->d, three(dx + D_AT));
-    x->a = add(x->a, three(dx + ACC));
-    return nis;
-}
-
-/* H_1 = [-C_KN, 0, -C_KN C_TN^T d~, 0, 0, C_KN C_TN^T, 0] */
-static double update_position(Estimate *x, const Pose *m, mat3 R)
-{
-    mat3 C_KT = matmul_t(m->C_KN, dcm_of_quat(x->q));
-    Residual residual = {.y = sub(m->r, position_predicted(m, x)),
-                         .R = R,
-                         .count = 3,
-                         .block = {{RHO, scaled(-1, m->C_KN)},
-                                   {THETA, scaled(-1, matmul(C_KT, tilde(x->d)))},
-                                   {D_AT, C_KT}}};
-    return update(x, &residual);
-}
-
-static double update_attitude(Estimate *x, const Pose *m, mat3 R)
-{
-    Residual residual = {.y = rotation_error(product(conjugate(x->q), m->q)),
-                         .R = R,
-                         .count = 1,
-                         .block = {{THETA, identity(1)}}};
-    return update(x, &residual);
-}
-
-static double update_both(const Parameters *p, Estimate *x, const Pose *m)
-{
-    double range = norm(position_predicted(m, x));
-    double nis = update_position(x, m, position_covariance(p, range));
-    return nis + update_attitude(x, m, attitude_covariance(p, range));
-}
-
-/* ---- start and acquisition ---- */
-static mat3 squared(vec3 s) { return diagonal(s.x * s.x, s.y * s.y, s.z * s.z); }
-
-/* what a pose does not measure: covariance of the start */
-static void start_covariance(const Parameters *p, double *P)
-{
-    memset(P, 0, ERRORS * ERRORS * sizeof *P);
-    add_diagonal(P, V, THETA, p->sigma_drho_0 * p->sigma_drho_0);
-    add_diagonal(P, W, KAPPA, p->sigma_omega_0 * p->sigma_omega_0);
-    for (size_t i = 0; i < RATIOS; i++)
-        add_diagonal(P, KAPPA + i, KAPPA + i + 1,
-                     p->sigma_inertia_0.k[i] * p->sigma_inertia_0.k[i]);
-    put_block(P, ERRORS, D_AT, D_AT, squared(p->sigma_p_0));
-    add_diagonal(P, ACC, ERRORS, p->sigma_acc_0 * p->sigma_acc_0);
-}
-
-static void put_pair(double *P, size_t row, size_t column, mat3 block)
-{
-    put_block(P, ERRORS, row, column, block);
-    put_block(P, ERRORS, column, row, transpose(block));
-}
-
-/* rho = C_TN^T d - C_KN^T r_GK_K - C_SN^T p_KS_S and q_TN with the covariance that follows */
-static void acquire(const Parameters *p, Estimate *x, const Pose *m)
-{
-    mat3 R_1 = position_covariance(p, norm(m->r)), R_2 = attitude_covariance(p, norm(m->r));
-    x->q = canonical(m->q);
-    mat3 C_NT = transpose(dcm_of_quat(x->q)), C_NK = transpose(m->C_KN),
-         P_dd = squared(p->sigma_p_0);
-    mat3 swing = matmul(C_NT, tilde(x->d));
-    x->rho = sub(sub(mul(C_NT, x->d), mul(C_NK, m->r)), m->lever_S);
-    start_covariance(p, x->P);
-    put_block(x->P, ERRORS, THETA, THETA, R_2);
-    put_block(x->P, ERRORS, RHO, RHO,
-              plus(matmul(C_NK, matmul_t(R_1, C_NK)),
-                   plus(matmul(swing, matmul_t(R_2, swing)), matmul(C_NT, matmul_t(P_dd, C_NT)))));
-    put_pair(x->P, RHO, THETA, scaled(-1, matmul(swing, R_2)));
-    put_pair(x->P, RHO, D_AT, matmul(C_NT, P_dd));
-    symmetrise(x->P, ERRORS);
-}
-
+/* ---- start ---- */
 static Ratios ratios_of(mat3 J)
 {
     double k = 1 / J.row[0].x;
@@ -316,9 +192,9 @@ static Estimate start_estimate(const Parameters *p, const Input *u)
                   .w = p->omega_TN_T_0,
                   .kappa = ratios_of(p->J_T),
                   .d = p->p_GT_T};
-    start_covariance(p, x.P);
-    add_diagonal(x.P, RHO, V, p->sigma_rho_0 * p->sigma_rho_0);
-    add_diagonal(x.P, THETA, W, p->sigma_att_0 * p->sigma_att_0);
+    start_covariance(&p->sigma_0, x.P);
+    add_diagonal(x.P, RHO, V, p->sigma_0.rho * p->sigma_0.rho);
+    add_diagonal(x.P, THETA, W, p->sigma_0.att * p->sigma_0.att);
     return x;
 }
 
@@ -342,16 +218,16 @@ static void restart_head(const Parameters *p, State *x, double k)
 static int use_pose(const Parameters *p, const Input *u, State *x)
 {
     quat q_SN = sample_of(x, x->anchor_index)->q;
-    Pose m = pose_at(p, u, q_SN, x->anchor.q);
+    Pose m = pose_at(&p->pose, u->r_GK_K, u->q_TK, q_SN, x->anchor.q);
     Judgement verdict = ACQUISITION;
     if (x->pose.acquired > 0) {
         Estimate copy = x->anchor;
-        verdict = judge(&p->gate, &x->pose, update_both(p, &copy, &m));
+        verdict = judge(&p->gate, &x->pose, update_both(&p->pose, &copy, &m));
         if (verdict == REJECTED) return 0;
         if (verdict == ACCEPTED) x->anchor = copy;
     }
     if (verdict == ACQUISITION) {
-        acquire(p, &x->anchor, &m);
+        acquire(&p->pose, &p->sigma_0, &x->anchor, &m);
         note_acquired(&x->pose);
     }
     note_used(&x->pose, u->pose_time);

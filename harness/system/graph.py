@@ -278,6 +278,30 @@ def problems(system: System, interfaces: Mapping[str, Interface]) -> Iterator[st
     for component in system.components:
         if component.name in interfaces:
             yield from _parameter_problems(component, interfaces[component.name])
+    yield from _shared_streams(system, interfaces)
+
+
+def _shared_streams(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
+    """Components that draw the same random numbers: seed and stream are equal."""
+    owners: dict[tuple[Scalar, ...], list[str]] = {}
+    for component in system.components:
+        known = interfaces[component.name].variables if component.name in interfaces else {}
+        if "seed" in known and "stream" in known:
+            drawn = tuple(_value(component, known[name]) for name in ("seed", "stream"))
+            owners.setdefault(drawn, []).append(component.name)
+    for (seed, stream), names in owners.items():
+        if len(names) > 1:
+            yield (
+                f"{' and '.join(names)}: draw the same random numbers (seed {seed:g}, stream "
+                f"{stream:g}): give each a stream of its own"
+            )
+
+
+def _value(component: Component, variable: Variable) -> Scalar:
+    """The number that a parameter is given, or else its start value."""
+    given = component.parameters.get(variable.name)
+    value = given.value if given else variable.start
+    return float(value) if isinstance(value, int | float) else 0.0
 
 
 def _component_problems(components: Sequence[Component]) -> Iterator[str]:

@@ -174,6 +174,17 @@ def test_check_parses_nothing_before_the_document_type_is_refused(tmp_path, monk
     assert "document type declaration" in capsys.readouterr().err
 
 
+def test_a_full_disk_is_not_called_a_damaged_archive(fmus, tmp_path, monkeypatch):
+    def full(*_arguments):
+        raise OSError(28, "No space left on device")
+
+    path = write(tmp_path / "x.ssp", system("top", [COUNT], []), fmus)
+    monkeypatch.setattr("zipfile.ZipFile.extractall", full)
+    with pytest.raises(ArchiveError) as caught, reader.opened(path):
+        pass
+    assert str(caught.value) == f"{path}: cannot be unpacked (No space left on device)"
+
+
 # ---- time
 
 
@@ -294,7 +305,7 @@ def test_as_many_runs_as_allowed_are_made_in_seconds():
 
 
 def test_what_is_shown_cannot_control_a_terminal():
-    assert printable("caf\xe9 \u03c9 [1]\n\t") == "caf\xe9 \u03c9 [1]\n\t"
+    assert printable("\xfc \u03c9 [1]\n\t") == "\xfc \u03c9 [1]\n\t"
     assert printable("a\x1b[2Jb\x07\x9b") == "a\\x1b[2Jb\\x07\\x9b"
     assert printable("a\u202eb\u200b") == "a\\u202eb\\u200b"
     assert printable("a\rb") == "a\\x0db"

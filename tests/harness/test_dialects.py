@@ -17,7 +17,7 @@ from harness import run
 from harness.cli.app import main
 from harness.errors import FmuError, StructureError
 from tests.harness.foreign_fmu import GAIN as GAIN_MODEL
-from tests.harness.foreign_fmu import description
+from tests.harness.foreign_fmu import KILOMETRES, description
 from tests.harness.foreign_ssp import component, inline, linear, ssm, ssv, system, write
 
 COUNT = component("count", "counter", "n>", "t_last>")
@@ -159,13 +159,13 @@ def test_there_are_at_least_twelve():
 # ---- what stays refused, by its name
 
 
-def described(fmus, path, change):
-    """The FMU `gain` with another description."""
-    with zipfile.ZipFile(fmus["gain"]) as good, zipfile.ZipFile(path, "w") as archive:
+def described(fmus, path, change, model=GAIN_MODEL):
+    """An FMU, by default `gain`, with another description."""
+    with zipfile.ZipFile(fmus[model.name]) as good, zipfile.ZipFile(path, "w") as archive:
         for name in good.namelist():
             if name != "modelDescription.xml":
                 archive.writestr(name, good.read(name))
-        archive.writestr("modelDescription.xml", change(description(GAIN_MODEL)))
+        archive.writestr("modelDescription.xml", change(description(model)))
     return path
 
 
@@ -204,11 +204,16 @@ def test_what_is_no_fmu_stays_refused_by_its_type(fmus, tmp_path):
 
 
 def test_a_unit_of_the_fmu_gives_a_parameter_its_meaning(fmus, tmp_path):
-    """The set defines no units, the FMU knows that km are 1000 m."""
-    values = ssv("k=3 km").split("<v:Units>")[0] + "</v:ParameterSet>"
-    far = component("far", "kilometres", bindings=inline(values))
-    path = write(tmp_path / "x.ssp", system("top", [far], []), fmus)
-    assert run(path)["far.y"].tolist() == [3] * 4
+    """Neither set nor system define the cable length, the FMU knows that it is 185.2 m."""
+    cable = '<UnitDefinitions><Unit name="cable"><BaseUnit m="1" factor="185.2"/></Unit>'
+
+    def with_cable(text):
+        return text.replace("<UnitDefinitions>", cable, 1)
+
+    other = described(fmus, tmp_path / "kilometres.fmu", with_cable, KILOMETRES)
+    far = component("far", "kilometres", bindings=inline(ssv("k=10 cable")))
+    path = write(tmp_path / "x.ssp", system("top", [far], []), fmus | {"kilometres": other})
+    assert run(path)["far.y"].tolist() == [1.852] * 4
 
 
 def test_signals_in_units_without_meaning_are_taken_as_they_are_with_a_warning(

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from harness import run
 from harness.errors import FmuError, StructureError
 from harness.system.graph import build_graph
 from harness.system.model import Parameter
@@ -113,3 +114,11 @@ def test_every_unreadable_fmu_is_named(make, tmp_path):
     first, second = str(caught.value).splitlines()
     assert first == "a: gone.fmu: no such FMU"
     assert second.startswith("b: broken.fmu: damaged or not a zip archive")
+
+
+def test_sensors_that_draw_the_same_random_numbers_are_refused():
+    twice = {"gyro.stream": 1}
+    with pytest.raises(StructureError) as caught:
+        run("sync_approach_navigated", set=twice, stop=1.0)
+    (problem,) = caught.value.problems
+    assert problem.startswith("star_tracker and gyro: draw the same random numbers (seed 1, str")

@@ -91,7 +91,7 @@ FATAL = {
     "a violated schema": Fault('modelName="gain"', "", "'modelName' is required"),
     "an unknown element": Fault("<ModelStructure>", "<What/><ModelStructure>", "What"),
     "no number": Fault('start="2" unit', 'start="two" unit', "two"),
-    "an unknown causality": Fault('"local"', '"lokal"', "lokal"),
+    "an unknown causality": Fault('"local"', '"nowhere"', "nowhere"),
     "no type": Fault("<Real/></ScalarVariable>\n    <ScalarVariable name=\"k\"",
                      "</ScalarVariable>\n    <ScalarVariable name=\"k\"", "ScalarVariable"),
     "broken XML": Fault("</ModelStructure>", "", "not a readable XML file"),
@@ -174,7 +174,7 @@ ODD = {
     "several sets": Fault('causality="input"', 'causality="input" '
                           'canHandleMultipleSetPerTimeInstant="true"', "of model exchange only"),
     "a shared reference": Fault('valueReference="2"', 'valueReference="0"', "more than one is set"),
-    "a shared reference, other unit": Fault('valueReference="6"', 'valueReference="7"', "not thei"),
+    "a shared reference, other unit": Fault('valueReference="6"', 'valueReference="7"', "but not"),
     "a constant alias": Fault(
         'valueReference="3" causality="local" variability="discrete">\n      <Integer/>',
         'valueReference="1" variability="constant"><Real start="1"/>', "not all are constants",
