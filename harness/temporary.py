@@ -9,9 +9,12 @@ process. (Windows and machines without a shell have no such guard.)
 from __future__ import annotations
 
 import os
+import secrets
+import shutil
 import subprocess
+import tempfile
+import weakref
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from types import TracebackType
 
 from harness.errors import ResultsError
@@ -23,19 +26,25 @@ class PrivateFolder:
     """A new folder that only this user can read; a context manager that gives its path."""
 
     def __init__(self) -> None:
+        self._guard = None
         try:
-            self._folder = TemporaryDirectory(prefix="harness-")
+            self.path = Path(tempfile.gettempdir()) / f"harness-{secrets.token_hex(8)}"
+            self._guard = _guard(self.path)  # first, so that no kill comes between
+            self.path.mkdir(mode=0o700)
         except OSError as error:
+            self._dismiss_guard()
             raise ResultsError(
                 f"{os.environ.get('TMPDIR', 'the temporary folder')}: no temporary files can be "
                 f"made there ({error.strerror or error})"
             ) from error
-        self.path = Path(self._folder.name)
-        self._guard = _guard(self.path)
+        self._remove = weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
 
     def close(self) -> None:
         """Remove the folder with all that is in it."""
-        self._folder.cleanup()
+        self._remove()
+        self._dismiss_guard()
+
+    def _dismiss_guard(self) -> None:
         if self._guard is not None:
             self._guard.communicate(b"done\n")
             self._guard = None

@@ -360,3 +360,23 @@ def test_a_comparison_deletes_nothing_before_it_starts_and_no_old_table_stands_b
         study.compare(work / "long.ssp", variants, out)
     assert sorted(p.name for p in out.iterdir()) == ["gauss-seidel.nc", "jacobi.nc"]
     assert read(out / "jacobi.nc").complete
+
+
+@posix
+def test_a_kill_between_guard_and_folder_leaves_no_folder(tmp_path):
+    """The guard is there before the folder is, so no moment is left in which nobody removes it."""
+    code = (
+        "import os, signal, pathlib; from harness.temporary import PrivateFolder; m = pathlib.Path.mkdir\n"
+        "def mkdir(*a, **k): m(*a, **k); os.kill(os.getpid(), signal.SIGKILL)\n"
+        "pathlib.Path.mkdir = mkdir; PrivateFolder()"
+    )
+    paths = os.pathsep.join(p for p in sys.path if p)
+    subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | {"PYTHONPATH": paths, "TMPDIR": str(tmp_path)},
+        check=False,
+    )
+    until = time.monotonic() + 20
+    while list(tmp_path.iterdir()) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert list(tmp_path.iterdir()) == []
