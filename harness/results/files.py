@@ -16,6 +16,7 @@ import csv
 import os
 import re
 import tempfile
+import unicodedata
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import replace
@@ -90,7 +91,7 @@ class ResultFile:
             for component, interface in read_interfaces(system).items()
             for variable in (*interface.outputs(), *interface.named("parameter"))
         )
-        if bad := [name for name in names if not _NETCDF_NAME.fullmatch(name) or len(name) > 200]:
+        if bad := [name for name in names if not _fits_netcdf(name)]:
             more = f" and {len(bad) - 3} more" if len(bad) > 3 else ""
             shown = ", ".join(repr(name[:80]) for name in bad[:3]) + more
             raise ResultsError(f"{self.path}: a .nc cannot hold {shown}: choose .csv or .mat")
@@ -155,6 +156,12 @@ def _rescued(result: Result, path: Path) -> Path | None:
         else:
             return Path(name)
     return None
+
+
+def _fits_netcdf(name: str) -> bool:
+    """Whether a netCDF file keeps a name as it is: it composes characters (NFC)."""
+    as_it_is = unicodedata.is_normalized("NFC", name) and len(name) <= 200
+    return as_it_is and _NETCDF_NAME.fullmatch(name) is not None
 
 
 _NETCDF_NAME = re.compile(r"[\w\u0080-\U0010ffff][^/\x00-\x1f\x7f]*(?<! )")

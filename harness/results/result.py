@@ -101,7 +101,7 @@ def _array(group: Mapping[tuple[int, ...], int]) -> NDArray[np.intp] | None:
     then only single elements have names.
     """
     whole = grid(group)
-    if whole is None or not whole.shape or max(whole.first) > 1:
+    if whole is None or max(whole.first, default=0) > 1:
         return None
     array = np.empty(whole.shape, dtype=np.intp)
     for i, column in group.items():

@@ -81,7 +81,7 @@ def _with_files(variants: Sequence[Variant]) -> list[Variant]:
     for variant in variants:
         stem = re.sub(r"[^\w.+-]+", "_", variant.label)[:100].strip(".") or "run"
         stem = re.sub(r"\.partial$", "_partial", stem, flags=re.IGNORECASE)
-        names = (stem, *(f"{stem}-{n}" for n in range(2, len(variants) + 2)))
+        names = itertools.chain([stem], (f"{stem}-{n}" for n in itertools.count(2)))
         file = next(name for name in names if name.casefold() not in taken)
         taken.add(file.casefold())
         found.append(replace(variant, file=file))

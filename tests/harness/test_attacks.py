@@ -6,6 +6,7 @@ seconds, nothing controls the terminal.
 from __future__ import annotations
 
 import logging
+import os
 import time
 import warnings
 import zipfile
@@ -94,7 +95,7 @@ def test_a_link_planted_beside_is_not_followed(tmp_path, monkeypatch):
     monkeypatch.setattr("secrets.token_hex", lambda _n: "0" * 12)
     victim = tmp_path / "victim"
     victim.write_text("mine")
-    (tmp_path / f".x-{'0' * 12}.ssp").symlink_to(victim)
+    (tmp_path / f".x-{os.getpid()}-{'0' * 12}.ssp").symlink_to(victim)
     with pytest.raises(ResultsError, match="File exists"):
         pack(tmp_path / "x.ssp", {"a": b"b"})
     assert victim.read_text() == "mine"
