@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
-from harness.changes import Changes, Pairs, apply, pairs
+from harness.master.changes import Changes, Pairs, apply, pairs
 from harness.master.isolated import guarded, simulate
 from harness.master.simulation import Simulation
 from harness.results.files import read
@@ -54,8 +54,8 @@ def run(
     system: name of a system of the project, path of an .ssp, or a System; executor: c or python
     (same bits); every: record every N-th macro step; progress: show a bar on stderr; in_process:
     run FMUs that are not ours in this process too (docs/robustness.md); changes: what shall be
-    otherwise than the system says, see harness.changes.Changes (params, set, swap, latency, step,
-    stop, algorithm).
+    otherwise than the system says, see harness.master.changes.Changes (params, set, swap,
+    latency, step, stop, algorithm).
 
     Raises UsageError, ArchiveError, StructureError, FmuError, or RunError, whose `partial` is what
     was recorded so far.

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Self
 
 from harness.bench.monolith import Monolith, SlaveLoop
+from harness.files.paths import systems
 from harness.master.fmu import Instance
 from harness.master.simulation import Simulation
-from harness.paths import systems
 from harness.system.model import System
 from harness.system.schedule import Verb
 

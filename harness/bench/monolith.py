@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import StructureError, UsageError
+from harness.files.paths import monolith_library
 from harness.master.fmu import Instance
 from harness.master.simulation import Simulation
 from harness.master.transfer import Transfer
-from harness.paths import monolith_library
 from harness.system.graph import Graph, Node, build_graph
 from harness.system.model import System
 from harness.system.schedule import Verb

@@ -16,10 +16,10 @@ from typing import Annotated
 
 import typer
 
-from harness import signals
 from harness.cli import look, models, runs
 from harness.cli.once import OnceCommand
 from harness.errors import HarnessError
+from harness.files import signals
 from harness.spelling import printable
 
 app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None, no_args_is_help=True)

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from harness import paths
-from harness.changes import set_names
 from harness.errors import UsageError
+from harness.files import paths
+from harness.master.changes import set_names
 from harness.ssp import reader
 from harness.ssp.library import find_system
 from harness.system.interface import read_interface

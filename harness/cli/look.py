@@ -135,7 +135,7 @@ def validate_command(
     write: Annotated[Path | None, typer.Option(help="write the page to this Markdown file")] = None,
 ) -> None:
     """Run the FMUs against numbers made by others."""
-    from harness.output import written
+    from harness.files.output import written
     from harness.validation import markdown, table, validate
 
     rows = validate(names or None)

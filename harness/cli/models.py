@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from harness.cli.options import SystemArgument, takes_changes
-from harness.output import written
+from harness.files.output import written
 
 app = typer.Typer()
 

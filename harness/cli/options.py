@@ -39,7 +39,7 @@ def _completed(known: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]
 
 
 def _systems() -> Iterable[str]:
-    from harness import paths
+    from harness.files import paths
 
     return paths.systems()
 
@@ -64,13 +64,13 @@ def _of_system(names: Callable[[Any], Iterable[str]]) -> Callable[[typer.Context
 
 
 def _sets(system: Any) -> Iterable[str]:
-    from harness.changes import set_names
+    from harness.master.changes import set_names
 
     return set_names(system)
 
 
 def _swaps(system: Any) -> Iterable[str]:
-    from harness import paths
+    from harness.files import paths
 
     return (f"{c.name}={fmu}" for c in system.components for fmu in paths.fmus())
 
@@ -142,7 +142,7 @@ CHANGES: dict[str, Any] = {
     "stop": Annotated[float | None, typer.Option(help="stop time [s]")],
     "algorithm": Annotated[str | None, typer.Option(help="gauss-seidel or jacobi")],
 }
-"""The options of harness.changes.Changes by name."""
+"""The options of harness.master.changes.Changes by name."""
 
 
 def takes_changes(*names: str) -> Callable[[Command], Command]:

@@ -48,11 +48,11 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
 
     Default: results/SYSTEM.nc.
     """
-    from harness.changes import apply
+    from harness.files.signals import held
+    from harness.master.changes import apply
     from harness.master.isolated import simulate
     from harness.results.files import ResultFile
     from harness.results.notes import notes
-    from harness.signals import held
     from harness.ssp.library import load
     from harness.system.graph import say_warnings
 
@@ -168,7 +168,7 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
 
 def _limits(bands: list[str] | None, keep_out: float) -> Any:
     """Limits of a comparison from the options --band and --keep-out; UsageError."""
-    from harness.changes import pairs
+    from harness.master.changes import pairs
     from harness.studies.measures import Limits
 
     given = {}
@@ -255,8 +255,8 @@ def study_command(  # noqa: PLR0913, PLR0917 - one argument per option
 
     Studies of the papers, as the maps of the space robot.
     """
-    from harness import paths
     from harness.errors import UsageError
+    from harness.files import paths
     from harness.spelling import did_you_mean
 
     known = paths.campaigns()

@@ -19,8 +19,9 @@ from uuid import NAMESPACE_URL, uuid5
 
 from lxml import etree
 
-from harness.archive import pack
 from harness.errors import ResultsError, StructureError, UsageError
+from harness.files.archive import pack
+from harness.files.temporary import PrivateFolder
 from harness.master.isolated import guarded
 from harness.master.simulation import Simulation
 from harness.ssp.xml import XmlElement, literal
@@ -30,7 +31,6 @@ from harness.system.interface import Interface
 from harness.system.model import Port, System
 from harness.system.units import IDENTITY
 from harness.system.values import Scalar
-from harness.temporary import PrivateFolder
 
 MODEL = "modelDescription.xml"
 RUNTIME = "resources/container.txt"

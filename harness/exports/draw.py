@@ -8,7 +8,7 @@ from pathlib import Path
 from lxml import etree
 
 from harness.exports.diagram import LINE, Diagram, Points, Text, lay_out
-from harness.output import written
+from harness.files.output import written
 from harness.ssp.xml import XmlElement
 from harness.system.model import System
 

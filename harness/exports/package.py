@@ -8,9 +8,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Unpack
 
-from harness.changes import Changes, apply
 from harness.errors import ResultsError
 from harness.exports.container import write_container
+from harness.master.changes import Changes, apply
 from harness.spelling import file_stem
 from harness.ssp.library import load
 from harness.ssp.writer import write_ssp

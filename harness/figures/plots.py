@@ -15,7 +15,7 @@ import numpy as np
 from harness.errors import ResultsError
 from harness.figures import FIGURES, OVERLAYS, Curve, Drawing, Figure, Overlay, Panel
 from harness.figures.figure import MANY, Colour
-from harness.output import written
+from harness.files.output import written
 from harness.results.result import Result
 
 Canvas = Any

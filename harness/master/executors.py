@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import UsageError
+from harness.files.paths import loop_library
 from harness.master.fmu import Instance
 from harness.master.recorder import Recorder
 from harness.master.transfer import CFunction, Transfer
-from harness.paths import loop_library
 from harness.system.schedule import Action, Verb
 
 

@@ -21,9 +21,9 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 from numpy.typing import NDArray
 
-from harness import cache
-from harness.archive import unpack
 from harness.errors import FmuError, RunError
+from harness.files import cache
+from harness.files.archive import unpack
 from harness.master import messages, place
 from harness.master.transfer import Transfer, transfers
 from harness.system.graph import Node

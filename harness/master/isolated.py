@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from harness import signals
 from harness.errors import FmuError, HarnessError, InterruptionError, RunError
+from harness.files import signals
+from harness.files.paths import is_ours
 from harness.master import memory
 from harness.master import simulation as here
 from harness.master.child import GRACE_SECONDS, OUTCOME, Child, Send
 from harness.master.progress import progress_bar
 from harness.master.simulation import Simulation
-from harness.paths import is_ours
 from harness.results.result import Result
 from harness.system.model import System
 

@@ -13,10 +13,11 @@ from typing import Any, Self, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from harness import signals
-from harness.changes import Changes, apply
 from harness.errors import InterruptionError, RunError, UsageError
+from harness.files import signals
+from harness.files.temporary import PrivateFolder
 from harness.master import messages
+from harness.master.changes import Changes, apply
 from harness.master.executors import EXECUTORS, Clock
 from harness.master.fmu import Instance
 from harness.master.progress import progress_bar
@@ -25,7 +26,6 @@ from harness.results.result import Result
 from harness.system.graph import Checked, Node, Slot, checked, constants, rechecked
 from harness.system.model import System
 from harness.system.schedule import schedule
-from harness.temporary import PrivateFolder
 
 MAX_ROUNDS = 200
 """Rounds of initial propagation; a loop of two units and gain 1/2 has settled to the last bit after

@@ -27,9 +27,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import ResultsError, UsageError
-from harness.output import new_beside, written
+from harness.files.output import new_beside, written
+from harness.files.signals import held
 from harness.results.result import Result
-from harness.signals import held
 from harness.system.graph import read_interfaces
 from harness.system.model import Port, System
 from harness.system.values import expand

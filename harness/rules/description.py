@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from harness.safe_xml import XmlElement
+from harness.files.safe_xml import XmlElement
 
 SHOWN = 5
 """Variables that a line names."""

@@ -7,8 +7,8 @@ import math
 import re
 from collections.abc import Iterator
 
+from harness.files.safe_xml import XmlElement
 from harness.rules.description import Description, twice
-from harness.safe_xml import XmlElement
 
 _BARE_GUID = re.compile(r"[0-9a-fA-F]{8}(-[0-9a-fA-F]{4}){3}-[0-9a-fA-F]{12}")
 

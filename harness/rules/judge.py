@@ -12,11 +12,11 @@ from typing import Any
 import fmpy
 from lxml import etree
 
-from harness.archive import inspect, read_entry
 from harness.errors import ArchiveError
+from harness.files.archive import inspect, read_entry
+from harness.files.safe_xml import UnsafeXmlError, XmlElement, parsed
 from harness.rules import definitions, files, header, structure, variables
 from harness.rules.description import TYPES, Description, Rule
-from harness.safe_xml import UnsafeXmlError, XmlElement, parsed
 
 FILE = "modelDescription.xml"
 

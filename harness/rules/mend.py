@@ -7,8 +7,8 @@ from copy import deepcopy
 
 from lxml import etree
 
+from harness.files.safe_xml import XmlElement
 from harness.rules.description import DEFAULT_INITIAL
-from harness.safe_xml import XmlElement
 
 
 def readable(root: XmlElement) -> bytes:

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from harness.files.safe_xml import XmlElement
 from harness.rules.description import Declared, Description, some, twice
-from harness.safe_xml import XmlElement
 
 LISTS = ("Outputs", "Derivatives", "InitialUnknowns")
 

@@ -11,9 +11,9 @@ from dataclasses import replace
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-from harness.archive import inspect, read_entry
 from harness.errors import ArchiveError, StructureError
-from harness.paths import is_file
+from harness.files.archive import inspect, read_entry
+from harness.files.paths import is_file
 from harness.spelling import did_you_mean
 from harness.ssp import xml
 from harness.ssp.parameters import (

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from harness import paths
 from harness.errors import UsageError
+from harness.files import paths
 from harness.spelling import did_you_mean
 from harness.ssp import reader
 from harness.system.model import System

@@ -14,10 +14,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from harness import cache
-from harness.archive import MAX_UNPACKED, unpack, unpacked_size
 from harness.errors import ArchiveError, StructureError
-from harness.paths import is_file
+from harness.files import cache
+from harness.files.archive import MAX_UNPACKED, unpack, unpacked_size
+from harness.files.paths import is_file
+from harness.files.temporary import PrivateFolder
 from harness.ssp import xml
 from harness.ssp.elements import ElementReader
 from harness.ssp.flatten import Flat
@@ -31,7 +32,6 @@ from harness.system.model import (
     ParameterSet,
     System,
 )
-from harness.temporary import PrivateFolder
 
 MAX_COMPONENTS = 10_000
 """Largest number of components of a system."""

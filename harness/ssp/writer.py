@@ -15,8 +15,8 @@ from urllib.parse import quote
 
 from lxml import etree
 
-from harness.archive import pack
 from harness.errors import StructureError
+from harness.files.archive import pack
 from harness.ssp.ssv import BaseUnits, bare_ssv, ssv, unit_table
 from harness.ssp.xml import (
     FMU_TYPE,

@@ -12,10 +12,10 @@ from typing import Any
 import fmpy
 from lxml import etree
 
-from harness import cache
-from harness.archive import MAX_ENTRY
 from harness.errors import StructureError
-from harness.safe_xml import UnsafeXmlError, parsed
+from harness.files import cache
+from harness.files.archive import MAX_ENTRY
+from harness.files.safe_xml import UnsafeXmlError, parsed
 from harness.system.values import Scalar
 
 XmlElement = Any

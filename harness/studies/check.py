@@ -15,9 +15,9 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from harness import paths
-from harness.changes import choose_set, set_names
 from harness.errors import FmuError, HarnessError, StructureError, UsageError
+from harness.files import paths
+from harness.master.changes import choose_set, set_names
 from harness.rules.judge import judge
 from harness.spelling import did_you_mean
 from harness.ssp import reader

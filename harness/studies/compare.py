@@ -22,9 +22,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
 
-from harness.changes import apply
 from harness.errors import HarnessError, RunError, UsageError
 from harness.master import isolated
+from harness.master.changes import apply
 from harness.master.child import end_with_parent
 from harness.results.files import ResultFile, read
 from harness.results.result import Result

@@ -21,13 +21,13 @@ import numpy as np
 from fmpy.fmi2 import FMU2Slave
 from numpy.typing import NDArray
 
-from harness.archive import unpack
 from harness.errors import FmuError, RunError, UsageError
+from harness.files.archive import unpack
+from harness.files.temporary import PrivateFolder
 from harness.master import messages, place
 from harness.system.interface import Interface, read_interface
 from harness.system.names import base, index
 from harness.system.values import assign
-from harness.temporary import PrivateFolder
 
 Array = NDArray[np.float64]
 RELATIVE_STATE, RELATIVE_INPUT = 1e-4, 1e-2

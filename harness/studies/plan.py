@@ -10,8 +10,8 @@ from typing import Unpack
 
 import numpy as np
 
-from harness.changes import Changes, apply
 from harness.errors import UsageError
+from harness.master.changes import Changes, apply
 from harness.master.simulation import simulate
 from harness.results.result import Result
 from harness.ssp.library import load

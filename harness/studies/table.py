@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from harness.output import written
+from harness.files.output import written
 
 Measures = Mapping[tuple[str, str], Mapping[str, float]]
 """Values by (name, unit) of a measure, then by the label of a run."""

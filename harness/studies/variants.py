@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from harness.changes import Changes, pairs
 from harness.errors import UsageError
+from harness.master.changes import Changes, pairs
 from harness.system.values import parse
 
 NAMED = ("swap", "latency", "set")

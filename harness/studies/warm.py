@@ -7,7 +7,7 @@ import math
 from contextlib import ExitStack
 from pathlib import Path
 
-from harness.changes import Changes
+from harness.master.changes import Changes
 from harness.master.simulation import Simulation
 from harness.results.result import Result
 from harness.ssp.library import load

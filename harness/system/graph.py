@@ -14,8 +14,8 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from harness.archive import MAX_UNPACKED
 from harness.errors import FmuError, StructureError
+from harness.files.archive import MAX_UNPACKED
 from harness.spelling import did_you_mean
 from harness.system.conversion import final, is_unconverted, way
 from harness.system.interface import Interface, Variable, read_interface, units_agree

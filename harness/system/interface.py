@@ -15,9 +15,9 @@ from typing import Any
 
 from fmpy import platform, platform_tuple, read_model_description, sharedLibraryExtension
 
-from harness.archive import unpacked_size
 from harness.errors import FmuError
-from harness.paths import is_file
+from harness.files.archive import unpacked_size
+from harness.files.paths import is_file
 from harness.rules.judge import Verdict, judge
 from harness.rules.mend import readable
 from harness.system.units import Unit

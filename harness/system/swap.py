@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from harness import paths
 from harness.errors import StructureError, UsageError
+from harness.files import paths
 from harness.spelling import did_you_mean
 from harness.system.graph import read_interfaces
 from harness.system.interface import Interface, read_interface, units_agree

@@ -16,9 +16,9 @@ from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave
 from numpy.typing import ArrayLike, NDArray
 
-from harness import paths
-from harness.changes import apply
 from harness.errors import UsageError
+from harness.files import paths
+from harness.master.changes import apply
 from harness.master.simulation import simulate
 from harness.results.result import Result
 from harness.ssp.library import load

@@ -6,9 +6,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.changes import apply
 from harness.cli.app import main
 from harness.errors import UsageError
+from harness.master.changes import apply
 from harness.master.isolated import simulate
 from harness.system.names import Grid, Name, grid
 from harness.system.values import assign, coerce

@@ -15,12 +15,12 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from harness.archive import pack
 from harness.cli.app import main
 from harness.errors import ArchiveError, ResultsError, StructureError, UsageError
+from harness.files.archive import pack
+from harness.files.safe_xml import UnsafeXmlError, parsed
 from harness.results import files as result_files
 from harness.results.result import Result
-from harness.safe_xml import UnsafeXmlError, parsed
 from harness.spelling import did_you_mean, file_stem, printable
 from harness.ssp import reader
 from harness.studies.variants import MAX_RUNS, combinations
@@ -167,7 +167,7 @@ def test_check_parses_nothing_before_the_document_type_is_refused(tmp_path, monk
 
     monkeypatch.setattr("fmpy.model_description.read_model_description", never)
     monkeypatch.setattr("harness.system.interface.read_model_description", never)
-    monkeypatch.setattr("harness.safe_xml.etree.fromstring", never)
+    monkeypatch.setattr("harness.files.safe_xml.etree.fromstring", never)
     with zipfile.ZipFile(tmp_path / "x.fmu", "w") as archive:
         text = description(COUNTER).replace("?>", "?><!DOCTYPE x>", 1)
         archive.writestr("modelDescription.xml", text)

@@ -13,8 +13,9 @@ from dataclasses import replace
 
 import pytest
 
-from harness import cache, run
+from harness import run
 from harness.errors import ArchiveError
+from harness.files import cache
 from harness.master.simulation import Simulation
 from tests.harness import foreign_fmu
 from tests.harness.foreign_fmu import Model, build, p, y
@@ -136,7 +137,7 @@ def test_a_half_unpacked_folder_of_a_process_that_was_killed_is_not_used_and_goe
 MANY = """
 import sys
 from pathlib import Path
-from harness import cache
+from harness.files import cache
 cache.LIMIT = 0
 for k in range(150):
     with cache.unpacked(Path(sys.argv[1 + k % 2])) as found:

@@ -15,10 +15,11 @@ import psutil
 import pytest
 from scipy import stats
 
-from harness import campaign, paths, run
+from harness import campaign, run
 from harness.cli.app import main
 from harness.cli.campaigns import pictures
 from harness.errors import StructureError, UsageError
+from harness.files import paths
 from harness.results.files import read
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp

@@ -28,8 +28,8 @@ def folder(fmus, tmp_path, monkeypatch):
     """Working directory with demo.ssp, which stands for a system of the project too."""
     write_ssp(system_of(tomllib.loads(TOML), fmus), tmp_path / "demo.ssp")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("harness.paths.systems", lambda: {"demo": tmp_path / "demo.ssp"})
-    monkeypatch.setattr("harness.paths.fmus", lambda: fmus)
+    monkeypatch.setattr("harness.files.paths.systems", lambda: {"demo": tmp_path / "demo.ssp"})
+    monkeypatch.setattr("harness.files.paths.fmus", lambda: fmus)
     return tmp_path
 
 

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness import paths
+from harness.files import paths
 from harness.results.files import read
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp

@@ -13,10 +13,10 @@ import zipfile
 import pytest
 
 from harness import run
-from harness.archive import read_entry, unpack
 from harness.errors import ArchiveError, FmuError, HarnessError
+from harness.files.archive import read_entry, unpack
+from harness.files.temporary import PrivateFolder
 from harness.system.interface import read_interface
-from harness.temporary import PrivateFolder
 from tests.harness import interrupts
 from tests.harness.foreign_fmu import COUNTER, description
 from tests.harness.foreign_ssp import component, ssm, ssv, system, write
@@ -110,7 +110,7 @@ def test_a_size_that_lies_is_damage(tmp_path):
 
 
 def test_too_many_files_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("harness.archive.MAX_FILES", 3)
+    monkeypatch.setattr("harness.files.archive.MAX_FILES", 3)
     path = tmp_path / "many.zip"
     with zipfile.ZipFile(path, "w") as archive:
         for i in range(4):

@@ -20,24 +20,19 @@ LAYERS = (
     ("api",),
     ("studies", "exports", "bench", "validation", "figures", "claims"),
     ("master",),
-    ("changes",),
     ("ssp",),
     ("results",),
     ("system",),
     ("rules",),
-    ("cache",),
-    ("archive", "safe_xml"),
-    ("output", "paths", "temporary", "spelling"),
-    ("signals",),
-    ("errors",),
+    ("files",),
+    ("errors", "spelling"),
 )
 """From the top down; rooms of one layer do not know each other."""
 
 FLOOR = {room: len(LAYERS) - i for i, layer in enumerate(LAYERS) for room in layer}
-ACQUAINTED = {("studies", "figures"), ("api", "__init__"), ("cli", "__init__")}
 
 ONLY = {
-    "lxml": {"ssp", "exports", "rules", "safe_xml"},
+    "lxml": {"ssp", "exports", "rules", "files"},
     "ctypes": {"master", "bench", "validation"},
     "fmpy": {"master", "ssp", "system", "studies", "rules", "bench", "validation"},
     "matplotlib": {"figures"},

@@ -11,14 +11,14 @@ from pathlib import Path
 
 import pytest
 
-from harness.archive import unpack
 from harness.cli.app import main
 from harness.errors import ArchiveError, FmuError, ResultsError, StructureError, UsageError
+from harness.files.archive import unpack
+from harness.files.temporary import PrivateFolder
 from harness.master.isolated import simulate
 from harness.system.graph import checked
 from harness.system.interface import read_interface
 from harness.system.units import Unit, compose
-from harness.temporary import PrivateFolder
 
 
 @pytest.mark.parametrize("every", [2**31, 2**32 + 1, 2**64])

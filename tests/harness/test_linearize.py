@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from harness import paths
 from harness.errors import UsageError
+from harness.files import paths
 from harness.studies.linearize import linearize
 
 MU = 3.986004415e14

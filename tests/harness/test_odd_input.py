@@ -15,10 +15,10 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from harness.changes import apply
 from harness.cli.app import main
 from harness.errors import HarnessError, RunError
 from harness.master import isolated
+from harness.master.changes import apply
 from harness.master.simulation import Simulation
 from harness.results.files import read
 from harness.ssp.build import system_of
@@ -63,7 +63,7 @@ def folder(tmp_path_factory, fmus):
 def _short_runs(monkeypatch, folder, fmus):
     """Runs in this process, and no long ones."""
     monkeypatch.chdir(folder)
-    monkeypatch.setattr("harness.paths.fmus", lambda: fmus)
+    monkeypatch.setattr("harness.files.paths.fmus", lambda: fmus)
 
     def simulate(system, **options):
         options.pop("in_process", None)

@@ -9,8 +9,8 @@ from dataclasses import replace
 import pytest
 
 from harness import load, run
-from harness.changes import apply
 from harness.errors import StructureError, UsageError
+from harness.master.changes import apply
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from harness.system.model import Parameter
@@ -255,7 +255,7 @@ def test_dropped_parameters_leave_the_named_sets_too(system, other):
 
 
 def test_a_swapped_fmu_by_name_comes_from_the_project(system, fmus, monkeypatch):
-    monkeypatch.setattr("harness.paths.fmus", lambda: fmus)
+    monkeypatch.setattr("harness.files.paths.fmus", lambda: fmus)
     assert run(system, swap=["third=plus_one"])["third.y"].tolist() == [2.0] * 5
 
 

@@ -273,8 +273,8 @@ def test_every_rule_is_broken_by_one_of_the_faults(packed):
     """No rule that never speaks; the two that judge the archive are tried below."""
     silent = set(ERRORS + WARNINGS)
     for fault in (FATAL | ODD).values():
+        from harness.files.safe_xml import UnsafeXmlError, parsed
         from harness.rules.description import Description
-        from harness.safe_xml import UnsafeXmlError, parsed
 
         try:
             description = Description(parsed(with_fault(fault).encode()), ("sources/gain.c",))

@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import pytest
 
-from harness import paths, run
-from harness.changes import apply, choose_set, set_names
+from harness import run
+from harness.files import paths
+from harness.master.changes import apply, choose_set, set_names
 from harness.ssp.library import load
 from harness.system.graph import checked
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from harness import run
-from harness.archive import unpack
 from harness.errors import ArchiveError, StructureError
+from harness.files.archive import unpack
 from harness.ssp import reader as ssp
 from harness.ssp.parameters import read_ssv
 

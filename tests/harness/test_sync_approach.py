@@ -11,9 +11,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness import load, paths, run
-from harness.changes import apply
+from harness import load, run
 from harness.cli.app import main
+from harness.files import paths
+from harness.master.changes import apply
 from harness.master.simulation import Simulation
 from harness.system.interface import read_interface
 

@@ -12,9 +12,10 @@ from dataclasses import replace
 
 import pytest
 
-from harness import Simulation, load, paths, run
-from harness.changes import set_names
+from harness import Simulation, load, run
 from harness.errors import InterruptionError, RunError, StructureError, UsageError
+from harness.files import paths
+from harness.master.changes import set_names
 from tests.harness.foreign_fmu import MODELS, Model, build, p, u, x, y
 
 SYSTEMS = sorted(paths.systems())

@@ -17,9 +17,10 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 
-from harness import load, paths
+from harness import load
 from harness.errors import StructureError
 from harness.exports.package import export
+from harness.files import paths
 from harness.master.simulation import simulate
 
 pytestmark = [

@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness import load, paths
+from harness import load
+from harness.files import paths
 from harness.master.simulation import Simulation
 
 pytestmark = pytest.mark.interop

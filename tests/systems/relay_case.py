@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from harness import load
-from harness.changes import apply
+from harness.master.changes import apply
 from harness.master.simulation import simulate
 from harness.results.result import Result
 

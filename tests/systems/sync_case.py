@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from harness import load
-from harness.changes import apply
+from harness.master.changes import apply
 from harness.master.simulation import simulate
 from harness.results.result import Result
 from harness.system.model import System

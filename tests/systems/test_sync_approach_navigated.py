@@ -12,7 +12,7 @@ import pytest
 from scipy.stats import chi2
 
 from harness import load, run
-from harness.changes import apply
+from harness.master.changes import apply
 from harness.master.simulation import simulate
 
 from ..fmu.driver import Kind, Unit

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from harness.changes import Changes
 from harness.errors import UsageError
+from harness.master.changes import Changes
 from harness.ssp.library import find_system
 from harness.studies.campaign.engine import Block, Workers, fly
 from harness.studies.campaign.plan import Layout, Plan, layout, read_plan

@@ -18,8 +18,8 @@ from itertools import islice
 from multiprocessing import resource_tracker
 from typing import Any, NamedTuple
 
-from harness.changes import Changes
 from harness.errors import UsageError
+from harness.master.changes import Changes
 from harness.studies.campaign import worker
 from harness.studies.campaign.worker import Row, Task
 

@@ -20,8 +20,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.changes import Changes, apply
 from harness.errors import HarnessError, StructureError
+from harness.master.changes import Changes, apply
 from harness.results.result import Result
 from harness.spelling import did_you_mean
 from harness.ssp.library import find_system, load

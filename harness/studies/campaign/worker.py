@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.changes import Changes
 from harness.errors import HarnessError, InterruptionError, RunError
+from harness.master.changes import Changes
 from harness.results.result import Result
 from harness.studies.campaign.metrics import Metric, measured, metric
 from harness.studies.warm import Warm

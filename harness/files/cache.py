@@ -20,8 +20,8 @@ from functools import lru_cache
 from pathlib import Path
 from tempfile import mkdtemp
 
-from harness.archive import unpack
 from harness.errors import ArchiveError
+from harness.files.archive import unpack
 
 try:
     import fcntl

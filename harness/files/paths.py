@@ -11,7 +11,7 @@ import filecmp
 import os
 from pathlib import Path
 
-PACKAGE = Path(__file__).resolve().parent
+PACKAGE = Path(__file__).resolve().parent.parent
 BUILD = PACKAGE.parent / "build"
 
 

@@ -17,8 +17,8 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
 from harness.errors import ArchiveError
-from harness.output import written
-from harness.paths import is_file
+from harness.files.output import written
+from harness.files.paths import is_file
 
 MAX_UNPACKED = 2 * 1024**3
 """Largest sum of unpacked sizes of one archive, and of all archives of one run [bytes]."""

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from harness.errors import ResultsError
-from harness.signals import held
+from harness.files.signals import held
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, TypedDict
 
 from harness.errors import StructureError, UsageError
-from harness.paths import is_file
+from harness.files.paths import is_file
 from harness.spelling import did_you_mean
 from harness.ssp.parameters import read_ssv
 from harness.system.graph import read_interfaces
