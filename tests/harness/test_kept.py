@@ -367,7 +367,8 @@ def test_a_comparison_deletes_nothing_before_it_starts_and_no_old_table_stands_b
 def test_a_kill_between_guard_and_folder_leaves_no_folder(tmp_path):
     """The guard is there before the folder is, so no moment is left in which nobody removes it."""
     code = (
-        "import os, signal, pathlib; from harness.temporary import PrivateFolder; m = pathlib.Path.mkdir\n"
+        "import os, signal, pathlib; from harness.temporary import PrivateFolder\n"
+        "m = pathlib.Path.mkdir\n"
         "def mkdir(*a, **k): m(*a, **k); os.kill(os.getpid(), signal.SIGKILL)\n"
         "pathlib.Path.mkdir = mkdir; PrivateFolder()"
     )
