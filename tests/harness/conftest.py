@@ -68,3 +68,9 @@ def make(fmus: dict[str, Path]) -> Callable[..., System]:
 def _port(name: str) -> Port:
     component, _, variable = name.partition(".")
     return Port(component, variable)
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    """FMUs of the tests write marks where they run: never into the checkout."""
+    monkeypatch.chdir(tmp_path)

@@ -29,6 +29,7 @@ from harness.studies.campaign.factors import factor
 from harness.studies.campaign.plan import read_plan
 from harness.studies.campaign.store import Store
 from tests.harness.foreign_fmu import Model, build, p, u, y
+from tests.harness.interrupts import start
 
 TOML = """
 name = "demo"
@@ -344,7 +345,7 @@ stop = 60.0
     out = tmp_path / "c.zarr"
     command = [sys.executable, "-m", "harness", "campaign", "c.toml", "-o", "c.zarr", "-q"]
     command += ["--workers", "0", "--no-figures"]
-    process = subprocess.Popen(
+    process = start(
         command,
         cwd=tmp_path,
         stdout=subprocess.PIPE,
@@ -491,7 +492,7 @@ def test_ctrl_c_reaches_us_alone_and_the_workers_say_nothing(system, tmp_path):
         '[factors]\n"twice.k" = {uniform = {low = 1.0, high = 2.0}}\n'
     )
     command = [sys.executable, "-m", "harness", "campaign", "long.toml", "-o", "long.zarr"]
-    process = subprocess.Popen(
+    process = start(
         [*command, "--workers", "2", "--no-figures"],
         cwd=tmp_path,
         stdout=subprocess.PIPE,

@@ -25,6 +25,7 @@ from harness.results.files import read
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from tests.harness import vices
+from tests.harness.interrupts import start
 from tests.harness.vices import CRASH, FAIL, HANG, NO_STATUS, PHASES, QUIET, VICES
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="vices of Linux")
@@ -211,7 +212,7 @@ def test_an_endless_loop_ends_at_once_and_keeps_the_rows(folder, tmp_path, phase
     trace = tmp_path / "trace"
     (folder / "x.csv").write_bytes(OLD)
     (folder / "x.partial.csv").unlink(missing_ok=True)
-    running = subprocess.Popen(
+    running = start(
         [sys.executable, "-m", "harness", "run", "two.ssp", "-o", "x.csv"],
         cwd=folder,
         env=environment(vice, phase, STEPS.get(phase, 0), TRACE=str(trace)),

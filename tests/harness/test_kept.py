@@ -26,6 +26,7 @@ from harness.results.files import ResultFile, read
 from harness.results.result import Result
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
+from tests.harness.interrupts import heard, start
 
 posix = pytest.mark.skipif(os.name != "posix", reason="signals and modes of POSIX")
 
@@ -93,27 +94,28 @@ def test_what_a_killed_process_has_left_is_removed_by_the_next(tmp_path):
 @posix
 @pytest.mark.parametrize("number", signals.NUMBERS)
 def test_signals_wait_until_the_file_is_complete_a_second_one_too(tmp_path, number):
-    with signals.as_interrupts(), pytest.raises(KeyboardInterrupt):
-        with written(tmp_path / "x.txt") as file:
-            file.write_text("first half, ")
-            for _ in range(2):
-                os.kill(os.getpid(), number)
-                time.sleep(0.01)
-            file.write_text("whole")
-        pytest.fail("the signal was lost")
+    with heard():
+        with signals.as_interrupts(), pytest.raises(KeyboardInterrupt):
+            with written(tmp_path / "x.txt") as file:
+                file.write_text("first half, ")
+                for _ in range(2):
+                    os.kill(os.getpid(), number)
+                    time.sleep(0.01)
+                file.write_text("whole")
+            pytest.fail("the signal was lost")
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     assert (tmp_path / "x.txt").read_text() == "whole"
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 @posix
 def test_an_ignored_hang_up_stays_ignored(tmp_path):
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         with signals.as_interrupts(), written(tmp_path / "x.txt") as file:
             os.kill(os.getpid(), signal.SIGHUP)
             file.write_text("x")
     finally:
-        signal.signal(signal.SIGHUP, signal.SIG_DFL)
+        signal.signal(signal.SIGHUP, before)
     assert (tmp_path / "x.txt").exists()
 
 
@@ -266,7 +268,7 @@ def work(tmp_path, fmus):
 
 
 def started(work, arguments):
-    return subprocess.Popen(
+    return start(
         [sys.executable, "-m", "harness", *arguments],
         cwd=work,
         env=os.environ
@@ -331,7 +333,8 @@ def test_a_signal_while_results_are_written_loses_nothing(work, monkeypatch, cap
         writer(result, path)
 
     monkeypatch.setitem(files.WRITERS, ".nc", interrupted)
-    assert main(["run", "long.ssp", "-o", "x.nc", "--stop", "3"]) == 1
+    with heard():
+        assert main(["run", "long.ssp", "-o", "x.nc", "--stop", "3"]) == 1
     out, err = capsys.readouterr()
     assert out.startswith("long: 3 s in")
     assert err == "harness: interrupted\n"
