@@ -7,14 +7,13 @@ python examples/compare_controllers.py
 import numpy as np
 
 from harness import compare
-from harness.studies.compare import text
 
 
 def main() -> None:
     """Every variant is flown in a process of its own, which imports this file again."""
     controllers = {"controller": ["ppc_controller", "theta_d_controller"]}
     comparison = compare("ppc_tracking", "comparison", swap=controllers, stop=60)
-    print(text(comparison))
+    print(comparison.text())
 
     # what the table does not say is in the results, by label
     for label, result in comparison.results.items():

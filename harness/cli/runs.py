@@ -139,7 +139,6 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     folder.
     """
     from harness.master.progress import progress_bar
-    from harness.studies import table
     from harness.studies.compare import compare
     from harness.studies.variants import combinations
 
@@ -153,9 +152,7 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
         found = compare(
             system, variants, folder, limits=_limits(band, keep_out), every=every, progress=show
         )
-    typer.echo(table.text(found.measures, found.labels))
-    for line in found.limits.notes():
-        typer.echo(line)
+    typer.echo(found.text())
     drawn = ""
     if figures:
         from harness.figures.plots import overlay

@@ -29,6 +29,7 @@ from harness.master.child import end_with_parent
 from harness.results.files import ResultFile, read
 from harness.results.result import Result
 from harness.ssp.library import load
+from harness.studies import table
 from harness.studies.measures import Limits, measures
 from harness.studies.table import Measures, write_csv
 from harness.studies.variants import Variant
@@ -66,6 +67,10 @@ class Comparison:
     results: Mapping[str, Result]
     limits: Limits
     measures: Measures
+
+    def text(self) -> str:
+        """The table for reading, with the definitions of its columns below."""
+        return "\n".join((table.text(self.measures, self.labels), *self.limits.notes()))
 
     @property
     def labels(self) -> list[str]:

@@ -5,9 +5,6 @@ it.
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 from dataclasses import replace
 
 import pytest
@@ -214,26 +211,3 @@ def test_an_fmu_that_does_not_reset_is_loaded_anew_and_that_is_said_once(
     said = [m for m in caplog.messages if "loaded anew for every further run" in m]
     assert len(said) == 1
     assert said[0].startswith("a")
-
-
-# ---- cost
-
-SET_UP = """
-import json, sys
-from time import process_time
-from harness import Simulation, load
-with load("sync_approach") as system, Simulation(system) as s:
-    s.fly(stop=1.0)
-    best = []
-    for k in range(40):
-        began = process_time()
-        s.fly(stop=0.1, set={"servicer.mass_0": 100.0 + k})
-        best.append(process_time() - began)
-print(json.dumps(min(best)))
-"""
-
-
-def test_setting_up_a_second_run_takes_no_more_than_five_milliseconds():
-    """One macro step is in it (some microseconds); processor time of the quickest of forty."""
-    out = subprocess.run([sys.executable, "-c", SET_UP], capture_output=True, text=True, check=True)
-    assert json.loads(out.stdout) <= 5e-3

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from harness.studies.catalogue import text
 
 from harness import run
+from harness.cli.listing import text
 from harness.errors import StructureError, UsageError
 
 from ..harness.foreign_fmu import Model, build, p, u, y
