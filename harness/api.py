@@ -98,11 +98,8 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     from harness.studies import compare as comparison
     from harness.studies.variants import combinations
 
-    varied = [
-        (option, ",".join(values))
-        for option, values in (("params", params), ("algorithm", algorithm))
-        if values
-    ]
+    listed = {"params": params, "algorithm": algorithm}
+    varied = [(option, ",".join(values)) for option, values in listed.items() if values]
     for option, given in (("swap", swap), ("latency", latency), ("set", vary)):
         varied += [(option, text) for text in _texts(given)]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from time import perf_counter
 from typing import Annotated, Any
@@ -25,22 +26,58 @@ from harness.spelling import printable
 app = typer.Typer()
 
 
+OutputOption = Annotated[
+    Path | None, typer.Option("--output", "-o", help="results: .csv, .nc or .mat")
+]
+ExecutorOption = Annotated[str, typer.Option(help="c or python (the same bits, for debugging)")]
+LikeOption = Annotated[
+    str | None, typer.Option(metavar="OUT.zarr#N", help="as run N of a campaign, with figures")
+]
+InProcessOption = Annotated[
+    bool, typer.Option("--in-process", help="foreign FMUs in this process too, for debugging")
+]
+Several = list[str] | None
+"""Values of an option that may be given several times."""
+ParamsOption = Annotated[str | None, typer.Option(metavar="A,B,..", help="parameter sets")]
+SwapOption = Annotated[Several, typer.Option(metavar="C=A,B,..", help="FMUs in the place of C")]
+LatencyOption = Annotated[
+    Several, typer.Option(metavar="C=N,M,..", help="macro steps that C is late")
+]
+VaryOption = Annotated[
+    Several,
+    typer.Option(metavar="C.NAME=V,W,..", help="values of a parameter, or first:last:step"),
+]
+AlgorithmsOption = Annotated[str | None, typer.Option(metavar="A,B", help="gauss-seidel,jacobi")]
+FolderOption = Annotated[
+    Path | None, typer.Option("--output", "-o", help="folder (default: results/SYSTEM)")
+]
+ThinOption = Annotated[
+    int | None, typer.Option(help="record every N-th macro step (default: 20 000 rows)")
+]
+BandOption = Annotated[
+    Several,
+    typer.Option(metavar="position=M, attitude=DEG", help="bands in which an error has settled"),
+]
+KeepOutOption = Annotated[float, typer.Option(help="radius about the target [m]")]
+FiguresOption = Annotated[bool, typer.Option("--figures/--no-figures", help="draw them")]
+DatasetOption = Annotated[
+    Path | None, typer.Option("--output", "-o", help="dataset (default: results/NAME.zarr)")
+]
+WorkersOption = Annotated[
+    int | None, typer.Option(help="processes, or jobs (default: processors; 0: no other)")
+]
+ResumeOption = Annotated[bool, typer.Option("--resume", help="go on after an interruption")]
+
+
 @app.command("run")
 @takes_changes("params", "set", "swap", "latency", "step", "stop", "algorithm")
 def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     system: SystemArgument,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="results: .csv, .nc or .mat")
-    ] = None,
-    executor: Annotated[str, typer.Option(help="c or python (the same bits, for debugging)")] = "c",
+    output: OutputOption = None,
+    executor: ExecutorOption = "c",
     every: EveryOption = 1,
-    like: Annotated[
-        str | None,
-        typer.Option(metavar="OUT.zarr#N", help="as run N of a campaign, with figures"),
-    ] = None,
-    in_process: Annotated[
-        bool, typer.Option("--in-process", help="foreign FMUs in this process too, for debugging")
-    ] = False,
+    like: LikeOption = None,
+    in_process: InProcessOption = False,
     quiet: QuietOption = False,
     changes: Any = None,
 ) -> None:
@@ -48,34 +85,38 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
 
     Default: results/SYSTEM.nc.
     """
-    from harness.files.signals import held
-    from harness.master.changes import apply
-    from harness.master.isolated import simulate
     from harness.results.files import ResultFile
-    from harness.results.notes import notes
-    from harness.ssp.library import load
-    from harness.system.graph import say_warnings
 
     if like is not None:
         from harness.studies.campaign.campaign import like as run_of
 
         changes = {**run_of(like, system), **changes}
-
     file = ResultFile(output or Path("results") / f"{Path(system).stem}.nc")
+    how = {"executor": executor, "every": every, "in_process": in_process}
+    result = _run(system, changes, file, how, quiet)
+    if like is not None:
+        from harness.figures.plots import plot
+
+        for path in plot(result, file.path.parent):
+            typer.echo(path)
+
+
+def _run(system: str, changes: Any, file: Any, how: dict[str, Any], quiet: bool) -> Any:
+    """Run, write, and say what there is to say; nothing that was recorded is lost."""
+    from harness.files.signals import held
+    from harness.master.changes import apply
+    from harness.master.isolated import simulate
+    from harness.ssp.library import load
+    from harness.system.graph import say_warnings
+
     began = perf_counter()
     with load(system) as found:
         changed = apply(found, **changes)
         say_warnings(changed)
         file.accept(changed)
-        with held():  # from here on nothing that was recorded is lost
+        with held():  # from here on
             try:
-                result = simulate(
-                    changed,
-                    executor=executor,
-                    every=every,
-                    progress=not quiet and sys.stderr.isatty(),
-                    in_process=in_process,
-                )
+                result = simulate(changed, progress=not quiet and sys.stderr.isatty(), **how)
             except RunError as error:
                 if error.partial is not None:
                     kept = file.keep(error.partial)
@@ -84,52 +125,36 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
             seconds = perf_counter() - began
             file.write(result)
             if not quiet:
-                typer.echo(
-                    f"{printable(result.system)}: {result.time[-1]:g} s in {seconds:.2f} s, "
-                    f"{len(result.time)} rows in {file.path}"
-                )
-                for note in notes(result):
-                    typer.echo(f"note: {note}")
-    if like is not None:
-        from harness.figures.plots import plot
+                _report(result, seconds, file.path)
+    return result
 
-        for path in plot(result, file.path.parent):
-            typer.echo(path)
+
+def _report(result: Any, seconds: float, path: Path) -> None:
+    from harness.results.notes import notes
+
+    typer.echo(
+        f"{printable(result.system)}: {result.time[-1]:g} s in {seconds:.2f} s, "
+        f"{len(result.time)} rows in {path}"
+    )
+    for note in notes(result):
+        typer.echo(f"note: {note}")
 
 
 @app.command("compare")
 @takes_changes("set", "step", "stop")
 def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     system: SystemArgument,
-    params: Annotated[str | None, typer.Option(metavar="A,B,..", help="parameter sets")] = None,
-    swap: Annotated[
-        list[str] | None, typer.Option(metavar="C=A,B,..", help="FMUs in the place of C")
-    ] = None,
-    latency: Annotated[
-        list[str] | None, typer.Option(metavar="C=N,M,..", help="macro steps that C is late")
-    ] = None,
-    vary: Annotated[
-        list[str] | None,
-        typer.Option(metavar="C.NAME=V,W,..", help="values of a parameter, or first:last:step"),
-    ] = None,
-    algorithm: Annotated[
-        str | None, typer.Option(metavar="A,B", help="gauss-seidel,jacobi")
-    ] = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="folder (default: results/SYSTEM)")
-    ] = None,
-    every: Annotated[
-        int | None, typer.Option(help="record every N-th macro step (default: 20 000 rows)")
-    ] = None,
-    band: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="position=M, attitude=DEG", help="bands in which an error has settled"
-        ),
-    ] = None,
-    keep_out: Annotated[float, typer.Option(help="radius about the target [m]")] = 0.0,
+    params: ParamsOption = None,
+    swap: SwapOption = None,
+    latency: LatencyOption = None,
+    vary: VaryOption = None,
+    algorithm: AlgorithmsOption = None,
+    output: FolderOption = None,
+    every: ThinOption = None,
+    band: BandOption = None,
+    keep_out: KeepOutOption = 0.0,
     ending: FormatOption = Format.PNG,
-    figures: Annotated[bool, typer.Option("--figures/--no-figures", help="draw them")] = True,
+    figures: FiguresOption = True,
     quiet: QuietOption = False,
     changes: Any = None,
 ) -> None:
@@ -142,10 +167,8 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     from harness.studies.compare import compare
     from harness.studies.variants import combinations
 
-    varied = [("params", params), ("algorithm", algorithm)]
-    for option, texts in (("swap", swap), ("latency", latency), ("set", vary)):
-        varied += [(option, each) for each in texts or ()]
-    variants = combinations(changes, [(option, text) for option, text in varied if text])
+    given = {"swap": swap, "latency": latency, "set": vary}
+    variants = combinations(changes, _varied(params, algorithm, given))
     folder = output or Path("results") / Path(system).stem
     shown = not quiet and sys.stderr.isatty()
     with progress_bar(f"{len(variants)} runs", len(variants), shown) as show:
@@ -153,14 +176,27 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
             system, variants, folder, limits=_limits(band, keep_out), every=every, progress=show
         )
     typer.echo(found.text())
-    drawn = ""
-    if figures:
-        from harness.figures.plots import overlay
-
-        drawn = f" and {len(overlay(found.results, folder, ending.value))} figures"
+    drawn = _overlaid(found.results, folder, ending) if figures else ""
     typer.echo(f"\nresults{',' if figures else ' and'} comparison.csv{drawn} in {folder}")
     if found.failures:
         raise ComparisonError("\n".join(found.failures))
+
+
+def _overlaid(results: Any, folder: Path, ending: Format) -> str:
+    """Draw the figures of a comparison; how many, as the end of a list."""
+    from harness.figures.plots import overlay
+
+    return f" and {len(overlay(results, folder, ending.value))} figures"
+
+
+def _varied(
+    params: str | None, algorithm: str | None, given: Mapping[str, Several]
+) -> list[tuple[str, str]]:
+    """Options with the values given, as combinations() takes them."""
+    varied = [("params", params), ("algorithm", algorithm)]
+    for option, texts in given.items():
+        varied += [(option, each) for each in texts or ()]
+    return [(option, text) for option, text in varied if text]
 
 
 def _limits(bands: list[str] | None, keep_out: float) -> Any:
@@ -192,19 +228,15 @@ def campaign_command(  # noqa: PLR0913, PLR0917 - one argument per option
     definition: Annotated[
         Path, typer.Argument(metavar="CAMPAIGN.toml", help="system, factors, metrics")
     ],
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="dataset (default: results/CAMPAIGN.zarr)")
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option(help="processes, or jobs (default: processors; 0: no other)")
-    ] = None,
+    output: DatasetOption = None,
+    workers: WorkersOption = None,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="of a Dask cluster")
     ] = None,
     slurm: Annotated[bool, typer.Option("--slurm", help="jobs of SLURM do the work")] = False,
-    resume: Annotated[bool, typer.Option("--resume", help="go on after an interruption")] = False,
+    resume: ResumeOption = False,
     ending: FormatOption = Format.PNG,
-    figures: Annotated[bool, typer.Option("--figures/--no-figures", help="draw them")] = True,
+    figures: FiguresOption = True,
     quiet: QuietOption = False,
 ) -> None:
     """Run a system by the thousand.
@@ -238,13 +270,9 @@ def study_command(  # noqa: PLR0913, PLR0917 - one argument per option
         str | None,
         typer.Argument(metavar="[NAME]", help="a campaign of the project; without it, their names"),
     ] = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="dataset (default: results/NAME.zarr)")
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option(help="processes (default: processors; 0: no other)")
-    ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="go on after an interruption")] = False,
+    output: DatasetOption = None,
+    workers: WorkersOption = None,
+    resume: ResumeOption = False,
     ending: FormatOption = Format.PNG,
     quiet: QuietOption = False,
 ) -> None:

@@ -196,7 +196,8 @@ def test_a_run_that_cannot_be_is_status_1_and_one_line(command, arguments, line)
 
 
 def test_the_output_is_tried_before_the_run(command, folder, monkeypatch):
-    monkeypatch.setattr(sys.modules["harness.api"], "run", lambda *_, **__: pytest.fail("it ran"))
+    simulate = "harness.master.isolated.simulate"
+    monkeypatch.setattr(simulate, lambda *_, **__: pytest.fail("it ran"))
     (folder / "x.csv").mkdir()
     assert command("run", "demo", "-o", "x.csv") == (
         1,
