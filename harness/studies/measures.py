@@ -144,6 +144,16 @@ def _estimate_error(result: Result, part: int) -> float:
     return size if part == 0 else float(np.degrees(size))
 
 
+def _estimate_nees(result: Result, _: Limits) -> float:
+    """Squares of the errors of the relative motion over their variances, summed over its 12 parts,
+    mean of the last fifth: 12 if the filter is as good as it says.
+    """
+    true, _rows = estimates.rows(result)
+    total = np.sum([estimates.normalised(part) for part in estimates.errors(result)], axis=0)
+    time = result.time[true]
+    return float(np.mean(total[time >= time[-1] - STEADY * (time[-1] - time[0])]))
+
+
 # ---- safety
 
 
@@ -254,6 +264,7 @@ MEASURES = (
     Measure("inside keep-out", "m", POSITION[:2], _inside_keep_out),
     Measure("estimate error", "m", estimates.MOTION, lambda r, _: _estimate_error(r, 0)),
     Measure("estimate attitude", "deg", estimates.MOTION, lambda r, _: _estimate_error(r, 2)),
+    Measure("estimate NEES", "", estimates.MOTION, _estimate_nees),
     Measure("delta-v", "m/s", ("propulsion.impulse", "servicer.mass"), _delta_v),
     Measure("torque impulse", "N m s", TORQUES, _torque_impulse, ("servicer.A_w",)),
     Measure("peak force", "N", ("propulsion.F_S",), _peak_force),

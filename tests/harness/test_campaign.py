@@ -208,6 +208,27 @@ def test_metrics_and_histories_of_variables_that_do_not_exist_are_refused(system
     assert "keep.band: there is no such entry (close: bands)" in str(caught.value)
 
 
+def test_expectations_of_what_does_not_exist_or_of_no_interval_are_refused(system, tmp_path):
+    metrics = {"end": "twice.y[-1]", "first": "twice.y[0]", "least": "min(twice.y)"}
+    expected = {"ends": [0, 1], "end": [2.0, 1.0], "first": 3.0, "least": [0, True]}
+    with pytest.raises(StructureError) as caught:
+        campaign(table(system, metrics=metrics, expected=expected), tmp_path / "out.zarr")
+    text = str(caught.value)
+    assert "expected.ends: there is no such metric (close: end)" in text
+    for name, given in (("end", "[2.0, 1.0]"), ("first", "3.0"), ("least", "[0, True]")):
+        line = f"expected.{name}: wants [least, largest] mean of the metric, not {given}"
+        assert line in text
+
+
+def test_a_verdict_is_given_on_the_mean_of_a_metric(system, tmp_path):
+    metrics = {"end": "twice.y[-1]", "mean": "mean(twice.y)"}
+    mean = float(np.mean(campaign(table(system, metrics=metrics), tmp_path / "a").data["end"]))
+    expected = {"end": [mean - 1e-3, mean + 1e-3], "mean": [mean + 1.0, mean + 2.0]}
+    text = campaign(table(system, metrics=metrics, expected=expected), tmp_path / "b").summary()
+    assert f"end: mean {mean:.5g}, expected {mean - 1e-3:g} to {mean + 1e-3:g}: as expected" in text
+    assert f"expected {mean + 1:g} to {mean + 2:g}: NOT as expected" in text
+
+
 def test_what_is_wrong_with_a_combination_is_said_once_and_not_for_every_value(system, tmp_path):
     bad = table(system, runs=1, factors={"twice.k": {"range": {"first": 1, "last": 2, "count": 9}}})
     bad["factors"]["latency.count"] = {"list": [0, 1, 2, 3]}

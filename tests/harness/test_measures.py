@@ -280,3 +280,39 @@ def test_what_a_result_does_not_hold_is_not_measured():
     assert np.isnan(
         [values[name] for name in ("delta-v", "torque impulse", "attitude error")]
     ).all()
+
+
+# ---- estimates
+
+
+def test_nees_is_the_sum_of_squares_over_variances_of_the_last_fifth():
+    """Truth at rest at the origin, estimates off by 2, 1, 3 and 1 standard deviations per axis in
+    position, velocity, attitude and rate, ten times as much before.
+    """
+    one, zero = np.ones((len(TIME), 3)), np.zeros((len(TIME), 3))
+    factor = np.where(TIME < 80.0, 10.0, 1.0)[:, None]
+    q_0 = np.tile([1.0, 0.0, 0.0, 0.0], (len(TIME), 1))
+    half = factor * 3e-4 * one / 2
+    q = np.column_stack([np.sqrt(1 - np.sum(half**2, axis=1)), half])
+    run = table(
+        TIME,
+        servicer__r_SN_N=zero,
+        servicer__v_SN_N=zero,
+        servicer__q_SN=q_0,
+        target__r_TN_N=zero,
+        target__v_TN_N=zero,
+        target__q_TN=q_0,
+        target__omega_TN_T=zero,
+        relative_filter__r_SN_N=factor * 0.2 * one,
+        relative_filter__v_SN_N=factor * 0.01 * one,
+        relative_filter__q_SN=q_0,
+        relative_filter__r_TN_N=zero,
+        relative_filter__v_TN_N=zero,
+        relative_filter__q_TN=q,
+        relative_filter__omega_TN_T=factor * 0.5 * one,
+        relative_filter__sigma_rho_N=0.1 * one,
+        relative_filter__sigma_drho_N=0.01 * one,
+        relative_filter__sigma_theta_T=1e-4 * one,
+        relative_filter__sigma_omega_T=0.5 * one,
+    )
+    assert MEASURE["estimate NEES"](run, LIMITS) == pytest.approx(3 * (4 + 1 + 9 + 1), rel=1e-3)

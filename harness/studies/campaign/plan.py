@@ -33,7 +33,7 @@ from harness.system.tables import read_toml
 
 KEYS = {
     "system", "runs", "seed", "sampler", "every", "fixed", "factors", "seeds", "metrics",
-    "success", "worst", "keep",
+    "success", "worst", "keep", "expected",
 }  # fmt: skip
 FIXED = ("params", "set", "swap", "latency", "step", "stop", "algorithm")
 NAMED = ("swap", "latency")
@@ -97,6 +97,11 @@ class Plan:
     def success(self) -> str | None:
         """Expression that is true for a run that has succeeded."""
         return self.definition.get("success")
+
+    @property
+    def expected(self) -> Mapping[str, tuple[float, float]]:
+        """Least and largest mean over all runs that a metric should have."""
+        return {k: (low, high) for k, (low, high) in self.definition.get("expected", {}).items()}
 
     @property
     def digest(self) -> str:
@@ -215,6 +220,7 @@ class _Draft:
         self._whole("runs", 1)
         self._whole("seed", 0)
         self._whole("every", 1)
+        self._each("expected", self._bounds)
         sampler = self.plan.sampler
         if sampler not in draws.SAMPLERS:
             close = did_you_mean(sampler, draws.SAMPLERS)
@@ -248,6 +254,14 @@ class _Draft:
             if found is not None:
                 made[key] = found
         return made
+
+    def _bounds(self, name: str, given: Any) -> None:
+        known = self.plan.definition.get("metrics", {})
+        if name not in known:
+            raise ValueError(f"there is no such metric{did_you_mean(name, known)}")
+        numbers = isinstance(given, list) and len(given) == 2 and all(map(_is_number, given))
+        if not numbers or not given[0] <= given[1]:
+            raise ValueError(f"wants [least, largest] mean of the metric, not {given}")
 
     def _one(self, name: str, make: Callable[[], Any]) -> Any:
         try:
@@ -337,6 +351,10 @@ class _Draft:
 def _structural(name: str) -> bool:
     """Whether a factor changes more than values of parameters."""
     return name in FIXED or name.partition(".")[0] in NAMED
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _sample(each: Factor) -> Any:

@@ -80,13 +80,21 @@ def text(store: Store, shown: str) -> str:
     if SUCCESS in store.names("metric"):
         lines.append(_success(store.array(SUCCESS), flown))
     lines += ["", *_table(metrics)] if metrics else []
-    factors = {name: c for name, c in factor_columns(store).items() if np.ptp(c[status != 0]) > 0}
+    lines += _expectations(store, metrics)
+    factors = _varied(store, status != 0)
     if metrics and factors:
         lines += ["", "rank correlation with the factors", *_ranks(metrics, factors)]
     lines += _failures(store, status)
     if metrics:
         lines += ["", *_worst(store, metrics, shown)]
     return "\n".join(lines)
+
+
+def _varied(store: Store, flown: NDArray[np.bool_]) -> dict[str, Array]:
+    """Columns of the factors that differ from run to run; the order of seeds means nothing."""
+    seeds = store.definition()[0].get("seeds", ())
+    columns = {n: c for n, c in factor_columns(store).items() if n not in seeds}
+    return {name: column for name, column in columns.items() if np.ptp(column[flown]) > 0}
 
 
 def _success(column: Array, flown: int) -> str:
@@ -97,6 +105,15 @@ def _success(column: Array, flown: int) -> str:
     return (
         f"success: {count} of {flown}, {share:.1f} % (95 %: {100 * low:.1f} to {100 * high:.1f} %)"
     )
+
+
+def _expectations(store: Store, metrics: Mapping[str, Array]) -> Iterator[str]:
+    """A verdict on the mean of every metric that the campaign expects something of."""
+    for name, (low, high) in store.definition()[0].get("expected", {}).items():
+        values = metrics[name][np.isfinite(metrics[name])]
+        mean = float(np.mean(values)) if len(values) else math.nan
+        verdict = "as expected" if low <= mean <= high else "NOT as expected"
+        yield f"{name}: mean {mean:.5g}, expected {low:g} to {high:g}: {verdict}"
 
 
 def _table(metrics: Mapping[str, Array]) -> Iterator[str]:
