@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         load,
         read,
         run,
+        show,
     )
     from harness.errors import HarnessError
 
@@ -45,6 +46,7 @@ __all__ = [
     "load",
     "read",
     "run",
+    "show",
 ]
 
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from harness.studies.compare import Comparison
     from harness.studies.linearize import LinearModel
     from harness.studies.measures import Limits
+    from harness.studies.show import Shown
 
 __all__ = [
     "Result",
@@ -34,6 +35,7 @@ __all__ = [
     "load",
     "read",
     "run",
+    "show",
 ]
 
 Several = Sequence[str] | Mapping[str, Sequence[Any]]
@@ -126,6 +128,13 @@ def export(system: str | Path | System, target: str | Path, **changes: Unpack[Ch
     from harness.exports import package
 
     return package.export(system, Path(target), **changes)
+
+
+def show(name: str | Path, word: str | None = None, **changes: Unpack[Changes]) -> Shown:
+    """See harness.studies.show.show()."""
+    from harness.studies import show as study
+
+    return study.show(name, word, **changes)
 
 
 def _texts(given: Several) -> list[str]:

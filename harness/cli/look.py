@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Commands that look: `harness list | check | draw | plan | plot | report | validate`."""
+"""Commands that look: `harness list | show | check | draw | plan | plot | report | validate`."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from harness.cli.options import (
     FileArgument,
     Format,
     FormatOption,
+    ShownArgument,
     SystemArgument,
     takes_changes,
 )
@@ -30,6 +31,26 @@ def list_command(
     from harness.cli import listing
 
     typer.echo(printable(listing.text(system)))
+
+
+@app.command("show")
+@takes_changes("params", "set", "swap", "step")
+def show_command(
+    system: ShownArgument,
+    word: Annotated[
+        str | None, typer.Argument(metavar="[WORD]", help="only rows with it in name or text")
+    ] = None,
+    changes: Any = None,
+) -> None:
+    """Show what there is to connect and to set.
+
+    The components of a system; inputs, outputs and parameters of one of them (SYSTEM.component)
+    with the values that they have there; or an FMU alone.
+    """
+    from harness.cli import showing
+    from harness.studies.show import show
+
+    typer.echo(showing.text(show(system, word, **changes)))
 
 
 @app.command()

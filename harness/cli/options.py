@@ -44,10 +44,29 @@ def _systems() -> Iterable[str]:
     return paths.systems()
 
 
-def _system_of(context: typer.Context) -> Any:
-    from harness.ssp.library import load
+def _fmus() -> Iterable[str]:
+    from harness.files import paths
 
-    return load(context.params.get("system") or "")
+    return paths.fmus()
+
+
+def _shown(incomplete: str) -> Iterable[str]:
+    """Systems and FMUs, and the components of a system that is named."""
+    from harness.ssp.library import load, of_component
+
+    if "." not in incomplete or not (place := of_component(incomplete)):
+        return [*_systems(), *_fmus()]
+    with load(place[0]) as system:
+        stem = incomplete.removesuffix(place[1])
+        return [f"{stem}{c.name}" for c in system.components]
+
+
+def _system_of(context: typer.Context) -> Any:
+    from harness.ssp.library import load, of_component
+
+    name = context.params.get("system") or ""
+    place = of_component(name)
+    return load(place[0] if place else name)
 
 
 def _of_system(names: Callable[[Any], Iterable[str]]) -> Callable[[typer.Context, str], list[str]]:
@@ -95,6 +114,14 @@ SystemArgument = Annotated[
         metavar="SYSTEM",
         help="name of a system, or path of an .ssp",
         autocompletion=_completed(_systems),
+    ),
+]
+ShownArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="WHAT",
+        help="SYSTEM, SYSTEM.component or FMU, by name or path",
+        autocompletion=lambda incomplete: _completed(lambda: _shown(incomplete))(incomplete),
     ),
 ]
 FileArgument = Annotated[

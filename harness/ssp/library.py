@@ -35,3 +35,16 @@ def find_system(name: str | Path) -> Path:
     if paths.is_file(name):
         return Path(name)
     raise UsageError(f"{name}: there is no such system{did_you_mean(str(name), known)}")
+
+
+def of_component(name: str | Path) -> tuple[Path, str] | None:
+    """System and component that `SYSTEM` (component "") or `SYSTEM.component` names; None if it
+    begins with no system, by name or path of an .ssp.
+    """
+    text, known = str(name), paths.systems()
+    ends = [i for i, character in enumerate(text) if character == "."]
+    for end in (len(text), *reversed(ends)):
+        path = known.get(text[:end]) or Path(text[:end])
+        if path.suffix == ".ssp" and paths.is_file(path):
+            return path, text[end + 1 :]
+    return None

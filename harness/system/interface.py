@@ -35,7 +35,7 @@ class Variable:
     initialization.
 
     items: values by name of an enumeration; type_name: name of its type; start: None if it has none
-    or is a String.
+    or is a String; low, high: the limits declared; begin: start value of any type.
     """
 
     name: str
@@ -48,6 +48,9 @@ class Variable:
     items: Mapping[str, int] = field(default_factory=dict)
     type_name: str = ""
     start: float | None = None
+    low: float | None = None
+    high: float | None = None
+    begin: float | str | None = None
 
 
 @dataclass(frozen=True)
@@ -123,9 +126,20 @@ def _variable(v: FmpyObject) -> Variable:
     values = {item.name: int(item.value) for item in items}
     name = "" if v.declaredType is None else v.declaredType.name
     text = v.description or ""
+    start, low, high = _start(v), _limit(v, "min"), _limit(v, "max")
     return Variable(
-        v.name, v.valueReference, v.type, v.causality, unit, text, settable, values, name, _start(v)
-    )
+        v.name, v.valueReference, v.type, v.causality, unit, text, settable, values, name,
+        start, low, high, v.start if v.type == "String" else start,
+    )  # fmt: skip
+
+
+def _limit(v: FmpyObject, which: str) -> float | None:
+    """The limit `min` or `max` of a variable, its own or that of its type."""
+    for owner in (v, v.declaredType):
+        text = getattr(owner, which, None)
+        if text is not None and v.type in ("Real", "Integer"):
+            return float(text)
+    return None
 
 
 def _start(v: FmpyObject) -> float | None:

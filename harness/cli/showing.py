@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What `harness show` prints: tables for reading, at most WIDEST characters wide, plain in a
+pipe.
+"""
+
+from __future__ import annotations
+
+import io
+import shutil
+import sys
+import textwrap
+from collections.abc import Sequence
+from typing import Any
+
+from harness.spelling import printable
+from harness.studies.show import GROUPS, Nested, Part, Shown, Signal
+
+NARROWEST, WIDEST = 70, 100
+LEGIBLE = 26
+"""Characters that a description gets at least, as long as words need not be folded."""
+LEAST = 10
+GAP = 2
+
+
+def text(shown: Shown) -> str:
+    """The title, and a table of components or one per causality."""
+    parts = [row for row in shown.rows if isinstance(row, Part)]
+    signals = [row for row in shown.rows if isinstance(row, Signal)]
+    tables = [_parts(parts)] if parts else []
+    for causality in GROUPS:
+        if group := [s for s in signals if s.causality == causality]:
+            tables.append(_signals(causality, group))
+    title = textwrap.fill(printable(shown.title), _width(), subsequent_indent="  ")
+    return "\n\n".join((title, *tables))
+
+
+def _parts(parts: Sequence[Part]) -> str:
+    head = ("component", "FMU", "step [s]", "samples [s]", "description")
+    rows = [(p.name, p.fmu, _number(p.step), _number(p.sample_period), p.text) for p in parts]
+    return _table(head, rows)
+
+
+def _signals(causality: str, signals: Sequence[Signal]) -> str:
+    """A table of signals; columns that would be empty are left out."""
+    titles = {"input": "driven by", "output": "read by", "parameter": ""}
+    wires = titles[causality]
+    head = (f"{causality}s", "size", "unit", wires, "value", "default", "limits", "description")
+    rows = [_signal(s) for s in signals]
+    used = [k for k in range(len(head)) if k == 0 or any(row[k] for row in rows)]
+    return _table([head[k] for k in used], [[row[k] for k in used] for row in rows])
+
+
+def _signal(s: Signal) -> tuple[str, ...]:
+    size = "x".join(map(str, s.shape))
+    unit = s.unit if s.type == "Real" else s.type
+    value = "" if s.causality == "output" else value_text(s.value)
+    default = "" if s.causality == "output" or s.wires else value_text(s.default)
+    wires = ", ".join(_end(s, wire) for wire in s.wires)
+    return s.name, size, unit, wires, value, default * (default != value), _limits(s), s.text
+
+
+def _end(s: Signal, wire: str) -> str:
+    """The other end of a connection: of readers that call it the same, the component is enough."""
+    component, _, variable = wire.rpartition(".")
+    return component if s.causality == "output" and variable == s.name else wire
+
+
+TIED = "\ue000"
+"""Stands for a blank at which no line ends."""
+
+
+def value_text(value: Nested) -> str:
+    """A value as it can be given to --set, to seven digits."""
+    if not isinstance(value, list):
+        return "" if value is None else _number(value)
+    inner = [value_text(each) for each in value]
+    if isinstance(value[0], list):  # a line ends between two rows of a matrix
+        inner = [row.replace(" ", TIED) for row in inner]
+    return f"[{', '.join(inner)}]"
+
+
+def _number(value: Any) -> str:
+    return format(value, ".7g") if isinstance(value, float) else "" if value is None else str(value)
+
+
+def _limits(s: Signal) -> str:
+    if s.low is None and s.high is None:
+        return ""
+    if s.high is None:
+        return f">= {_number(s.low)}"
+    return f"<= {_number(s.high)}" if s.low is None else f"{_number(s.low)}..{_number(s.high)}"
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Columns that fold at blanks where the line would be too long; the first one never does."""
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    cells = [[printable(" ".join(cell.split())) for cell in row] for row in (head, *rows)]
+    table = Table(box=None, pad_edge=False, padding=(0, GAP, 0, 0), show_header=False)
+    for width in _widths(list(zip(*cells, strict=True))):
+        table.add_column(width=width, overflow="fold")
+    for row in cells:
+        table.add_row(*map(Text, row))
+    page = io.StringIO()
+    Console(file=page, width=sys.maxsize, no_color=True, legacy_windows=False).print(table)
+    lines = page.getvalue().replace(TIED, " ").split("\n")
+    return "\n".join(line.rstrip() for line in lines).rstrip()
+
+
+def _widths(columns: Sequence[Sequence[str]]) -> list[int]:
+    """Widths that fit the page: the last column gives way first, then the widest of those between
+    it and the first, as far as their words allow, then the last again; at worst, words are folded.
+    """
+    widths = [max(map(len, column)) for column in columns]
+    words = [max(len(word) for cell in c for word in cell.split(" ")) for c in columns]
+    last, between = len(columns) - 1, range(1, len(columns) - 1)
+    tight = [(last, LEGIBLE), *((k, words[k]) for k in between)]
+    folded = [(k, LEAST) for k in between]
+    for way in ([tight[0]], tight[1:], [(last, LEAST)], folded, [(0, LEAST)]):
+        for _ in range(sum(widths) + GAP * last - _width()):
+            loose = [k for k, floor in way if widths[k] > floor]
+            if loose:
+                widths[max(loose, key=widths.__getitem__)] -= 1
+    return widths
+
+
+def _width() -> int:
+    """Of the terminal, within limits; in a pipe the widest."""
+    return min(max(shutil.get_terminal_size((WIDEST, 24)).columns, NARROWEST), WIDEST)
