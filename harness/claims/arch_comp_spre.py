@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from harness.claims.case import Case
 from harness.claims.claim import Band, Claim, Condition, Paper, at_least, parameter, scalar
 from harness.results.result import Result
 
@@ -119,9 +120,11 @@ def outside_start_box(result: Result) -> float:
 CONDITIONS = (
     Condition("it ends at", STOP, "s", (), lambda result: float(result.time[-1])),
     Condition("mass", 500.0, "kg", (), lambda result: scalar(result, "servicer.mass_0")),
-    Condition("start outside the box by", 0.0, "m", (), outside_start_box),
+    Condition("start outside the box by", 0.0, "m", (), outside_start_box, True),
 )
 
+CASES = (Case("arch_rendezvous", free=("servicer.rho_0_H", ABORT)),)
+"""Start within a box and abort time, by which the instances differ, are a part of the benchmark."""
 
 PAPERS = (
     Paper(
@@ -129,6 +132,7 @@ PAPERS = (
         needs=(LEAST, PHASE),
         claims=(LINE_OF_SIGHT, SPEED, SAFE),
         conditions=CONDITIONS,
+        cases=CASES,
         parameters=(ABORT,),
         meant=lambda result: not unsafe(result),
     ),
@@ -137,6 +141,7 @@ PAPERS = (
         needs=(LEAST, PHASE),
         claims=(LINE_OF_SIGHT, SPEED, UNSAFE),
         conditions=CONDITIONS,
+        cases=CASES,
         parameters=(ABORT,),
         meant=unsafe,
     ),

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.claims.case import Case, deviations
 from harness.results.result import Result
 
 Array = NDArray[np.float64]
@@ -133,6 +134,8 @@ class Claim:
 class Condition:
     """Something by which a result shows whether it was run as in the paper; measured in `unit`,
     equal within 1e-6.
+
+    chosen: of a parameter that the cases of the paper leave free, so that they do not say it.
     """
 
     text: str
@@ -140,6 +143,7 @@ class Condition:
     unit: str
     needs: tuple[str, ...]
     measure: Callable[[Result], float]
+    chosen: bool = False
 
     def difference(self, result: Result) -> str | None:
         """How the result differs from the paper's case, None if it does not or does not show it."""
@@ -160,7 +164,8 @@ class Paper:
     """A paper, or a part of it, and its claims.
 
     It belongs to every result that holds all variables of `needs` and all `parameters` and that is
-    `meant`.
+    `meant`. cases: the runs that it describes (none: the claims are about every run); conditions:
+    by what a result that does not keep its parameters shows that it is none of them.
     """
 
     title: str
@@ -169,10 +174,18 @@ class Paper:
     conditions: tuple[Condition, ...] = ()
     parameters: tuple[str, ...] = ()
     meant: Callable[[Result], bool] = lambda result: True
+    cases: tuple[Case, ...] = ()
 
     def belongs_to(self, result: Result) -> bool:
         """Whether these claims are about a result like this."""
         return result.holds(*self.needs, parameters=self.parameters) and self.meant(result)
+
+    def deviations(self, result: Result) -> list[str]:
+        """How a result differs from the cases of the paper, from the nearest one, one text each."""
+        held = deviations(result, self.cases)
+        shown = [c for c in self.conditions if held is None or c.chosen]
+        texts = [text for c in shown if len(result.time) and (text := c.difference(result))]
+        return texts if held is None else [*held[1], *texts]
 
 
 # ---- parameters and parts of a history

@@ -8,6 +8,7 @@ we take it to mean.
 from __future__ import annotations
 
 from harness.claims import kozlova_fomichev_measures as measures
+from harness.claims.case import Case
 from harness.claims.claim import Band, Claim, Condition, Paper, at_most, scalar
 from harness.claims.kozlova_fomichev_measures import RANGE, RATE_ERROR, TRANSITION, VELOCITIES
 
@@ -109,6 +110,7 @@ PAPER = Paper(
     ),
     needs=(RANGE, TRANSITION, RATE_ERROR),
     claims=CLAIMS,
+    cases=(Case("relay_approach", "paper"),),
     conditions=(
         Condition("it ends at", measures.STOP, "s", (), lambda result: float(result.time[-1])),
         Condition(

@@ -11,9 +11,11 @@ from __future__ import annotations
 import textwrap
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from itertools import zip_longest
+from itertools import chain, repeat, zip_longest
+from typing import NamedTuple
 
 from harness.claims import PAPERS, Claim, Judgement, Paper, Verdict
+from harness.claims.case import listed
 from harness.errors import ResultsError
 from harness.results.result import Result
 
@@ -28,41 +30,82 @@ GAP = "  "
 WIDTH = sum(width for _, width in COLUMNS) + len(GAP) * (len(COLUMNS) - 1)
 
 
+OTHER = "not the case of the paper"
+FLOWN = "Flown: "
+
+
 def report(result: Result) -> tuple[str, bool]:
     """Table of the claims behind a result, and whether the run is complete and every claim could be
     judged.
 
     An honest "not reproduced" is no failure. Raises ResultsError if no paper belongs to the result.
     """
-    papers = [paper for paper in PAPERS if paper.belongs_to(result)]
-    if not papers:
+    found = judged(result)
+    if not found:
         hint = (
             ""
             if result.parameters
-            else " (a .csv does not keep the parameters by which some are known: use .nc)"
+            else " (the file does not hold the parameters by which some are known)"
         )
         raise ResultsError(
             f"{result.system}: there are no claims of a paper about such a result{hint}"
         )
-    judged = [
-        (paper, [(claim, claim.evaluate(result)) for claim in paper.claims]) for paper in papers
-    ]
-    text = "\n\n".join(_section(result, paper, table) for paper, table in judged)
-    verdicts = {judgement.verdict for _, table in judged for _, judgement in table}
+    text = "\n\n".join((_flown(result), *(_section(result, each) for each in found)))
+    verdicts = {judgement.verdict for each in found for _, judgement in each.claims}
     return text, result.complete and Verdict.NOT_JUDGED not in verdicts
 
 
-def _section(result: Result, paper: Paper, table: Sequence[tuple[Claim, Judgement]]) -> str:
+class Judged(NamedTuple):
+    """The claims of a paper with their judgements, and how the run differs from its cases."""
+
+    paper: Paper
+    claims: list[tuple[Claim, Judgement]]
+    deviations: list[str]
+
+
+def judged(result: Result) -> list[Judged]:
+    """All papers that a result belongs to."""
+    return [
+        Judged(
+            paper,
+            [(claim, claim.evaluate(result)) for claim in paper.claims],
+            paper.deviations(result),
+        )
+        for paper in PAPERS
+        if paper.belongs_to(result)
+    ]
+
+
+def _flown(result: Result) -> str:
+    """What was flown, at the head of everything."""
+    known = result.provenance
+    lines = ["the file does not say"] if known is None else known.lines()
+    return "\n".join(
+        textwrap.fill(line, WIDTH, initial_indent=start, subsequent_indent=" " * len(FLOWN))
+        for start, line in zip(chain([FLOWN], repeat(" " * len(FLOWN))), lines, strict=False)
+    )
+
+
+def _section(result: Result, judged: Judged) -> str:
     head = [
-        *textwrap.wrap(paper.title, WIDTH),
+        *textwrap.wrap(judged.paper.title, WIDTH),
         "",
         *_about(result),
-        *_differences(result, paper),
+        *_differences(judged),
         "",
     ]
-    body = [line for claim, judgement in table for line in _row(_cells(claim, judgement))]
+    other = bool(judged.deviations)
+    body = [
+        line for claim, judgement in judged.claims for line in _row(_cells(claim, judgement, other))
+    ]
     return "\n".join(
-        [*head, *_heading(), *body, "", _summary([judgement for _, judgement in table])]
+        [
+            *head,
+            *_heading(),
+            *body,
+            "",
+            _summary([judgement for _, judgement in judged.claims], other),
+        ]
     )
 
 
@@ -76,11 +119,10 @@ def _about(result: Result) -> list[str]:
     return textwrap.wrap(f"Run {result.system}: {span}, {len(result.time)} rows, {state}", WIDTH)
 
 
-def _differences(result: Result, paper: Paper) -> list[str]:
-    if not len(result.time):
+def _differences(judged: Judged) -> list[str]:
+    if not judged.deviations:
         return []
-    found = [text for condition in paper.conditions if (text := condition.difference(result))]
-    return textwrap.wrap(f"Not the case of the paper: {'; '.join(found)}", WIDTH) if found else []
+    return textwrap.wrap(f"Not the case of the paper: {listed(judged.deviations)}", WIDTH)
 
 
 def _heading() -> list[str]:
@@ -90,9 +132,15 @@ def _heading() -> list[str]:
     ]
 
 
-def _cells(claim: Claim, judgement: Judgement) -> list[str]:
+def _cells(claim: Claim, judgement: Judgement, other: bool) -> list[str]:
     bands = [claim.criterion(band) for band in (claim.reproduced, claim.partly)]
-    return [f"{claim.text} [{claim.where}]", judgement.figure, *bands, judgement.verdict.value]
+    return [f"{claim.text} [{claim.where}]", judgement.figure, *bands, _verdict(judgement, other)]
+
+
+def _verdict(judgement: Judgement, other: bool) -> str:
+    """Of another case a verdict is none on the paper."""
+    mark = f", {OTHER}" if other and judgement.verdict is not Verdict.NOT_JUDGED else ""
+    return judgement.verdict.value + mark
 
 
 def _row(cells: Iterable[str], end: bool = True) -> list[str]:
@@ -107,7 +155,7 @@ def _row(cells: Iterable[str], end: bool = True) -> list[str]:
     return [*lines, ""] if end else lines
 
 
-def _summary(judgements: Sequence[Judgement]) -> str:
+def _summary(judgements: Sequence[Judgement], other: bool) -> str:
     count = Counter(judgement.verdict for judgement in judgements)
     parts = [f"{count[verdict]} {verdict.value}" for verdict in Verdict if count[verdict]]
-    return f"{len(judgements)} claims: {', '.join(parts)}"
+    return f"{len(judgements)} claims: {', '.join(parts)}{f'; {OTHER}' if other else ''}"

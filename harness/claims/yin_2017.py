@@ -9,6 +9,7 @@ tests/systems/test_ppc_claims.py and in `harness compare`.
 from __future__ import annotations
 
 from harness.claims import yin_measures as measures
+from harness.claims.case import Case
 from harness.claims.claim import Band, Claim, Condition, Paper, at_least, at_most
 from harness.claims.yin_measures import ATTITUDES, COMMAND, ELEVATION, FEATURE, FUNNEL, RANGE
 from harness.results.result import Result
@@ -151,6 +152,13 @@ CONTROLLERS = {
     "PID": "controller.range.Kp",
 }
 """A parameter that only this controller has."""
+FMUS = {
+    "prescribed performance": "ppc_controller",
+    "theta-D": "theta_d_controller",
+    "PID": "pid_controller",
+}
+PERIODS = ("default", "period_10ms", "period_100ms")
+"""Sets of section 4.2: the paper names no sample period."""
 TABLES = {
     ("prescribed performance", False): (
         converges(18, "section 4.2, figure 3"),
@@ -174,6 +182,15 @@ TABLES = {
 }
 
 
+def _cases(controller: str, manoeuvre: bool) -> tuple[Case, ...]:
+    """Runs of section 4.2 or 4.3; the gain law as printed is there for its own controller only."""
+    fmu = FMUS[controller]
+    own = fmu == FMUS["prescribed performance"]
+    sets = ("manoeuvre",) if manoeuvre else (*PERIODS, *(("literal_law",) if own else ()))
+    swap = () if own else (("controller", fmu),)
+    return tuple(Case("ppc_tracking", name, swap) for name in sets)
+
+
 def _paper(controller: str, manoeuvre: bool, claims: tuple[Claim, ...]) -> Paper:
     def meant(result: Result) -> bool:
         return measures.manoeuvring(result) is manoeuvre
@@ -185,6 +202,7 @@ def _paper(controller: str, manoeuvre: bool, claims: tuple[Claim, ...]) -> Paper
         parameters=(CONTROLLERS[controller], "target.a_manoeuvre_N.bias", "guidance.rho_f"),
         claims=claims,
         meant=meant,
+        cases=_cases(controller, manoeuvre),
         conditions=(
             Condition("it ends at", measures.STOP, "s", (), lambda result: float(result.time[-1])),
             Condition(

@@ -7,6 +7,7 @@ The patent has no numbers at all; the bands say what we take its claims to mean.
 from __future__ import annotations
 
 from harness.claims import zhang_measures as measures
+from harness.claims.case import Case
 from harness.claims.claim import Claim, Condition, Paper, at_least, at_most, scalar
 from harness.claims.zhang_measures import (
     AIR,
@@ -144,6 +145,7 @@ PAPER = Paper(
     "2016",
     needs=(SHARE, ROTATION, REFERENCE),
     claims=CLAIMS,
+    cases=tuple(Case("transposition", name) for name in ("default", "cluster", "printed_law")),
     conditions=(
         Condition(
             "gravitational parameter", 3.9860044e14, "m3/s2", (), lambda r: scalar(r, "assembly.mu")

@@ -8,6 +8,7 @@ we take it to mean.
 from __future__ import annotations
 
 from harness.claims import zhu_yang_measures as measures
+from harness.claims.case import Case
 from harness.claims.claim import Claim, Condition, Paper, at_least, at_most
 from harness.claims.zhu_yang_measures import (
     BETA_P,
@@ -215,6 +216,7 @@ PAPER = Paper(
     ),
     needs=(RANGE, REFERENCE, BETA_T, BETA_P),
     claims=CLAIMS,
+    cases=(Case("sync_approach"),),
     conditions=(
         Condition("it ends at", measures.STOP, "s", (), lambda result: float(result.time[-1])),
         Condition(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 import os
+import shlex
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -20,6 +21,7 @@ from harness.cli import look, models, runs
 from harness.cli.once import OnceCommand
 from harness.errors import HarnessError
 from harness.files import signals
+from harness.files.command import commanded
 from harness.spelling import printable
 
 app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None, no_args_is_help=True)
@@ -93,12 +95,10 @@ def _main(arguments: Sequence[str] | None) -> int:
     notes = logging.StreamHandler()
     notes.setFormatter(_Printable("harness: note: %(message)s"))
     logging.basicConfig(handlers=[notes], level=logging.WARNING)
+    given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        status = app(
-            list(sys.argv[1:] if arguments is None else arguments) or ["--help"],
-            "harness",
-            standalone_mode=False,
-        )
+        with commanded(shlex.join(["harness", *given])):
+            status = app(given or ["--help"], "harness", standalone_mode=False)
     except HarnessError as error:
         return _complain(str(error), error.exit_status)
     except (KeyboardInterrupt, typer.Abort):

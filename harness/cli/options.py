@@ -106,6 +106,9 @@ def _settable(system: Any) -> Iterable[str]:
     return dict.fromkeys(f"{c}.{base(v)}=" for c, i in interfaces.items() for v in i.settable())
 
 
+completed_systems = _completed(_systems)
+
+
 # ---- arguments and options
 
 SystemArgument = Annotated[
@@ -113,7 +116,7 @@ SystemArgument = Annotated[
     typer.Argument(
         metavar="SYSTEM",
         help="name of a system, or path of an .ssp",
-        autocompletion=_completed(_systems),
+        autocompletion=completed_systems,
     ),
 ]
 ShownArgument = Annotated[
@@ -127,7 +130,6 @@ ShownArgument = Annotated[
 FileArgument = Annotated[
     Path, typer.Argument(metavar="FILE", help="results of `harness run`, .csv or .nc")
 ]
-EveryOption = Annotated[int, typer.Option(help="record every N-th macro step")]
 FormatOption = Annotated[Format, typer.Option("--format", help="of the figures")]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="no progress bar, no summary")]
 

@@ -13,11 +13,11 @@ from typing import Annotated, Any
 import typer
 
 from harness.cli.options import (
-    EveryOption,
     Format,
     FormatOption,
     QuietOption,
     SystemArgument,
+    completed_systems,
     takes_changes,
 )
 from harness.errors import ComparisonError, RunError, UsageError
@@ -29,9 +29,24 @@ app = typer.Typer()
 OutputOption = Annotated[
     Path | None, typer.Option("--output", "-o", help="results: .csv, .nc or .mat")
 ]
-ExecutorOption = Annotated[str, typer.Option(help="c or python (the same bits, for debugging)")]
+ExecutorOption = Annotated[
+    str | None, typer.Option(help="c or python (the same bits, for debugging)")
+]
+RecordOption = Annotated[int | None, typer.Option(help="record every N-th macro step")]
 LikeOption = Annotated[
-    str | None, typer.Option(metavar="OUT.zarr#N", help="as run N of a campaign, with figures")
+    str | None,
+    typer.Option(
+        metavar="RESULT",
+        help="as this result (.nc, .csv, .mat) was run, or OUT.zarr#N of a campaign",
+    ),
+]
+SystemOption = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="[SYSTEM]",
+        help="name of a system, or path of an .ssp (--like knows its own)",
+        autocompletion=completed_systems,
+    ),
 ]
 InProcessOption = Annotated[
     bool, typer.Option("--in-process", help="foreign FMUs in this process too, for debugging")
@@ -72,10 +87,10 @@ ResumeOption = Annotated[bool, typer.Option("--resume", help="go on after an int
 @app.command("run")
 @takes_changes("params", "set", "swap", "latency", "step", "stop", "algorithm")
 def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
-    system: SystemArgument,
+    system: SystemOption = None,
     output: OutputOption = None,
-    executor: ExecutorOption = "c",
-    every: EveryOption = 1,
+    executor: ExecutorOption = None,
+    every: RecordOption = None,
     like: LikeOption = None,
     in_process: InProcessOption = False,
     quiet: QuietOption = False,
@@ -83,22 +98,46 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
 ) -> None:
     """Run a system and write the results.
 
-    Default: results/SYSTEM.nc.
+    Default: results/SYSTEM.nc. With --like RESULT the exit status is 1 if the bits differ.
     """
     from harness.results.files import ResultFile
 
-    if like is not None:
-        from harness.studies.campaign.campaign import like as run_of
-
-        changes = {**run_of(like, system), **changes}
-    file = ResultFile(output or Path("results") / f"{Path(system).stem}.nc")
-    how = {"executor": executor, "every": every, "in_process": in_process}
-    result = _run(system, changes, file, how, quiet)
-    if like is not None:
+    wanted = _wanted(system, like, changes)
+    name = f"{Path(wanted.system).stem}{'' if wanted.model is None else '_again'}"
+    file = ResultFile(output or Path("results") / f"{name}.nc")
+    how = {
+        "executor": executor or wanted.executor,
+        "every": wanted.every if every is None else every,
+        "in_process": in_process,
+    }
+    result = _run(wanted.system, wanted.changes, file, how, quiet)
+    if wanted.model is not None:
+        _say_whether_equal(wanted.model, result)
+    elif like is not None:
         from harness.figures.plots import plot
 
         for path in plot(result, file.path.parent):
             typer.echo(path)
+
+
+def _wanted(system: str | None, like: str | None, changes: Any) -> Any:
+    """What the command line asks for."""
+    from harness.studies.again import Again, again
+
+    if like is not None:
+        return again(like, system, changes)
+    if system is None:
+        raise UsageError("run which system? harness list shows them")
+    return Again(system, changes)
+
+
+def _say_whether_equal(model: Any, result: Any) -> None:
+    from harness.studies.again import agreement
+
+    equal, line = agreement(model, result)
+    typer.echo(line)
+    if not equal:
+        raise typer.Exit(1)
 
 
 def _run(system: str, changes: Any, file: Any, how: dict[str, Any], quiet: bool) -> Any:

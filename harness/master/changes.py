@@ -14,13 +14,15 @@ from pathlib import Path
 from typing import Any, TypedDict
 
 from harness.errors import StructureError, UsageError
+from harness.files.digest import sha256
 from harness.files.paths import is_file
 from harness.spelling import did_you_mean
 from harness.ssp.parameters import read_ssv
 from harness.system.graph import read_interfaces
-from harness.system.model import DEFAULT_SET, Port, System
-from harness.system.swap import exchange
+from harness.system.model import DEFAULT_SET, Origin, Port, Swap, System
+from harness.system.swap import exchange, find_fmu
 from harness.system.tables import Assignments, read_toml
+from harness.system.values import plain
 from harness.system.wiring import split
 
 Pairs = Sequence[str] | Mapping[str, Any]
@@ -56,11 +58,12 @@ def apply(  # noqa: PLR0913 - every one is an option of the command line
     that do not exist and StructureError for a parameter file with mistakes or a swapped FMU that
     does not fit.
     """
-    if params is not None and (chosen := str(params)) in set_names(system):
-        system, params = choose_set(system, chosen), None
+    base, named = system, str(params) in set_names(system)
+    if named:
+        system = choose_set(system, str(params))
     for component, fmu in _once("--swap", swap):
         system = exchange(system, component, fmu)
-    if params is not None:
+    if params is not None and not named:
         system = _parameter_file(system, Path(params))
     if set:
         system = _single_values(system, _once("--set", set))
@@ -68,13 +71,34 @@ def apply(  # noqa: PLR0913 - every one is an option of the command line
         system = _delayed(system, component, steps)
     given = {"step": step, "stop": stop, "algorithm": algorithm}
     changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
-    return replace(system, experiment=replace(system.experiment, **changes))
+    return replace(
+        system,
+        experiment=replace(system.experiment, **changes),
+        origin=_origin(base.origin, params, named, set, swap, latency),
+    )
+
+
+def _origin(  # noqa: PLR0913, PLR0917 - the changes
+    before: Origin, params: str | Path | None, named: bool, set: Pairs, swap: Pairs, latency: Pairs
+) -> Origin:
+    """Where a system comes from that was changed in this way."""
+    swaps = {c: Swap(c, str(fmu), sha256(find_fmu(fmu))) for c, fmu in pairs("--swap", swap)}
+    late = {c: int(steps) for c, steps in pairs("--latency", latency)}
+    if params is not None:
+        digest = "" if named else sha256(str(params))
+        before = replace(before, params=str(params), params_sha256=digest)
+    return replace(
+        before,
+        set={**before.set, **dict(pairs("--set", set))},
+        swaps={**before.swaps, **swaps},
+        latency={**before.latency, **late},
+    )
 
 
 def pairs(option: str, given: Pairs) -> Iterator[tuple[str, Any]]:
     """Names and values of assignments; UsageError if a text is none."""
     if isinstance(given, Mapping):
-        yield from given.items()
+        yield from ((name, plain(value)) for name, value in given.items())
         return
     for text in given:
         name, equals, value = text.partition("=")

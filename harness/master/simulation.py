@@ -22,6 +22,7 @@ from harness.master.executors import EXECUTORS, Clock
 from harness.master.fmu import Instance
 from harness.master.progress import progress_bar
 from harness.master.recorder import Recorder
+from harness.results.provenance import flown
 from harness.results.result import Result
 from harness.system.graph import Checked, Node, Slot, checked, constants, rechecked
 from harness.system.model import System
@@ -365,10 +366,11 @@ class Simulation:
             descriptions,
             complete,
             message,
-            self._parameters(),
+            self.parameters(),
+            flown(self.system, self._executor_name, self.recorder.every),
         )
 
-    def _parameters(self) -> Result:
+    def parameters(self) -> Result:
         """All parameters as a table of one row."""
         slots, values = (
             zip(*constants(self.graph), strict=True) if any(constants(self.graph)) else ((), ())

@@ -2,8 +2,9 @@
 """Results files: .csv (flat columns), .nc (netCDF4: vectors, units, long names) and .mat (one
 struct per component).
 
-.nc and .mat keep the parameters of the run too: as variables without time, and in the struct
-`parameters`.
+All keep the parameters of the run and its provenance too. A .nc: as variables without time, and as
+attributes; a .mat: in the structs `parameters` and `provenance`; a .csv, which stays a bare table
+for whatever reads tables: in NAME.csv.toml beside it, with the units.
 
 A run that ended early leaves a file NAME.partial.nc beside, so that a complete file is replaced by
 complete ones only: .nc and .mat say `complete = 0`, a .csv ends with a line `# incomplete: reason`.
@@ -29,6 +30,8 @@ from numpy.typing import NDArray
 from harness.errors import ResultsError, UsageError
 from harness.files.output import new_beside, written
 from harness.files.signals import held
+from harness.results import sidecar
+from harness.results.provenance import Provenance, flat, from_flat
 from harness.results.result import Result
 from harness.system.graph import read_interfaces
 from harness.system.model import Port, System
@@ -36,6 +39,9 @@ from harness.system.values import expand
 
 ELEMENTS = "elements"
 """Attribute with the names of the elements of a vector where they are not counted from 1."""
+
+PROVENANCE = "provenance_"
+"""Begin of the attributes of a .nc that say where it comes from."""
 
 INCOMPLETE = "# incomplete: "
 AXES = {3: "axis"}
@@ -109,7 +115,9 @@ class ResultFile:
                 raise ResultsError(f"{error}; the results are kept in {place}") from error
             raise
         if not self._special:
-            self._target.with_name(self.partial.name).unlink(missing_ok=True)
+            partial = self._target.with_name(self.partial.name)
+            partial.unlink(missing_ok=True)
+            sidecar.place(partial).unlink(missing_ok=True)
 
     def keep(self, result: Result) -> str:
         """Write the result of a run that ended early, beside the file; returns where it is.
@@ -129,6 +137,8 @@ class ResultFile:
         try:
             with held(), nullcontext(path) if self._special else written(path) as target:
                 WRITERS[path.suffix](result, target)
+            if path.suffix == ".csv" and not self._special:
+                sidecar.write(result, path)
         except Exception as error:  # OSError, or what the libraries behind xarray and scipy raise
             raise ResultsError(_failure(error, self.path)) from error
 
@@ -168,11 +178,13 @@ _NETCDF_NAME = re.compile(r"[\w\u0080-\U0010ffff][^/\x00-\x1f\x7f]*(?<! )")
 """Names that a netCDF file can have, of at most 256 bytes."""
 
 
-def read(path: Path) -> Result:
+def read(file: str | Path) -> Result:
     """Read a .csv or .nc written by the harness; ResultsError if it cannot be read.
 
-    A .csv knows neither units nor the name of the system, which is then the stem of the file.
+    A .csv without the .toml beside it knows neither units nor parameters nor the name of the
+    system, which is then the stem of the file.
     """
+    path = Path(file)
     if path.suffix not in READERS:
         raise UsageError(f"{path}: only {' and '.join(READERS)} can be read back")
     try:
@@ -205,7 +217,7 @@ def _read_csv(path: Path) -> Result:
     if table.shape[1] != len(names):
         raise ValueError(f"{len(names)} names for {table.shape[1]} columns")
     units = ("",) * (len(names) - 1)
-    return Result(
+    result = Result(
         path.stem,
         table[:, 0],
         tuple(names[1:]),
@@ -215,6 +227,7 @@ def _read_csv(path: Path) -> Result:
         not reason[1],
         reason[2].strip(),
     )
+    return sidecar.completed(result, path)
 
 
 def _last_line(file: TextIO) -> str:
@@ -243,6 +256,9 @@ def _write_nc(result: Result, path: Path) -> None:
     with netCDF4.Dataset(path, "w") as file:
         file.system, file.message = result.system, result.message
         file.complete = int(result.complete)
+        if result.provenance is not None:
+            given = flat(result.provenance)
+            file.setncatts({PROVENANCE + name: value for name, value in given.items()})
         variables["time"] = (("time",), result.time, time)
         defined = [(_defined(file, name, *each), each[1]) for name, each in variables.items()]
         for variable, data in defined:
@@ -305,8 +321,17 @@ def _read_nc(path: Path) -> Result:
     parameters = _table(system, time[:1], fixed) if fixed else None
     complete, message = bool(about.get("complete", 1)), about.get("message", "")
     return replace(
-        _table(system, time, histories), complete=complete, message=message, parameters=parameters
+        _table(system, time, histories),
+        complete=complete,
+        message=message,
+        parameters=parameters,
+        provenance=_provenance(about),
     )
+
+
+def _provenance(about: Mapping[str, Any]) -> Provenance | None:
+    found = {n.removeprefix(PROVENANCE): v for n, v in about.items() if n.startswith(PROVENANCE)}
+    return from_flat(found) if found else None
 
 
 def _table(
@@ -352,9 +377,12 @@ def _write_mat(result: Result, path: Path) -> None:
     for name, _, values, _ in _variables(result.parameters):
         component, variable = _place(fixed, name)
         fixed[component][variable] = values[0]
+    content |= {"units": units, "parameters": fixed}
+    if result.provenance is not None:
+        content["provenance"] = flat(result.provenance)
     scipy.io.savemat(
         path,
-        content | {"units": units, "parameters": fixed},
+        content,
         long_field_names=True,
         oned_as="column",
     )
@@ -363,8 +391,12 @@ def _write_mat(result: Result, path: Path) -> None:
 def _place(content: dict[str, Any], name: str) -> tuple[str, str]:
     """Struct of the component and field of the variable, in names that MATLAB accepts."""
     component, _, variable = name.partition(".")
-    component = _legal(component, ("time", "system", "complete", "units", "parameters"))
+    component = _legal(component, RESERVED)
     return component, _legal(variable, content.setdefault(component, {}))
+
+
+RESERVED = ("time", "system", "complete", "units", "parameters", "provenance")
+"""Names in a .mat that are no component."""
 
 
 def _legal(name: str, taken: Collection[str]) -> str:

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.results.provenance import Provenance
 from harness.spelling import did_you_mean
 from harness.system.names import base, grid, index
 
@@ -23,7 +24,7 @@ class Result:
     time: (rows,) [s]; columns: `component.variable[i]`; units, descriptions: per column ("" if
     unknown); values: (rows, columns); complete: False if the run ended early, then `message` says
     why; parameters: all parameters of all components as they were set, a table of one row (None
-    if unknown: a .csv does not keep them).
+    if unknown); provenance: what was flown (None if unknown).
     """
 
     system: str
@@ -35,6 +36,7 @@ class Result:
     complete: bool = True
     message: str = ""
     parameters: Result | None = None
+    provenance: Provenance | None = None
 
     def parameter(self, name: str) -> NDArray[np.float64]:
         """Value of a parameter: (), (n,) for a vector, (m, n) for a matrix; KeyError with close

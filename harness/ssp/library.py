@@ -5,13 +5,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from harness.errors import UsageError
 from harness.files import paths
+from harness.files.digest import sha256
 from harness.spelling import did_you_mean
 from harness.ssp import reader
-from harness.system.model import System
+from harness.system.model import Origin, System
 
 
 @contextmanager
@@ -23,8 +25,10 @@ def load(system: str | Path | System) -> Iterator[System]:
     if isinstance(system, System):
         yield system
         return
-    with reader.opened(find_system(system)) as found:
-        yield found
+    path = find_system(system)
+    origin = Origin(str(system), sha256(path))
+    with reader.opened(path) as found:
+        yield replace(found, origin=origin)
 
 
 def find_system(name: str | Path) -> Path:

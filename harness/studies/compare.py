@@ -23,6 +23,7 @@ from pathlib import Path
 from queue import SimpleQueue
 
 from harness.errors import HarnessError, RunError, UsageError
+from harness.files.command import command_line, work_for
 from harness.master import isolated
 from harness.master.changes import apply
 from harness.master.child import end_with_parent
@@ -194,7 +195,8 @@ class _Lane:
         """Run one variant."""
         if self.process is None:
             context = multiprocessing.get_context("spawn")
-            self.process = ProcessPoolExecutor(1, context, _get_ready, (self.system,))
+            given = self.system, command_line()
+            self.process = ProcessPoolExecutor(1, context, _get_ready, given)
         try:
             return self.process.submit(_attempt, variant, file, every).result()
         except BrokenProcessPool:
@@ -223,7 +225,7 @@ def _in_a_lane(free: SimpleQueue[_Lane], variant: Variant, file: Path, every: in
 _warm: Warm | None = None
 
 
-def _get_ready(system: str | Path) -> None:
+def _get_ready(system: str | Path, command: str | None) -> None:
     """Leave Ctrl-C and the warnings that _check() has already logged to the parent, end when it
     ends, and clean up at the end.
     """
@@ -231,6 +233,7 @@ def _get_ready(system: str | Path) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _log.setLevel(logging.ERROR)
     end_with_parent()
+    work_for(command)
     _warm = Warm(system)
     atexit.register(_warm.close)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from harness.system.names import Name
 from harness.system.units import Hop, Unit
@@ -116,13 +116,38 @@ class Alternative:
     parameters: Mapping[str, Parameters] = field(default_factory=dict)
 
 
+class Swap(NamedTuple):
+    """Another FMU in the place of a component, by name or path as given, and the hash of its
+    content.
+    """
+
+    component: str
+    fmu: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a system comes from, and what was changed in it on the way; harness.results.provenance
+    says more of each.
+    """
+
+    source: str = ""
+    sha256: str = ""
+    params: str | None = None
+    params_sha256: str = ""
+    set: Mapping[str, Any] = field(default_factory=dict)
+    swaps: Mapping[str, Swap] = field(default_factory=dict)
+    latency: Mapping[str, int] = field(default_factory=dict)
+
+
 @dataclass(frozen=True)
 class System:
     """Components in execution order, who drives whom, and how to run it.
 
     strict: an input that is neither driven nor given a value is an error (systems of other tools
     rely on start values); declared: units that the file claims for variables of components, to be
-    compared with what the FMUs say.
+    compared with what the FMUs say; origin: where all this comes from.
     """
 
     name: str
@@ -134,6 +159,7 @@ class System:
     alternatives: tuple[Alternative, ...] = ()
     strict: bool = False
     declared: Mapping[Port, Unit] = field(default_factory=dict, compare=False)
+    origin: Origin = field(default_factory=Origin, compare=False)
 
     def component(self, name: str) -> Component:
         """The component of that name; KeyError if there is none."""

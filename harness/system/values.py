@@ -38,6 +38,13 @@ def parse(text: str) -> Value:
     return value
 
 
+def plain(value: Any) -> Any:
+    """A value of Python as TOML has it: arrays and numbers of numpy, tuples as lists."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    return [plain(each) for each in value] if isinstance(value, list | tuple) else value
+
+
 def parse_text(text: str) -> str:
     """Value of `--set name=text` for a String: the text, without the quotes of TOML if it has
     some.

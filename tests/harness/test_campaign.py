@@ -299,7 +299,7 @@ def with_bands(system):
 def test_every_run_is_a_run_of_its_own_to_the_bit(system, serial):
     store = serial.store
     for k in (0, 7, 23):
-        alone = run(system, **like(f"{serial.path}#{k}", system))
+        alone = run(system, **like(f"{serial.path}#{k}", system)[1])
         assert store.array("last")[k].tobytes() == alone.values[-1].tobytes()
         assert store.array("end")[k] == alone["twice.y"][-1]
         assert store.array("twice.y")[k, :, 0].tobytes() == alone["twice.y"][::2].tobytes()

@@ -103,8 +103,42 @@ def test_netcdf_keeps_the_parameters_as_variables_without_time(flown, tmp_path):
     assert back.parameters.unit("b.M.A") == "kg"
 
 
-def test_csv_does_not_keep_the_parameters(flown, tmp_path):
-    assert read(written(flown, tmp_path / "demo.csv")).parameters is None
+def test_beside_a_csv_stand_parameters_units_and_meanings(flown, tmp_path):
+    back = read(written(flown, tmp_path / "demo.csv"))
+    assert back.parameters.columns == flown.parameters.columns
+    assert back.parameters.values.tobytes() == flown.parameters.values.tobytes()
+    assert (back.units, back.descriptions) == (flown.units, flown.descriptions)
+    assert (back.system, back.parameters.unit("b.M.A")) == ("demo", "kg")
+
+
+def test_a_csv_alone_is_a_bare_table(flown, tmp_path):
+    path = written(flown, tmp_path / "demo.csv")
+    (tmp_path / "demo.csv.toml").unlink()
+    assert read(path).parameters is None
+    assert pandas_like(path) == (6, 1 + len(NAMES))
+
+
+def pandas_like(path):
+    """Rows with the heading, and columns, of a reader that knows nothing but commas."""
+    with path.open(newline="") as file:
+        table = list(csv.reader(file))
+    assert len({len(row) for row in table}) == 1
+    return len(table), len(table[0])
+
+
+def test_what_stands_beside_another_csv_is_not_used(flown, tmp_path, caplog):
+    path = written(flown, tmp_path / "demo.csv")
+    path.write_text("time,a.x\n0,1\n", encoding="utf-8")
+    assert read(path).parameters is None
+    assert "demo.csv.toml: is of another demo.csv, it is not used" in caplog.text
+
+
+@pytest.mark.parametrize("text", ["= 1", 'sha256 = "\udcff"'], ids=["no TOML", "no UTF-8"])
+def test_what_cannot_be_read_beside_a_csv_costs_a_line(flown, tmp_path, caplog, text):
+    path = written(flown, tmp_path / "demo.csv")
+    (tmp_path / "demo.csv.toml").write_bytes(text.encode(errors="surrogateescape"))
+    assert len(read(path).time) == 5
+    assert "demo.csv.toml: cannot be read" in caplog.text
 
 
 def test_mat_keeps_the_parameters_in_a_struct_of_their_own(flown, tmp_path):

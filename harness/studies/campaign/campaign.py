@@ -130,8 +130,9 @@ def _opened(path: Path, plan: Plan) -> Store:
 # ---- one run again
 
 
-def like(text: str, system: str | Path) -> Changes:
-    """Changes of one run of a dataset, `OUT.zarr#1234`, for run().
+def like(text: str, system: str | Path | None = None) -> tuple[str | Path, Changes]:
+    """System and changes of one run of a dataset, `OUT.zarr#1234`, for run(); system: where the
+    .ssp is now, None: where it was.
 
     Raises UsageError (no such run, or the dataset is of another system) or ResultsError.
     """
@@ -145,6 +146,6 @@ def like(text: str, system: str | Path) -> Changes:
     if not store.array("status")[int(number)]:
         raise UsageError(f"--like {text}: this run is still to come, see --resume")
     plan = Plan(*store.definition())
-    if plan.system.read_bytes() != find_system(system).read_bytes():
+    if system is not None and plan.system.read_bytes() != find_system(system).read_bytes():
         raise UsageError(f"--like {text}: is of {plan.system.stem}, not of {Path(system).stem}")
-    return plan.changes(store.values(int(number)))
+    return system or plan.system, plan.changes(store.values(int(number)))

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The case of a paper as data: a system of the project with one of its sets, and how a result
+deviates from it.
+
+What was flown is held against what the system says now: FMUs, parameters, time span, macro step,
+order of execution. A verdict on a paper is one only where nothing deviates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness.errors import HarnessError
+from harness.files import paths
+from harness.master.simulation import Simulation
+from harness.results.provenance import Provenance, Slot, flown
+from harness.results.result import Result
+from harness.ssp.library import load
+from harness.system.names import base
+
+SHOWN = 4
+"""Deviations that are listed."""
+ROUNDING = 1e-12
+"""Relative difference of parameters that are the same."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A run that a paper describes.
+
+    system: name; params: set; swap: (component, FMU); free: parameters on which the paper leaves
+    the choice, `stop` for any end.
+    """
+
+    system: str
+    params: str = "default"
+    swap: tuple[tuple[str, str], ...] = ()
+    free: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """For reading: system, set and swaps."""
+        swaps = "".join(f", {component}={fmu}" for component, fmu in self.swap)
+        return f"{self.system}, set {self.params}{swaps}"
+
+
+def deviations(result: Result, cases: Sequence[Case]) -> tuple[str, list[str]] | None:
+    """The case that is nearest to a result and how the result deviates from it, one text each; None
+    if the result does not say what was flown, or no case is there to compare it with.
+    """
+    if result.parameters is None:
+        return None
+    found = [(case.name, each) for case in cases if (each := _deviations(result, case)) is not None]
+    return min(found, key=lambda pair: len(pair[1]), default=None)
+
+
+def _deviations(result: Result, case: Case) -> list[str] | None:
+    path = paths.systems().get(case.system)
+    if path is None:
+        return None
+    if result.system != case.system:
+        return [f"system {result.system} instead of {case.system}"] * (SHOWN + 1)
+    try:
+        about, parameters = _planned(case, path, path.stat().st_mtime_ns)
+    except HarnessError:
+        return None
+    found = list(_course(result, about, case.free))
+    return found + list(_parameters(result, parameters, case.free))
+
+
+@lru_cache(maxsize=64)
+def _planned(case: Case, path: Path, _modified: int) -> tuple[Provenance, Result]:
+    """What the run of a case would be, without running it."""
+    with load(path) as system:
+        simulation = Simulation(system, params=case.params, swap=dict(case.swap))
+        return flown(simulation.system, "c", 1), simulation.parameters()
+
+
+def _course(result: Result, wanted: Provenance, free: Sequence[str]) -> Iterator[str]:
+    """Time span, order of execution and FMUs."""
+    ours = result.provenance
+    end = float(result.time[-1]) if len(result.time) else np.nan
+    if "stop" not in free and not np.isclose(end, wanted.stop or 0.0, rtol=1e-9):
+        yield f"it ends at {end:g} s instead of {wanted.stop:g} s"
+    if ours is None:
+        return
+    if ours.step != wanted.step:
+        yield f"macro step {ours.step:g} s instead of {wanted.step:g} s"
+    if ours.algorithm != wanted.algorithm:
+        yield f"{ours.algorithm} instead of {wanted.algorithm}"
+    yield from _slots(ours.schedule, wanted.schedule)
+
+
+def _slots(ours: Sequence[Slot], wanted: Sequence[Slot]) -> Iterator[str]:
+    given = {slot.component: slot for slot in ours}
+    for slot in wanted:
+        own = given.get(slot.component)
+        if own is None:
+            yield f"without {slot.component}"
+        elif own.fmu != slot.fmu:
+            yield f"{slot.component} {own.fmu} instead of {slot.fmu}"
+        elif own != slot:
+            yield f"{slot.component} every {own.every}, {own.latency} macro steps late"
+
+
+def _parameters(result: Result, wanted: Result, free: Sequence[str]) -> Iterator[str]:
+    """Parameters of other values, those of FMUs in common."""
+    ours = result.parameters
+    assert ours is not None
+    for name in dict.fromkeys(map(base, wanted.columns)):
+        if name in free or name not in ours or name not in wanted:
+            continue
+        value, right = ours[name][0], wanted[name][0]
+        if value.shape != right.shape or not np.allclose(value, right, ROUNDING, 0, equal_nan=True):
+            unit = wanted.unit(name).removeprefix("1")
+            yield f"{name} {_shown(value)} instead of {_shown(right)} {unit}".rstrip()
+
+
+def _shown(value: Any) -> str:
+    if np.ndim(value):
+        return f"[{', '.join(map(_shown, value))}]"
+    return f"{value:.6g}"
+
+
+def listed(texts: Sequence[str]) -> str:
+    """The first deviations in one line, and how many more there are."""
+    unlike = list(dict.fromkeys(texts))
+    more = f"; and {len(unlike) - SHOWN} more" if len(unlike) > SHOWN else ""
+    return "; ".join(unlike[:SHOWN]) + more

@@ -1,0 +1,230 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Where a result comes from: all that is needed to make it again, as plain data.
+
+A provenance is filled from the System as it was run, travels with the Result through its files, and
+is compared with that of another run.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from datetime import UTC, datetime
+from functools import lru_cache
+from importlib.metadata import version
+from typing import Any, NamedTuple
+
+from harness.files.command import command_line
+from harness.system.model import Swap, System
+from harness.system.values import parse
+
+
+class Slot(NamedTuple):
+    """A component in its place: its FMU by name, macro steps per step, macro steps of latency."""
+
+    component: str
+    fmu: str
+    every: int
+    latency: int
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What was flown.
+
+    version: of this package; system: its name; source: name or path as the user gave it; sha256: of
+    the .ssp ("": the system was made in Python); params: named set or file, params_sha256: of the
+    file; set: (`component.variable`, value) as given, text or value; swaps: other FMUs; maps:
+    (port, port) renamed; latency: (component, macro steps) as given; algorithm, step [s], stop [s],
+    schedule, executor, every: as run; command: command line (None: from Python); date: when the
+    result was taken, UTC; platform: of the host.
+    """
+
+    version: str = ""
+    system: str = ""
+    source: str = ""
+    sha256: str = ""
+    params: str | None = None
+    params_sha256: str = ""
+    set: tuple[tuple[str, Any], ...] = ()
+    swaps: tuple[Swap, ...] = ()
+    maps: tuple[tuple[str, str], ...] = ()
+    latency: tuple[tuple[str, int], ...] = ()
+    algorithm: str = ""
+    step: float | None = None
+    stop: float | None = None
+    schedule: tuple[Slot, ...] = ()
+    executor: str = ""
+    every: int = 1
+    command: str | None = None
+    date: str = ""
+    platform: str = ""
+
+    def changes(self) -> dict[str, Any]:
+        """The changes that make the same run of the same source, for run()."""
+        changes: dict[str, Any] = {
+            "params": self.params,
+            "set": dict(self.set),
+            "swap": {swap.component: swap.fmu for swap in self.swaps},
+            "latency": dict(self.latency),
+            "step": self.step,
+            "stop": self.stop,
+            "algorithm": self.algorithm or None,
+        }
+        return {name: value for name, value in changes.items() if value not in (None, {})}
+
+    def lines(self) -> list[str]:
+        """What was flown, for reading: one fact per line."""
+        return list(_lines(self))
+
+
+def flown(system: System, executor: str, every: int) -> Provenance:
+    """Provenance of a run of a system that begins or ends now."""
+    origin, experiment = system.origin, system.experiment
+    return Provenance(
+        version=_version(),
+        system=system.name,
+        source=origin.source,
+        sha256=origin.sha256,
+        params=origin.params,
+        params_sha256=origin.params_sha256,
+        set=tuple(origin.set.items()),
+        swaps=tuple(origin.swaps.values()),
+        latency=tuple(origin.latency.items()),
+        algorithm=experiment.algorithm,
+        step=experiment.step,
+        stop=experiment.stop,
+        schedule=tuple(Slot(c.name, c.fmu.stem, c.every, c.latency) for c in system.components),
+        executor=executor,
+        every=every,
+        command=command_line(),
+        date=_now(),
+        platform=_platform(),
+    )
+
+
+@lru_cache
+def _version() -> str:
+    return version("servicing-fmus")
+
+
+@lru_cache
+def _platform() -> str:
+    return f"{platform.platform()}, Python {platform.python_version()}"
+
+
+def _now() -> str:
+    """Date and time, or that of SOURCE_DATE_EPOCH, for files that shall be the same again."""
+    given = os.environ.get("SOURCE_DATE_EPOCH", "")
+    moment = datetime.fromtimestamp(int(given), UTC) if given.isdecimal() else datetime.now(UTC)
+    return moment.strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+# ---- as a table
+
+
+PLAIN = {f.name for f in fields(Provenance) if not str(f.type).startswith("tuple")}
+"""Fields that are a text or a number; the others are lists."""
+ROWS: Mapping[str, Any] = {"swaps": Swap, "schedule": Slot}
+"""Lists of more than pairs, with the type of their rows."""
+
+
+def table(provenance: Provenance) -> dict[str, Any]:
+    """Fields by name with texts, numbers and lists of lists; what is None is left out."""
+    found = {f.name: getattr(provenance, f.name) for f in fields(provenance)}
+    return {
+        name: value if name in PLAIN else [list(row) for row in value]
+        for name, value in found.items()
+        if value is not None
+    }
+
+
+def from_table(given: Mapping[str, Any]) -> Provenance:
+    """The inverse of table(); fields of later versions are passed over."""
+    known = {f.name for f in fields(Provenance)} & given.keys()
+    return Provenance(**{name: _field(name, given[name]) for name in known})
+
+
+def _field(name: str, value: Any) -> Any:
+    if name in PLAIN:
+        return value
+    row = ROWS.get(name)
+    return tuple(row(*each) if row else tuple(each) for each in value)
+
+
+def flat(provenance: Provenance) -> dict[str, str | float]:
+    """The table with lists as JSON, for files that have texts and numbers only."""
+    return {
+        name: value if name in PLAIN else json.dumps(value)
+        for name, value in table(provenance).items()
+    }
+
+
+def from_flat(given: Mapping[str, Any]) -> Provenance:
+    """The inverse of flat()."""
+    return from_table(
+        {
+            name: _scalar(value) if name in PLAIN else json.loads(value)
+            for name, value in given.items()
+        }
+    )
+
+
+def _scalar(value: Any) -> Any:
+    if not hasattr(value, "item"):
+        return value
+    return value.item() if value.size else ""  # as a .mat has an empty text
+
+
+# ---- for reading
+
+
+def _lines(p: Provenance) -> Iterator[str]:
+    source = f" from {p.source}" if p.source and p.source != p.system else ""
+    digest = f", sha256 {p.sha256[:12]}" if p.sha256 else ", made in Python"
+    yield f"system {p.system}{source}{digest}"
+    if changed := "; ".join(_changed(p)):
+        yield f"changed: {changed}"
+    else:
+        yield "nothing changed"
+    thinned = f", every {p.every} steps recorded" if p.every > 1 else ""
+    yield f"stop {_g(p.stop)} s, macro step {_g(p.step)} s, {p.algorithm}{thinned}"
+    yield f"harness {p.version}, {p.date}, {p.platform}"
+    if p.command:
+        yield f"command: {p.command}"
+
+
+def _changed(p: Provenance) -> Iterator[str]:
+    if p.params is not None:
+        yield f"params {p.params}"
+    yield from (f"{s.component} swapped for {s.fmu} ({s.sha256[:12]})" for s in p.swaps)
+    yield from (f"{name} = {value}" for name, value in p.set)
+    yield from (f"{component} {steps} macro steps late" for component, steps in p.latency)
+    yield from (f"{a} mapped to {b}" for a, b in p.maps)
+
+
+def _g(value: float | None) -> str:
+    return "?" if value is None else f"{value:g}"
+
+
+# ---- two of them
+
+
+def differences(ours: Provenance | None, theirs: Provenance | None) -> list[str]:
+    """What was asked for differently, by name: fields that decide on the numbers, no hashes."""
+    if ours is None or theirs is None:
+        return []
+    names = ("system", "params", "algorithm", "step", "stop", "every", "maps", "schedule")
+    found = [name for name in names if getattr(ours, name) != getattr(theirs, name)]
+    if _values(ours) != _values(theirs):
+        found.append("set")
+    if [s[0] for s in ours.swaps] != [s[0] for s in theirs.swaps]:
+        found.append("swap")
+    return found
+
+
+def _values(p: Provenance) -> dict[str, Any]:
+    return {name: parse(v) if isinstance(v, str) else v for name, v in p.set}

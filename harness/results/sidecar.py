@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""NAME.csv.toml: what a bare table of numbers does not say of itself.
+
+Units, meanings, parameters and provenance stand beside the .csv and not in it, so that a
+spreadsheet or pandas reads the table without being told anything. It holds the hash of the table
+that it belongs to; beside any other it counts for nothing.
+"""
+
+from __future__ import annotations
+
+import logging
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness.files.digest import sha256
+from harness.files.output import written
+from harness.results import provenance
+from harness.results.result import Result
+
+_log = logging.getLogger("harness")
+
+
+def place(csv: Path) -> Path:
+    """Where the file beside a .csv is."""
+    return csv.with_name(f"{csv.name}.toml")
+
+
+def write(result: Result, csv: Path) -> None:
+    """Write the file beside a .csv that is complete; OSError or ResultsError."""
+    import tomli_w
+
+    content: dict[str, Any] = {"system": result.system, "sha256": sha256(csv)}
+    if result.provenance is not None:
+        content["provenance"] = provenance.table(result.provenance)
+    if result.parameters is not None:
+        content["parameters"] = _values(result.parameters) | _texts(result.parameters)
+    content["columns"] = _texts(result)
+    with written(place(csv)) as path:
+        path.write_text(tomli_w.dumps(content), encoding="utf-8")
+
+
+def _values(parameters: Result) -> dict[str, Any]:
+    return {"values": dict(zip(parameters.columns, parameters.values[0].tolist(), strict=True))}
+
+
+def _texts(result: Result) -> dict[str, Any]:
+    """Units and meanings by column, where there are any."""
+    given = {"units": result.units, "descriptions": result.descriptions}
+    return {
+        kind: {name: text for name, text in zip(result.columns, texts, strict=False) if text}
+        for kind, texts in given.items()
+    }
+
+
+def completed(result: Result, csv: Path) -> Result:
+    """The result of a .csv with what stands beside it; as it is if there is nothing, or of another
+    table.
+    """
+    try:
+        content = tomllib.loads(place(csv).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return result
+    except (OSError, ValueError) as error:
+        _log.warning("%s: cannot be read (%s)", place(csv).name, error)
+        return result
+    if content.get("sha256") != sha256(csv):
+        _log.warning("%s: is of another %s, it is not used", place(csv).name, csv.name)
+        return result
+    origin = content.get("provenance")
+    return replace(
+        _named(result, content.get("columns", {})),
+        system=content.get("system", result.system),
+        parameters=_parameters(result, content.get("parameters")),
+        provenance=None if origin is None else provenance.from_table(origin),
+    )
+
+
+def _named(result: Result, texts: dict[str, Any]) -> Result:
+    units, descriptions = (texts.get(kind, {}) for kind in ("units", "descriptions"))
+    return replace(
+        result,
+        units=tuple(units.get(name, "") for name in result.columns),
+        descriptions=tuple(descriptions.get(name, "") for name in result.columns),
+    )
+
+
+def _parameters(result: Result, table: dict[str, Any] | None) -> Result | None:
+    if table is None:
+        return None
+    values = np.array([list(table["values"].values())], dtype=np.float64)
+    names, unknown = tuple(table["values"]), ("",) * len(table["values"])
+    return _named(Result(result.system, result.time[:1], names, unknown, values), table)

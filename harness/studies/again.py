@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A run repeated from its result alone, and whether the bits are the same."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import UsageError
+from harness.files.digest import sha256
+from harness.files.paths import is_file
+from harness.master.changes import Changes, pairs
+from harness.results.files import read
+from harness.results.provenance import Provenance, differences
+from harness.results.result import Result
+from harness.ssp.library import find_system
+from harness.system.swap import find_fmu
+
+NAMED = ("set", "swap", "latency")
+"""Changes of one name each, which others do not replace."""
+
+_log = logging.getLogger("harness")
+
+
+@dataclass(frozen=True)
+class Again:
+    """What is run; model: the result that it shall repeat, None of a run of a campaign."""
+
+    system: str | Path
+    changes: Changes
+    executor: str = "c"
+    every: int = 1
+    model: Result | None = None
+
+
+def again(text: str, system: str | Path | None, changes: Changes) -> Again:
+    """The run behind a result file or `OUT.zarr#N`, with these changes over its own.
+
+    system: where the .ssp is now, None: where it was. What is not as it was then is said in a
+    warning each. Raises UsageError (nothing to repeat, the .ssp or an FMU is gone), ResultsError.
+    """
+    if "#" in text and not is_file(text):
+        from harness.studies.campaign.campaign import like  # with Dask and zarr
+
+        found, own = like(text, system)
+        return Again(found, _over(own, changes))
+    model = read(Path(text))
+    if (flown := model.provenance) is None:
+        raise UsageError(f"--like {text}: the file does not say what was flown")
+    if not (system or flown.source):
+        raise UsageError(f"--like {text}: its system was made in Python, name an .ssp")
+    found = system or flown.source
+    both = _over(flown.changes(), changes)  # type: ignore[arg-type]
+    for warning in _changed(flown, found, both):
+        _log.warning("%s", warning)
+    return Again(found, both, flown.executor, flown.every, model)
+
+
+def _over(own: Changes, changes: Changes) -> Changes:
+    both: dict[str, Any] = {**own, **changes}
+    for name in NAMED:
+        given: list[Any] = [dict(pairs(f"--{name}", c.get(name, ()))) for c in (own, changes)]  # type: ignore[arg-type]
+        both[name] = given[0] | given[1]
+    return both  # type: ignore[return-value]
+
+
+def _changed(flown: Provenance, system: str | Path, changes: Changes) -> Iterator[str]:
+    """Files that are not what they were."""
+    swaps: Any = changes.get("swap", {})
+    files = [(find_system(system), flown.sha256)]
+    files += [(find_fmu(swaps[s.component]), s.sha256) for s in flown.swaps]
+    if flown.params_sha256 and is_file(params := str(changes.get("params"))):
+        files.append((Path(params), flown.params_sha256))
+    for path, then in files:
+        if then and (now := sha256(path)) != then:
+            yield f"{path.name}: is not what was flown (sha256 {now[:12]} instead of {then[:12]})"
+
+
+def agreement(model: Result, result: Result) -> tuple[bool, str]:
+    """Whether a repeated run has the bits of its model, and that in one line; a run that was
+    changed is not held against it.
+    """
+    if changed := differences(result.provenance, model.provenance):
+        return True, f"bits not compared: other {', '.join(changed)}"
+    rows = len(model.time)
+    if len(result.time) != rows and (model.complete or len(result.time) < rows):
+        return False, f"the bits differ: {len(result.time)} rows instead of {rows}"
+    if missing := [name for name in model.columns if name not in result]:
+        return False, f"the bits differ: there is no {missing[0]} any more"
+    ours = np.stack([result[name][:rows] for name in model.columns], axis=1)
+    other = np.argwhere(~_same(ours, model.values))
+    if not len(other):
+        return True, f"the bits agree: {rows} rows of {len(model.columns)} values"
+    row, column = other[0]
+    return False, (
+        f"the bits differ in {len(other)} of {ours.size} values, first at {model.time[row]:g} s: "
+        f"{model.columns[column]} {float(ours[row, column])!r} instead of "
+        f"{float(model.values[row, column])!r}"
+    )
+
+
+def _same(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Equal bits; every NaN is as good as another."""
+    bits = np.ascontiguousarray(a).view(np.uint64) == np.ascontiguousarray(b).view(np.uint64)
+    return np.asarray(bits | (np.isnan(a) & np.isnan(b)))

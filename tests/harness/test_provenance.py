@@ -1,0 +1,252 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What a result says of its origin: in every file, of every kind of run; and the same run again."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+import scipy.io
+
+from harness import Simulation, compare, load, read, run
+from harness.claims.case import SHOWN, Case, deviations, listed
+from harness.cli import main
+from harness.errors import UsageError
+from harness.files import paths
+from harness.results.files import ResultFile
+from harness.results.provenance import Provenance, Slot, flat, from_flat, from_table, table
+from harness.studies.again import again, agreement
+from harness.system.model import Swap
+
+SHORT = {"stop": 2.0}
+
+
+def digest(path):
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@pytest.fixture(scope="module")
+def changed():
+    """A run with a change of every kind."""
+    return run(
+        "sync_approach",
+        params="robust",
+        set={"servicer.J_S": np.diag([200, 250.0, 151]), "servicer.mass_0": "120"},
+        swap={"controller": "pid_controller"},
+        latency=["controller=1"],
+        step=0.1,
+        algorithm="jacobi",
+        every=2,
+        **SHORT,
+    )
+
+
+# ---- what it holds
+
+
+def test_a_run_says_all_that_was_changed(changed, monkeypatch):
+    found = changed.provenance
+    assert (found.system, found.source, found.params) == (
+        "sync_approach",
+        "sync_approach",
+        "robust",
+    )
+    assert found.sha256 == digest(paths.systems()["sync_approach"])
+    fmu = digest(paths.fmus()["pid_controller"])
+    assert found.swaps == (Swap("controller", "pid_controller", fmu),)
+    matrix = [[200.0, 0.0, 0.0], [0.0, 250.0, 0.0], [0.0, 0.0, 151.0]]
+    assert found.set == (("servicer.J_S", matrix), ("servicer.mass_0", "120"))
+    assert found.latency == (("controller", 1),)
+    assert (found.algorithm, found.step, found.stop, found.every) == ("jacobi", 0.1, 2.0, 2)
+    assert found.schedule[:2] == (
+        Slot("guidance", "sync_guidance", 1, 0),
+        Slot("controller", "pid_controller", 1, 1),
+    )
+    assert found.command is None
+    assert changed.parameter("servicer.J_S")[2, 2] == 151
+
+
+def test_the_date_is_that_of_the_source_if_it_is_given(monkeypatch):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "86400")
+    assert run("sync_approach", stop=0.1).provenance.date == "1970-01-02T00:00:00Z"
+
+
+def test_a_parameter_file_is_kept_with_its_hash(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text("[servicer]\nmass_0 = 111\n", encoding="utf-8")
+    found = run("sync_approach", params=file, **SHORT).provenance
+    assert (found.params, found.params_sha256) == (str(file), digest(file))
+
+
+def test_a_warm_simulation_gives_every_run_its_own():
+    with load("sync_approach") as system, Simulation(system) as simulation:
+        first = simulation.fly(set={"servicer.mass_0": 90}, **SHORT)
+        second = simulation.fly(latency={"controller": 1}, **SHORT)
+    assert first.provenance.set == (("servicer.mass_0", 90),)
+    assert (second.provenance.set, second.provenance.latency) == ((), (("controller", 1),))
+    assert first.provenance.sha256 == second.provenance.sha256
+
+
+def test_every_run_of_a_comparison_has_its_own(tmp_path):
+    found = compare(
+        "sync_approach", tmp_path, vary={"servicer.mass_0": [90, 110]}, swap=(), **SHORT
+    )
+    given = [result.provenance.set for result in found.results.values()]
+    assert given == [(("servicer.mass_0", "90"),), (("servicer.mass_0", "110"),)]
+
+
+# ---- as it is kept
+
+
+def test_every_field_survives_both_tables(changed):
+    whole = replace(changed.provenance, command="harness run 'a b'", maps=(("a.x", "b.y"),))
+    assert from_table(table(whole)) == from_flat(flat(whole)) == whole
+    assert from_table({**table(whole), "later": 1}) == whole
+    assert {f.name for f in fields(Provenance)} == table(whole).keys() | {"later"} - {"later"}
+
+
+@pytest.mark.parametrize("ending", [".nc", ".csv"])
+def test_it_reads_back_from_every_file(changed, tmp_path, ending):
+    path = tmp_path / f"out{ending}"
+    ResultFile(path).write(changed)
+    assert read(path).provenance == changed.provenance
+    assert read(str(path)).parameter("servicer.J_S").tolist() == np.diag([200, 250, 151]).tolist()
+
+
+def test_a_mat_holds_it_as_a_struct(changed, tmp_path):
+    ResultFile(tmp_path / "out.mat").write(changed)
+    kept = scipy.io.loadmat(tmp_path / "out.mat", simplify_cells=True)["provenance"]
+    assert (kept["sha256"], kept["step"]) == (changed.provenance.sha256, 0.1)
+    assert from_flat(kept) == changed.provenance
+
+
+# ---- the same run again
+
+
+@pytest.mark.parametrize("ending", [".nc", ".csv"])
+def test_like_repeats_a_run_to_the_bit(changed, tmp_path, capsys, monkeypatch, ending):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / f"out{ending}"
+    ResultFile(path).write(changed)
+    assert main(["run", "--like", str(path)]) == 0
+    assert f"the bits agree: {len(changed.time)} rows" in capsys.readouterr().out
+    assert (tmp_path / "results" / "sync_approach_again.nc").is_file()
+    assert "run --like" in read(tmp_path / "results/sync_approach_again.nc").provenance.command
+
+
+def test_another_bit_is_found_with_its_place(changed):
+    values = changed.values.copy()
+    column = changed.columns.index("servicer.r_SN_N[2]")
+    values[3, column] = np.nextafter(values[3, column], np.inf)
+    equal, line = agreement(replace(changed, values=values), changed)
+    assert not equal
+    assert f"differ in 1 of {values.size} values, first at 0.6 s: servicer.r_SN_N[2]" in line
+
+
+def test_a_sign_of_zero_is_a_bit_and_a_nan_is_a_nan(changed):
+    values = np.zeros_like(changed.values)
+    values[1, 1] = np.nan
+    zero = replace(changed, values=values)
+    assert agreement(zero, zero)[0]
+    values = values.copy()
+    values[2, 2] = -0.0
+    assert not agreement(zero, replace(changed, values=values))[0]
+
+
+def test_a_run_that_is_changed_on_the_way_is_not_held_against_its_model(changed, tmp_path, capsys):
+    path, other = tmp_path / "out.nc", tmp_path / "other.nc"
+    ResultFile(path).write(changed)
+    assert main(["run", "--like", str(path), "--set", "servicer.k=1", "-o", str(other)]) == 2
+    mass = ["--set", "servicer.mass_0=130"]
+    assert main(["run", "--like", str(path), *mass, "-o", str(other)]) == 0
+    assert "bits not compared: other set" in capsys.readouterr().out
+    found = read(other)
+    assert found.parameter("servicer.mass_0") == 130
+    assert found.parameter("servicer.J_S")[2, 2] == 151
+
+
+def test_a_system_or_fmu_that_was_changed_or_is_gone_is_named(tmp_path, caplog):
+    system, fmu, out = tmp_path / "mine.ssp", tmp_path / "my.fmu", tmp_path / "out.nc"
+    shutil.copy(paths.systems()["sync_approach"], system)
+    shutil.copy(paths.fmus()["pid_controller"], fmu)
+    ResultFile(out).write(run(system, swap={"controller": str(fmu)}, **SHORT))
+
+    shutil.copy(paths.systems()["sync_approach_thrusters"], system)
+    shutil.copy(paths.fmus()["ppc_controller"], fmu)
+    again(str(out), None, {})
+    lines = [record.getMessage() for record in caplog.records]
+    assert [line.partition(" (")[0] for line in lines] == [
+        "mine.ssp: is not what was flown",
+        "my.fmu: is not what was flown",
+    ]
+    fmu.unlink()
+    with pytest.raises(UsageError, match=r"my\.fmu: there is no such FMU"):
+        again(str(out), None, {})
+    system.unlink()
+    with pytest.raises(UsageError, match=r"mine\.ssp: there is no such system"):
+        again(str(out), None, {})
+
+
+def test_without_a_word_on_its_origin_nothing_is_repeated(changed, tmp_path):
+    path = tmp_path / "out.nc"
+    ResultFile(path).write(replace(changed, provenance=None))
+    with pytest.raises(UsageError, match="the file does not say what was flown"):
+        again(str(path), None, {})
+    ResultFile(path).write(replace(changed, provenance=replace(changed.provenance, source="")))
+    with pytest.raises(UsageError, match="its system was made in Python"):
+        again(str(path), None, {})
+
+
+def test_run_wants_a_system(capsys):
+    assert main(["run"]) == 2
+    assert "run which system? harness list shows them" in capsys.readouterr().err
+
+
+# ---- the case of a paper
+
+
+CASE = Case("sync_approach", free=("stop",))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({}, []),
+        ({"set": {"guidance.rho_M": 4}}, []),
+        ({"set": {"guidance.rho_M": 6}}, ["guidance.rho_M 6 instead of 4 m"]),
+        ({"step": 0.05}, ["macro step 0.05 s instead of 0.1 s"]),
+        ({"algorithm": "jacobi"}, ["jacobi instead of gauss-seidel"]),
+        (
+            {"swap": {"controller": "pid_controller"}},
+            ["controller pid_controller instead of adaptive_controller"],
+        ),
+        ({"latency": {"controller": 1}}, ["controller every 1, 1 macro steps late"]),
+    ],
+)
+def test_what_differs_from_a_case_is_named(changes, words):
+    result = run("sync_approach", **{"stop": 1.0, **changes})
+    assert deviations(result, [CASE]) == ("sync_approach, set default", words)
+
+
+def test_the_nearest_of_several_cases_counts():
+    result = run("sync_approach", params="robust", stop=1.0)
+    assert deviations(result, [CASE, replace(CASE, params="robust")])[1] == []
+    assert deviations(result, [Case("sync_approach", "robust")])[1] == [
+        "it ends at 1 s instead of 1800 s"
+    ]
+    assert deviations(result, [Case("relay_approach")])[1][0].startswith("system sync_approach")
+
+
+def test_a_result_without_parameters_says_nothing_of_its_case():
+    result = run("sync_approach", stop=1.0)
+    assert deviations(replace(result, parameters=None), [CASE]) is None
+    assert deviations(result, []) is None
+
+
+def test_a_long_list_of_deviations_is_cut():
+    texts = [str(n) for n in range(SHOWN + 2)]
+    assert listed(texts).endswith("; and 2 more")
+    assert "more" not in listed(texts[:SHOWN])
