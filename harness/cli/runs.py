@@ -127,7 +127,7 @@ def _wanted(system: str | None, like: str | None, changes: Any) -> Any:
     if like is not None:
         return again(like, system, changes)
     if system is None:
-        raise UsageError("run which system? harness list shows them")
+        raise UsageError("SYSTEM is missing (harness list shows them), or --like RESULT")
     return Again(system, changes)
 
 

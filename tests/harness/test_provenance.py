@@ -202,7 +202,9 @@ def test_without_a_word_on_its_origin_nothing_is_repeated(changed, tmp_path):
 
 def test_run_wants_a_system(capsys):
     assert main(["run"]) == 2
-    assert "run which system? harness list shows them" in capsys.readouterr().err
+    assert (
+        "SYSTEM is missing (harness list shows them), or --like RESULT" in capsys.readouterr().err
+    )
 
 
 # ---- the case of a paper
