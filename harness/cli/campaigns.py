@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from harness.figures import campaign as figures
+from harness.figures.style import style_of
 from harness.studies.campaign import summary
 from harness.studies.campaign.campaign import Progress
 from harness.studies.campaign.store import Store
@@ -48,22 +49,28 @@ def counting(title: str, wanted: bool) -> Iterator[Callable[[Progress], None] | 
         yield show
 
 
-def pictures(store: Store, folder: Path, ending: str) -> list[Path]:
+def pictures(store: Store, folder: Path, ending: str, style: str) -> list[Path]:
     """Histograms of the metrics, each metric against the factors that matter, bands over time."""
+    place = figures.Place(folder, ending, style_of(style))
+    with place.style.used():
+        return list(_pictures(store, place))
+
+
+def _pictures(store: Store, to: figures.Place) -> Iterator[Path]:
     metrics = {n: c for n, c in summary.metric_columns(store).items() if np.isfinite(c).any()}
     factors = {n: x for n, x in summary.factor_columns(store).items() if _varies(x)}
-    paths = [figures.histograms(metrics, folder, ending)] if metrics else []
+    if metrics:
+        yield figures.histograms(metrics, to)
     for name, column in metrics.items() if factors else ():
         best = sorted(factors, key=lambda f: -_rank(factors[f], column))[:DRAWN]
         shown = {f: factors[f] for f in best}
         draw = figures.chart if _is_grid(factors) else figures.scatter
-        paths.append(draw(name, column, shown, folder, ending))
+        yield draw(name, column, shown, to)
     for name in store.names("band"):
         numbers: Any = store.array("percentile").tolist()
         band = store.array(name)
         plain = name.removesuffix("_band")
-        paths.append(figures.bands(plain, store.array("time"), numbers, band, folder, ending))
-    return paths
+        yield figures.bands(plain, store.array("time"), numbers, band, to)
 
 
 def _varies(x: Any) -> bool:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,8 +13,11 @@ from harness.cli.options import (
     FileArgument,
     Format,
     FormatOption,
+    Look,
     ShownArgument,
+    StyleOption,
     SystemArgument,
+    figures_of,
     takes_changes,
 )
 from harness.spelling import file_stem, printable
@@ -97,6 +101,7 @@ def plan_command(
         Path | None, typer.Option("--output", "-o", help="folder (default: results/SYSTEM_plan)")
     ] = None,
     ending: FormatOption = Format.PNG,
+    style: StyleOption = Look.SCREEN,
     changes: Any = None,
 ) -> None:
     """Show what a guidance plans, without running the system.
@@ -104,35 +109,44 @@ def plan_command(
     Prints the history of the iteration and draws the momentum before and after.
     """
     from harness.figures.plots import overlay
+    from harness.figures.style import style_of
     from harness.studies.plan import plan
 
     found = plan(system, **changes)
     typer.echo(found.text())
     folder = output or Path("results") / f"{Path(system).stem}_plan"
-    for path in overlay(
-        {"flight attitude": found.before, "planned": found.after}, folder, ending.value
-    ):
+    histories = {"flight attitude": found.before, "planned": found.after}
+    for path in overlay(histories, folder, ending.value, style_of(style.value)):
         typer.echo(path)
     if found.status > 1:
         raise typer.Exit(1)
 
 
 @app.command()
-def plot(
+def plot(  # noqa: PLR0913, PLR0917 - one argument per option
     file: FileArgument,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="folder for the figures")
+        Path | None, typer.Option("--output", "-o", help="folder (default: FILE_figures)")
+    ] = None,
+    variables: Annotated[
+        str | None, typer.Option("--var", metavar="C.NAME,..", help="a figure of these variables")
     ] = None,
     ending: FormatOption = Format.PNG,
+    style: StyleOption = Look.SCREEN,
+    wide: Annotated[bool, typer.Option("--wide", help="paper: all figures 7 in wide")] = False,
 ) -> None:
     """Draw the figures of a run.
 
-    Default: beside the results.
+    Those of its system, or one of any variables.
     """
     from harness.figures.plots import plot as draw
+    from harness.figures.style import style_of
     from harness.results.files import read
 
-    for path in draw(read(file), output or file.parent, ending.value):
+    names = re.findall(r"(?:\[[^]]*\]|[^,])+", variables or "")
+    look = style_of(style.value, wide)
+    folder = output or figures_of(file)
+    for path in draw(read(file), folder, ending.value, look, [name.strip() for name in names]):
         typer.echo(path)
 
 

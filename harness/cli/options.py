@@ -23,6 +23,18 @@ class Format(Enum):
     PDF = "pdf"
 
 
+class Look(Enum):
+    """What figures are drawn for."""
+
+    SCREEN = "screen"
+    PAPER = "paper"
+
+
+def figures_of(results: Path) -> Path:
+    """Folder for the figures of a results file or dataset, beside it."""
+    return results.with_name(f"{results.stem}_figures")
+
+
 # ---- completion
 
 
@@ -131,6 +143,9 @@ FileArgument = Annotated[
     Path, typer.Argument(metavar="FILE", help="results of `harness run`, .csv or .nc")
 ]
 FormatOption = Annotated[Format, typer.Option("--format", help="of the figures")]
+StyleOption = Annotated[
+    Look, typer.Option("--style", help="paper: 3.5 or 7 in wide, 8 pt, 300 dpi, line styles")
+]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="no progress bar, no summary")]
 
 CHANGES: dict[str, Any] = {

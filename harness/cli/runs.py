@@ -15,9 +15,12 @@ import typer
 from harness.cli.options import (
     Format,
     FormatOption,
+    Look,
     QuietOption,
+    StyleOption,
     SystemArgument,
     completed_systems,
+    figures_of,
     takes_changes,
 )
 from harness.errors import ComparisonError, RunError, UsageError
@@ -116,7 +119,7 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     elif like is not None:
         from harness.figures.plots import plot
 
-        for path in plot(result, file.path.parent):
+        for path in plot(result, figures_of(file.path)):
             typer.echo(path)
 
 
@@ -193,6 +196,7 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     band: BandOption = None,
     keep_out: KeepOutOption = 0.0,
     ending: FormatOption = Format.PNG,
+    style: StyleOption = Look.SCREEN,
     figures: FiguresOption = True,
     quiet: QuietOption = False,
     changes: Any = None,
@@ -215,17 +219,19 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
             system, variants, folder, limits=_limits(band, keep_out), every=every, progress=show
         )
     typer.echo(found.text())
-    drawn = _overlaid(found.results, folder, ending) if figures else ""
+    drawn = _overlaid(found.results, folder, ending, style) if figures else ""
     typer.echo(f"\nresults{',' if figures else ' and'} comparison.csv{drawn} in {folder}")
     if found.failures:
         raise ComparisonError("\n".join(found.failures))
 
 
-def _overlaid(results: Any, folder: Path, ending: Format) -> str:
+def _overlaid(results: Any, folder: Path, ending: Format, style: Look) -> str:
     """Draw the figures of a comparison; how many, as the end of a list."""
     from harness.figures.plots import overlay
+    from harness.figures.style import style_of
 
-    return f" and {len(overlay(results, folder, ending.value))} figures"
+    drawn = overlay(results, folder, ending.value, style_of(style.value))
+    return f" and {len(drawn)} figures"
 
 
 def _varied(
@@ -275,6 +281,7 @@ def campaign_command(  # noqa: PLR0913, PLR0917 - one argument per option
     slurm: Annotated[bool, typer.Option("--slurm", help="jobs of SLURM do the work")] = False,
     resume: ResumeOption = False,
     ending: FormatOption = Format.PNG,
+    style: StyleOption = Look.SCREEN,
     figures: FiguresOption = True,
     quiet: QuietOption = False,
 ) -> None:
@@ -299,8 +306,9 @@ def campaign_command(  # noqa: PLR0913, PLR0917 - one argument per option
             said=(lambda text: None) if quiet else (lambda text: typer.echo(text, err=True)),
         )
     typer.echo(found.summary())
-    drawn = pictures(found.store, folder.parent, ending.value) if figures else []
-    typer.echo(f"\ndataset {folder}, {len(drawn)} figures in {folder.parent}")
+    place = figures_of(folder)
+    drawn = pictures(found.store, place, ending.value, style.value) if figures else []
+    typer.echo(f"\ndataset {folder}" + (f", {len(drawn)} figures in {place}" if drawn else ""))
 
 
 @app.command("study")
@@ -313,6 +321,7 @@ def study_command(  # noqa: PLR0913, PLR0917 - one argument per option
     workers: WorkersOption = None,
     resume: ResumeOption = False,
     ending: FormatOption = Format.PNG,
+    style: StyleOption = Look.SCREEN,
     quiet: QuietOption = False,
 ) -> None:
     """Run a campaign of the project.
@@ -329,6 +338,4 @@ def study_command(  # noqa: PLR0913, PLR0917 - one argument per option
         return
     if name not in known:
         raise UsageError(f"{name}: there is no such study{did_you_mean(name, known)}")
-    campaign_command(
-        known[name], output, workers, None, False, resume, ending, figures=True, quiet=quiet
-    )
+    campaign_command(known[name], output, workers, None, False, resume, ending, style, True, quiet)

@@ -6,6 +6,7 @@ needs.
 from __future__ import annotations
 
 from harness.figures import (
+    arch_rendezvous,
     navigation,
     overlay,
     ppc_tracking,
@@ -14,11 +15,12 @@ from harness.figures import (
     sync_approach,
     transposition,
 )
-from harness.figures.figure import Curve, Drawing, Figure, Overlay, Panel
+from harness.figures.figure import Curve, Drawing, Figure, Level, Overlay, Panel
 
 FIGURES: tuple[Figure | Drawing, ...] = (
     *sync_approach.FIGURES,
     *relay_approach.FIGURES,
+    *arch_rendezvous.FIGURES,
     *ppc_tracking.FIGURES,
     *space_robot.FIGURES,
     *transposition.FIGURES,
@@ -26,4 +28,4 @@ FIGURES: tuple[Figure | Drawing, ...] = (
 )
 OVERLAYS: tuple[Figure | Overlay, ...] = (*overlay.FIGURES, *transposition.OVERLAYS)
 
-__all__ = ["FIGURES", "OVERLAYS", "Curve", "Drawing", "Figure", "Overlay", "Panel"]
+__all__ = ["FIGURES", "OVERLAYS", "Curve", "Drawing", "Figure", "Level", "Overlay", "Panel"]

@@ -6,12 +6,12 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.figures.plots import new_canvas, save
+from harness.figures.style import SCREEN, Style, new_canvas, save
 
 Array = NDArray[np.float64]
 
@@ -19,49 +19,54 @@ COLUMNS = 4
 """Panels side by side."""
 
 
-def histograms(metrics: Mapping[str, Array], folder: Path, ending: str) -> Path:
+class Place(NamedTuple):
+    """Where the pictures go, as which files, and for what they are drawn."""
+
+    folder: Path
+    ending: str = "png"
+    style: Style = SCREEN
+
+    def file(self, stem: str) -> Path:
+        """Of a picture."""
+        return self.folder / f"{stem}.{self.ending}"
+
+
+def histograms(metrics: Mapping[str, Array], to: Place) -> Path:
     """One histogram per metric."""
-    canvas, panels = _grid("Metrics of all runs", len(metrics))
+    canvas, panels = _grid("Metrics of all runs", len(metrics), to)
     for axes, (name, values) in zip(panels, metrics.items(), strict=True):
         axes.hist(values[np.isfinite(values)], bins="auto", color="C0")
         axes.set(xlabel=name, ylabel="runs")
-    return save(canvas, folder / f"campaign_histograms.{ending}")
+    return save(canvas, to.file("campaign_histograms"))
 
 
-def scatter(
-    metric: str, values: Array, factors: Mapping[str, Array], folder: Path, ending: str
-) -> Path:
+def scatter(metric: str, values: Array, factors: Mapping[str, Array], to: Place) -> Path:
     """One metric against factors, those first that matter most."""
-    canvas, panels = _grid(metric, len(factors))
+    canvas, panels = _grid(metric, len(factors), to)
     for axes, (name, x) in zip(panels, factors.items(), strict=True):
         axes.plot(x, values, ".", markersize=3, alpha=0.5)
         axes.set(xlabel=name, ylabel=metric)
-        axes.grid(alpha=0.3)
     stem = re.sub(r"[^\w.-]+", "_", metric)
-    return save(canvas, folder / f"campaign_{stem}.{ending}")
+    return save(canvas, to.file(f"campaign_{stem}"))
 
 
-def chart(
-    metric: str, values: Array, factors: Mapping[str, Array], folder: Path, ending: str
-) -> Path:
+def chart(metric: str, values: Array, factors: Mapping[str, Array], to: Place) -> Path:
     """One metric as colours over a grid of two factors."""
     (x_name, x), (y_name, y) = factors.items()
     columns, rows = np.unique(x), np.unique(y)
     colours = np.full((len(rows), len(columns)), np.nan)
     colours[np.searchsorted(rows, y), np.searchsorted(columns, x)] = values
-    canvas, panels = _grid(metric, 1)
+    canvas, panels = _grid(metric, 1, to)
     mesh = panels[0].pcolormesh(columns, rows, colours, shading="nearest")
     panels[0].set(xlabel=x_name, ylabel=y_name)
     canvas.colorbar(mesh, ax=panels[0], label=metric)
     stem = re.sub(r"[^\w.-]+", "_", metric)
-    return save(canvas, folder / f"campaign_map_{stem}.{ending}")
+    return save(canvas, to.file(f"campaign_map_{stem}"))
 
 
-def bands(  # noqa: PLR0913, PLR0917 - what is drawn, and where it goes
-    name: str, time: Array, percentiles: Sequence[float], band: Array, folder: Path, ending: str
-) -> Path:
+def bands(name: str, time: Array, percentiles: Sequence[float], band: Array, to: Place) -> Path:
     """Percentiles (percentile, time, element) over time, the outermost pairs filled."""
-    canvas, panels = _grid(name, band.shape[2])
+    canvas, panels = _grid(name, band.shape[2], to)
     for k, axes in enumerate(panels):
         for low in range(len(percentiles) // 2):
             edges = band[low, :, k], band[-1 - low, :, k]
@@ -69,14 +74,13 @@ def bands(  # noqa: PLR0913, PLR0917 - what is drawn, and where it goes
             axes.fill_between(time, *edges, color="C0", alpha=0.25, linewidth=0, label=label)
         axes.plot(time, band[len(percentiles) // 2, :, k], "C0", label="median")
         axes.set(xlabel="time [s]", ylabel=f"{name}[{k + 1}]" if band.shape[2] > 1 else name)
-        axes.grid(alpha=0.3)
-    panels[0].legend(fontsize="small")
+    panels[0].legend()
     stem = re.sub(r"[^\w.-]+", "_", name)
-    return save(canvas, folder / f"campaign_band_{stem}.{ending}")
+    return save(canvas, to.file(f"campaign_band_{stem}"))
 
 
-def _grid(title: str, count: int) -> tuple[Any, list[Any]]:
+def _grid(title: str, count: int, to: Place) -> tuple[Any, list[Any]]:
     columns = min(count, COLUMNS)
     rows = -(-count // columns)
-    canvas = new_canvas(title, (1 + 3.4 * columns, 1 + 2.8 * rows))
+    canvas = new_canvas(title, (1 + 3.4 * columns, 1 + 2.8 * rows), to.style)
     return canvas, [canvas.add_subplot(rows, columns, k + 1) for k in range(count)]

@@ -5,7 +5,7 @@ need.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,8 +20,8 @@ Axes = Any
 Colour = Any
 """A colour as matplotlib understands it: a name, or red, green, blue, opacity."""
 AXES = ("x", "y", "z")
-MANY = 10
-"""From so many runs on their names do not fit into a legend."""
+SHORTEST = 0.35
+"""Shortest axis of a view in space, as part of the longest."""
 
 
 @dataclass(frozen=True)
@@ -29,15 +29,19 @@ class Curve:
     """One history of a panel, with one line per element.
 
     source: a variable, or a function of the result that `needs` these variables; convert: maps the
-    history of the variable to what is drawn; labels: of the elements.
+    history of the variable to what is drawn; labels: of the elements; style: "": that of its
+    colour; anew: in the colours of the curve before; parameters: of the run that it needs, without
+    them it alone is left out.
     """
 
     source: str | Callable[[Result], Array]
     label: str = ""
     convert: Callable[[Array], Array] | None = None
     labels: tuple[str, ...] = AXES
-    style: str = "-"
+    style: str = ""
     needs: tuple[str, ...] = ()
+    anew: bool = False
+    parameters: tuple[str, ...] = ()
 
     def variables(self) -> tuple[str, ...]:
         """What the result must hold."""
@@ -47,6 +51,23 @@ class Curve:
         """What is drawn: (rows,) or (rows, elements)."""
         values = result[self.source] if isinstance(self.source, str) else self.source(result)
         return self.convert(values) if self.convert else values
+
+
+@dataclass(frozen=True)
+class Level:
+    """A horizontal line; value: a number, or the parameters of which the first one that the run has
+    says it.
+    """
+
+    label: str
+    value: float | tuple[str, ...]
+
+    def height(self, result: Result) -> float | None:
+        """Where the line is; None if the result does not say."""
+        if isinstance(self.value, float):
+            return self.value
+        held = [name for name in self.value if result.holds(parameters=(name,))]
+        return float(result.parameter(held[0])) if held else None
 
 
 @dataclass(frozen=True)
@@ -60,7 +81,7 @@ class Panel:
     curves: tuple[Curve, ...]
     after: float | Callable[[Result], float] = 0.0
     log: bool = False
-    level: float | None = None
+    level: Level | None = None
     idle_until: Callable[[Result], float] | None = None
 
     def rows(self, result: Result) -> slice:
@@ -68,6 +89,10 @@ class Panel:
         start = self.after(result) if callable(self.after) else self.after
         shown = start < result.time[-1]
         return slice(int(np.searchsorted(result.time, start)) if shown else 0, None)
+
+    def held(self, result: Result) -> Iterator[Curve]:
+        """The curves whose parameters the result holds."""
+        return (curve for curve in self.curves if result.holds(parameters=curve.parameters))
 
 
 @dataclass(frozen=True)
@@ -86,11 +111,19 @@ class Figure:
         drawn = (v for panel in self.panels for curve in panel.curves for v in curve.variables())
         return result.holds(*self.when, *drawn)
 
+    def is_empty(self, result: Result) -> bool:
+        """Whether nothing changes in a figure that fits."""
+        return not any(
+            np.ptp(curve.history(result)[panel.rows(result)], axis=0).any()
+            for panel in self.panels
+            for curve in panel.held(result)
+        )
+
 
 @dataclass(frozen=True)
 class Drawing:
     """A figure that is no history; draw: into an empty figure of matplotlib; parameters: of the run
-    that it needs.
+    that it needs; shows: whether there is anything in it, if that is not certain.
     """
 
     name: str
@@ -99,10 +132,15 @@ class Drawing:
     draw: Callable[[Axes, Result], None]
     size: tuple[float, float] = (11, 5)
     parameters: tuple[str, ...] = ()
+    shows: Callable[[Result], bool] | None = None
 
     def fits(self, result: Result) -> bool:
         """Whether the result holds everything that is drawn."""
         return result.holds(*self.needs, parameters=self.parameters)
+
+    def is_empty(self, result: Result) -> bool:
+        """Whether there is nothing to be seen in a figure that fits."""
+        return self.shows is not None and not self.shows(result)
 
 
 @dataclass(frozen=True)
@@ -122,6 +160,10 @@ class Overlay:
         """Whether the result holds everything that is drawn."""
         return result.holds(*self.needs, parameters=self.parameters)
 
+    def is_empty(self, _: Result) -> bool:
+        """Whether there is nothing to be seen in a figure that fits."""
+        return False
+
 
 def degrees(x: Array) -> Array:
     """Radians to degrees."""
@@ -140,8 +182,8 @@ def draw_paths(
     plane: tuple[int, int],
     colours: Mapping[str, Colour] | None = None,
 ) -> Axes:
-    """Paths (rows, 3) with a style each, in space and seen along one axis; returns the axes of the
-    plane.
+    """Paths (rows, 3) with a style each, in space and seen along one axis, both to scale; returns
+    the axes of the plane.
 
     names: of the three coordinates; plane: horizontal and vertical coordinate of the second view;
     colours: by label.
@@ -155,6 +197,25 @@ def draw_paths(
         space.plot(*path.T, style, **look)
         flat.plot(path[:, plane[0]], path[:, plane[1]], style, **look)
     space.set(xlabel=names[0], ylabel=names[1], zlabel=names[2])
-    flat.set(xlabel=names[plane[0]], ylabel=names[plane[1]], aspect="equal")
-    flat.grid(alpha=0.3)
+    _to_scale(space)
+    flat.set(xlabel=names[plane[0]], ylabel=names[plane[1]])
+    flat.set_aspect("equal", adjustable="datalim")
     return flat
+
+
+def _to_scale(space: Axes) -> None:
+    """The same length and the same ticks for a metre along all three axes, none of them so short
+    that its labels meet.
+    """
+    from matplotlib.ticker import MaxNLocator, MultipleLocator
+
+    limits = space.xy_viewLim.intervalx, space.xy_viewLim.intervaly, space.zz_viewLim.intervalx
+    longest = max(limits, key=np.ptp)
+    step = float(np.diff(MaxNLocator(4).tick_values(*longest))[0])
+    axes = (space.xaxis, space.yaxis, space.zaxis)
+    for axis, (low, high) in zip(axes, limits, strict=True):
+        middle, half = (low + high) / 2, max(high - low, SHORTEST * np.ptp(longest)) / 2
+        space.set(**{f"{axis.axis_name}lim": (middle - half, middle + half)})
+        axis.set_major_locator(MultipleLocator(step))
+    space.set_aspect("equal", adjustable="box")
+    space.tick_params(pad=0)

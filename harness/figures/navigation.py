@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from harness.figures.figure import AXES, Axes, Drawing
+from harness.figures.style import legend_above, time_axis
 from harness.results.estimates import (
     FIXES,
     KINDS,
@@ -36,7 +37,8 @@ BAND = 3
 
 
 def _draw_errors(canvas: Axes, result: Result) -> None:
-    time = result.time[rows(result)[0]]
+    clock = time_axis(result)
+    time = result.time[rows(result)[0]] / clock.seconds
     panels = canvas.subplots(4, 1, sharex=True)
     for panel, part in zip(panels, errors(result), strict=True):
         for k, axis in enumerate(AXES):
@@ -46,15 +48,16 @@ def _draw_errors(canvas: Axes, result: Result) -> None:
         late = part.sigma[len(time) // 20 :]
         panel.set_ylim(*(np.array((-8, 8)) * part.factor * np.median(late)))
         panel.set_ylabel(part.title)
-        panel.grid(alpha=0.3)
-    panels[0].legend(ncols=3, fontsize="small")
-    panels[-1].set_xlabel("time [s]")
+    legend_above(panels[0])
+    panels[-1].set_xlabel(clock.label)
 
 
 def _draw_innovations(canvas: Axes, result: Result) -> None:
+    clock = time_axis(result)
     panels = canvas.subplots(3, 1, sharex=True)
     for panel, (label, filter_, name, stamp, degrees) in zip(panels, KINDS, strict=True):
         time, nis = innovations(result, filter_, name, stamp)
+        time = time / clock.seconds
         panel.plot(time, nis, ".", ms=2, alpha=0.4)
         count = min(AVERAGED, len(nis))
         if count:
@@ -62,45 +65,45 @@ def _draw_innovations(canvas: Axes, result: Result) -> None:
             for level in bounds(degrees, count):
                 panel.axhline(level, ls="--", lw=0.8, color="k")
         panel.set(ylabel=f"NIS, {label}", ylim=(0, 4 * degrees))
-        panel.legend(fontsize="small")
-        panel.grid(alpha=0.3)
-    panels[-1].set_xlabel("time [s]")
+        legend_above(panel)
+    panels[-1].set_xlabel(clock.label)
 
 
 def _draw_normalised(canvas: Axes, result: Result) -> None:
-    time = result.time[rows(result)[0]]
+    clock = time_axis(result)
+    time = result.time[rows(result)[0]] / clock.seconds
     panels = canvas.subplots(4, 1, sharex=True)
     for panel, part in zip(panels, errors(result), strict=True):
         panel.semilogy(time, normalised(part), lw=0.6)
         for level in bounds(3):
             panel.axhline(level, ls="--", lw=0.8, color="k")
         panel.set_ylabel(part.title.partition(" [")[0])
-        panel.grid(alpha=0.3)
-    panels[-1].set_xlabel("time [s]")
+    panels[-1].set_xlabel(clock.label)
 
 
 # ---- sensors, tracking
 
 
 def _draw_availability(canvas: Axes, result: Result) -> None:
+    clock = time_axis(result)
     panel = canvas.subplots()
     names = (*SENSORS, *FIXES)
+    time = result.time / clock.seconds
     for level, name in enumerate(names):
-        valid = result[name] > 0
-        panel.fill_between(result.time, level, level + 0.8 * valid, step="pre", lw=0)
+        panel.fill_between(time, level, level + 0.8 * (result[name] > 0), step="pre", lw=0)
     labels = [f"{n.partition('.')[0]}\n{100 * availability(result, n):.1f} %" for n in names]
     panel.set_yticks([k + 0.4 for k in range(len(names))], labels)
-    panel.set_xlabel("time [s]")
+    panel.set_xlabel(clock.label)
 
 
 def _draw_tracking(canvas: Axes, result: Result) -> None:
-    time = result.time[rows(result)[0]]
+    clock = time_axis(result)
+    time = result.time[rows(result)[0]] / clock.seconds
     panel = canvas.subplots()
     for values, label in zip(tracking(result), ("in truth", "on estimates"), strict=True):
         panel.semilogy(time, values, lw=0.8, label=label)
-    panel.set(xlabel="time [s]", ylabel="distance from the reference [m]")
-    panel.legend(fontsize="small")
-    panel.grid(alpha=0.3)
+    panel.set(xlabel=clock.label, ylabel="distance from the reference [m]")
+    legend_above(panel)
 
 
 FIGURES: tuple[Drawing, ...] = (

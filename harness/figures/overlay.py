@@ -14,7 +14,6 @@ import numpy as np
 
 from harness.figures.figure import (
     AXES,
-    MANY,
     Axes,
     Colour,
     Curve,
@@ -24,7 +23,8 @@ from harness.figures.figure import (
     degrees,
     draw_paths,
 )
-from harness.figures.ppc_tracking import LOS, quaternion
+from harness.figures.ppc_tracking import LOS, QUATERNION, quaternion
+from harness.figures.style import MANY, legend_above, time_axis
 from harness.results.derived import (
     ATTITUDE,
     REFERENCE,
@@ -67,7 +67,7 @@ def _trajectories(
     }
     flat = draw_paths(canvas, paths, ("x [m]", "y [m]", "z [m]"), (0, 2), colours)
     if len(results) < MANY:
-        flat.legend(fontsize="small")
+        legend_above(flat)
 
 
 def _sections(canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, Colour]) -> None:
@@ -83,28 +83,25 @@ def _sections(canvas: Axes, results: Mapping[str, Result], colours: Mapping[str,
     section.set(xlabel="pitch [deg]", ylabel="its derivative by the true anomaly")
     diagram.set(xlabel="eccentricity", ylabel="pitch [deg]")
     if len(results) < MANY:
-        section.legend(fontsize="small")
-    for axes in (section, diagram):
-        axes.grid(alpha=0.3)
+        legend_above(section)
 
 
 def _planned_momentum(
     canvas: Axes, results: Mapping[str, Result], colours: Mapping[str, str]
 ) -> None:
     """Predicted momentum and rotation of the reference over the window, against saturation."""
-    momentum, rotation = canvas.add_subplot(2, 1, 1), canvas.add_subplot(2, 1, 2)
+    momentum, rotation = canvas.subplots(2, 1, sharex=True)
+    clock = time_axis(*results.values())
     for label, result in results.items():
+        time = result.time / clock.seconds
         size = np.linalg.norm(result["guidance.h_ref_D"], axis=1)
-        momentum.plot(result.time, size, color=colours[label], label=label)
-        angle = np.degrees(result["guidance.rotation_ref"])
-        rotation.plot(result.time, angle, color=colours[label])
+        momentum.plot(time, size, color=colours[label], label=label)
+        rotation.plot(time, np.degrees(result["guidance.rotation_ref"]), color=colours[label])
     saturation = float(next(iter(results.values())).parameter("guidance.H_sat"))
-    momentum.axhline(saturation, color="k", linewidth=1, label="saturation")
+    level = momentum.axhline(saturation, color="k", linewidth=1, label="saturation")
     momentum.set(ylabel="momentum [N m s]")
-    momentum.legend(fontsize="small")
-    rotation.set(xlabel="time [s]", ylabel="rotation [deg]")
-    for axes in (momentum, rotation):
-        axes.grid(alpha=0.3)
+    legend_above(momentum, None if len(results) < MANY else [level])
+    rotation.set(xlabel=clock.label, ylabel="rotation [deg]")
 
 
 FIGURES: tuple[Figure | Overlay, ...] = (
@@ -163,7 +160,7 @@ FIGURES: tuple[Figure | Overlay, ...] = (
     ),
     Figure(
         "compared_quaternion",
-        "Actual and desired (dashed) attitude",
+        f"{QUATERNION} (desired: dashed)",
         tuple(quaternion(k) for k in (1, 2, 3)),
         LOS,
     ),

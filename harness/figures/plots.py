@@ -5,8 +5,10 @@ one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+import logging
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -14,29 +16,56 @@ import numpy as np
 
 from harness.errors import ResultsError
 from harness.figures import FIGURES, OVERLAYS, Curve, Drawing, Figure, Overlay, Panel
-from harness.figures.figure import MANY, Colour
-from harness.files.output import written
+from harness.figures.figure import Array, Colour
+from harness.figures.limits import calm, cut_spikes, unit_of
+from harness.figures.style import (
+    MANY,
+    SCREEN,
+    Style,
+    fitting,
+    legend_above,
+    new_canvas,
+    save,
+    time_axis,
+    wrapped,
+)
+from harness.figures.variables import figure_of
 from harness.results.result import Result
+
+_log = logging.getLogger("harness")
 
 Canvas = Any
 """Figure of matplotlib."""
 
 
-def plot(result: Result, directory: Path, ending: str = "png") -> list[Path]:
-    """Draw every figure whose variables the result holds; returns the files written.
+def plot(
+    result: Result,
+    directory: Path,
+    ending: str = "png",
+    style: Style = SCREEN,
+    variables: Sequence[str] = (),
+) -> list[Path]:
+    """Draw every figure whose variables the result holds, or one of the variables named; returns
+    the files written.
 
     ending: png, svg or pdf. Raises ResultsError if no figure fits or the directory cannot be
-    written.
+    written, UsageError for a variable that the result does not hold.
     """
-    figures = {figure.name: figure for figure in FIGURES if figure.fits(result)}
+    found = [figure_of(result, variables)] if variables else FIGURES
+    figures = {figure.name: figure for figure in found if figure.fits(result)}
     if not figures:
         raise ResultsError("the result holds the variables of no known figure")
-    return _write(
-        directory, ending, {name: partial(paint, f, result) for name, f in figures.items()}
-    )
+    empty = [name for name, figure in figures.items() if figure.is_empty(result)]
+    if empty and not variables:
+        _log.warning("not drawn, for nothing changes in them: %s", ", ".join(empty))
+        figures = {name: figure for name, figure in figures.items() if name not in empty}
+    drawn = {name: partial(paint, f, result, style) for name, f in figures.items()}
+    return _write(directory, ending, style, drawn)
 
 
-def overlay(results: Mapping[str, Result], directory: Path, ending: str = "png") -> list[Path]:
+def overlay(
+    results: Mapping[str, Result], directory: Path, ending: str = "png", style: Style = SCREEN
+) -> list[Path]:
     """Draw several runs, by label, into the same figures; returns the files written, none if no
     figure fits.
 
@@ -47,82 +76,98 @@ def overlay(results: Mapping[str, Result], directory: Path, ending: str = "png")
     fitting = {f: {label: r for label, r in results.items() if f.fits(r)} for f in OVERLAYS}
     colours = _colours(list(results))
     figures = {
-        f.name: partial(paint_overlay, f, runs, colours) for f, runs in fitting.items() if runs
+        f.name: partial(paint_overlay, f, runs, colours, style)
+        for f, runs in fitting.items()
+        if not all(f.is_empty(run) for run in runs.values())
     }
-    return _write(directory, ending, figures)
+    return _write(directory, ending, style, figures)
 
 
-def _write(directory: Path, ending: str, figures: Mapping[str, Callable[[], Canvas]]) -> list[Path]:
-    return [save(draw(), directory / f"{name}.{ending}") for name, draw in figures.items()]
-
-
-def save(canvas: Canvas, path: Path) -> Path:
-    """Write a canvas of new_canvas() to a file; ResultsError if that fails."""
-    with written(path) as target:
-        canvas.savefig(target, dpi=110, metadata={"Date": None} if path.suffix == ".svg" else None)
-    return path
-
-
-def new_canvas(title: str, size: tuple[float, float]) -> Canvas:
-    """A figure of matplotlib without a window and without pyplot's global state."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-    canvas = MatplotlibFigure(layout="constrained", figsize=size)
-    FigureCanvasAgg(canvas)
-    canvas.suptitle(title)
-    return canvas
+def _write(
+    directory: Path, ending: str, style: Style, figures: Mapping[str, Callable[[], Canvas]]
+) -> list[Path]:
+    with style.used():
+        return [save(draw(), directory / f"{name}.{ending}") for name, draw in figures.items()]
 
 
 # ---- one run
 
 
-def paint(figure: Figure | Drawing, result: Result) -> Canvas:
+def paint(figure: Figure | Drawing, result: Result, style: Style = SCREEN) -> Canvas:
     """The figure of one run as matplotlib has it."""
     if isinstance(figure, Drawing):
-        canvas = new_canvas(figure.title, figure.size)
+        canvas = new_canvas(figure.title, figure.size, style)
         figure.draw(canvas, result)
         return canvas
-    canvas = new_canvas(figure.title, (8, 1.2 + 2.6 * len(figure.panels)))
-    for axes, panel in _panels(canvas, figure):
-        for curve in panel.curves:
-            _draw_curve(axes, result, panel, curve)
-        _shade(axes, panel, [result])
-        if axes.get_legend_handles_labels()[1]:
-            axes.legend(loc="best", fontsize="small", ncols=3)
+    canvas, panels = _panels(figure, [result], style)
+    time, labelled = time_axis(result), [""]
+    for axes, panel in panels:
+        for curve in panel.held(result):
+            _draw_curve(axes, result, panel, curve, time.seconds)
+        _shade(axes, panel, [result], time.seconds)
+        labels = axes.get_legend_handles_labels()[1]
+        if labels != labelled:
+            legend_above(axes)
+        labelled = labels
+    calm([(axes, panel.ylabel) for axes, panel in panels])
     return canvas
 
 
-def _panels(canvas: Canvas, figure: Figure) -> Iterator[tuple[Any, Panel]]:
-    for i, panel in enumerate(figure.panels, start=1):
-        axes = canvas.add_subplot(len(figure.panels), 1, i)
-        axes.set(xlabel="time [s]", ylabel=panel.ylabel)
-        axes.grid(alpha=0.3)
+def _panels(
+    figure: Figure, results: Sequence[Result], style: Style
+) -> tuple[Canvas, list[tuple[Any, Panel]]]:
+    """Axes of the panels that show something, one below the other; the title names the others."""
+    silent = [panel for panel in figure.panels if all(_is_silent(panel, r) for r in results)]
+    shown = [panel for panel in figure.panels if panel not in silent] or list(figure.panels)
+    left = [panel.ylabel for panel in figure.panels if panel not in shown]
+    title = "\n".join([figure.title] + [f"zero throughout: {', '.join(left)}"] * bool(left))
+    canvas = new_canvas(title, (8, 1.2 + 2.2 * len(shown)), style)
+    column = canvas.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
+    column[-1].set_xlabel(time_axis(*results).label)
+    for axes, panel in zip(column, shown, strict=True):
+        axes.set_ylabel(wrapped(panel.ylabel, canvas.get_figheight() / (len(shown) + 0.5)))
         if panel.log:
             axes.set_yscale("log")
-        if panel.level is not None:
-            axes.axhline(panel.level, color="k", linestyle="--", linewidth=1)
-        yield axes, panel
+        _draw_level(axes, panel, results[0])
+    canvas.align_ylabels()
+    return canvas, list(zip(column, shown, strict=True))
 
 
-def _shade(axes: Any, panel: Panel, results: Iterable[Result]) -> None:
+def _is_silent(panel: Panel, result: Result) -> bool:
+    """Whether there is nothing but zeros, or no number at all."""
+    shown = panel.rows(result)
+    return not any(np.nan_to_num(c.history(result)[shown]).any() for c in panel.held(result))
+
+
+def _draw_level(axes: Any, panel: Panel, result: Result) -> None:
+    height = panel.level.height(result) if panel.level else None
+    if panel.level and height is not None:
+        label = f"{panel.level.label} {height:g} {unit_of(panel.ylabel)}".strip()
+        axes.axhline(height, color="0.3", linestyle="--", linewidth=0.8, label=label, zorder=1)
+
+
+def _shade(axes: Any, panel: Panel, results: Iterable[Result], seconds: float) -> None:
     """Shade the time in which what is drawn acts in none of the runs."""
     if panel.idle_until is None:
         return
     begin, idle = min((r.time[0], min(panel.idle_until(r), r.time[-1])) for r in results)
     if idle > begin:
-        axes.axvspan(begin, idle, color="0.5", alpha=0.15, label="attitude frozen: acts on nothing")
+        look = {"color": "0.5", "alpha": 0.15, "label": "attitude frozen: acts on nothing"}
+        axes.axvspan(begin / seconds, idle / seconds, **look)
 
 
-def _draw_curve(axes: Any, result: Result, panel: Panel, curve: Curve) -> None:
+def _draw_curve(axes: Any, result: Result, panel: Panel, curve: Curve, seconds: float) -> None:
+    if curve.anew:
+        axes.set_prop_cycle(None)
     shown = panel.rows(result)
-    time, history = result.time[shown], curve.history(result)[shown]
+    time, history = result.time[shown] / seconds, curve.history(result)[shown]
+    given = (curve.style,) if curve.style else ()
     if history.ndim == 1:
-        axes.plot(time, history, curve.style, label=curve.label or None)
+        axes.plot(time, history, *given, label=curve.label or None)
         return
     for k in range(history.shape[1]):
         name = curve.labels[k] if k < len(curve.labels) else str(k + 1)
-        axes.plot(time, history[:, k], curve.style, label=f"{curve.label} {name}".strip() or None)
+        axes.plot(time, history[:, k], *given, label=f"{curve.label} {name}".strip() or None)
 
 
 # ---- several runs
@@ -158,49 +203,92 @@ def _colours(labels: Sequence[str]) -> dict[str, Colour]:
     return dict(zip(labels, _mappable(labels).to_rgba(_scale(labels)[1]), strict=True))
 
 
+def _styles(colours: Mapping[str, Colour]) -> dict[str, Any]:
+    """A line style for every run by its label, if the style sheet has some."""
+    from matplotlib import rcParams
+
+    cycle = rcParams["axes.prop_cycle"].by_key().get("linestyle", ["-"])
+    return {label: cycle[k % len(cycle)] for k, label in enumerate(colours)}
+
+
 def paint_overlay(
-    figure: Figure | Overlay, results: Mapping[str, Result], colours: Mapping[str, Colour]
+    figure: Figure | Overlay,
+    results: Mapping[str, Result],
+    colours: Mapping[str, Colour],
+    style: Style = SCREEN,
 ) -> Canvas:
     """The figure of several runs as matplotlib has it: a colour for each by its label, one legend
     or scale of colours for all panels.
     """
     if isinstance(figure, Overlay):
-        canvas = new_canvas(figure.title, figure.size)
+        canvas = new_canvas(figure.title, figure.size, style)
         figure.draw(canvas, results, colours)
     else:
-        canvas = new_canvas(figure.title, (9, 1.6 + 2.4 * len(figure.panels)))
-        for axes, panel in _panels(canvas, figure):
-            for curve in panel.curves:
-                _draw_runs(axes, panel, curve, results, colours)
-            _shade(axes, panel, results.values())
+        canvas, panels = _panels(figure, list(results.values()), style)
+        seconds = time_axis(*results.values()).seconds
+        for axes, panel in panels:
+            _draw_runs(axes, panel, results, colours, seconds)
+            _shade(axes, panel, results.values(), seconds)
+            legend_above(axes)
+        calm([(axes, panel.ylabel) for axes, panel in panels])
+        _name_runs(canvas, results, colours, style)
     if len(colours) >= MANY:
         labels = list(colours)
         canvas.colorbar(_mappable(labels), ax=canvas.axes, label=_scale(labels)[0], shrink=0.8)
-    elif isinstance(figure, Figure):
-        lines = canvas.axes[0].get_lines()[:: len(figure.panels[0].curves)]
-        canvas.legend(lines, list(results), loc="outside lower center", ncols=2, fontsize="small")
     return canvas
+
+
+def _name_runs(
+    canvas: Canvas, results: Mapping[str, Result], colours: Mapping[str, Colour], style: Style
+) -> None:
+    """One legend for all panels, as wide as the names allow."""
+    from matplotlib.lines import Line2D
+
+    if len(colours) >= MANY:
+        return
+    styles = _styles(colours)
+    lines = [Line2D([], [], color=colours[r], linestyle=styles[r]) for r in results]
+    names = list(results)
+    columns = fitting(names, canvas.get_figwidth())
+    canvas.legend(lines, names, loc="outside lower center", ncols=columns)
 
 
 def _draw_runs(
     axes: Any,
     panel: Panel,
+    results: Mapping[str, Result],
+    colours: Mapping[str, Colour],
+    seconds: float,
+) -> None:
+    histories = [_draw_run(axes, panel, c, results, colours, seconds) for c in panel.curves]
+    cut_spikes(axes, list(chain.from_iterable(histories)))
+
+
+def _draw_run(  # noqa: PLR0913, PLR0917 - a curve of all runs
+    axes: Any,
+    panel: Panel,
     curve: Curve,
     results: Mapping[str, Result],
     colours: Mapping[str, Colour],
-) -> None:
+    seconds: float,
+) -> list[Array]:
+    """One curve of every run; returns what was drawn."""
     histories = {label: _positive(curve.history(r), panel) for label, r in results.items()}
-    many = len(results) >= MANY
+    many, styles = len(results) >= MANY, _styles(colours)
     for label, history in histories.items():
-        look = {"linewidth": 0.5, "alpha": 0.5} if many else {"linewidth": 1}
-        axes.plot(results[label].time, history, curve.style, color=colours[label], **look)
+        look = {"linewidth": 0.5, "alpha": 0.5} if many else {"linestyle": styles[label]}
+        look |= {"linestyle": curve.style} if curve.style else {}
+        axes.plot(results[label].time / seconds, history, color=colours[label], **look)
     times = [result.time for result in results.values()]
     if many and all(np.array_equal(times[0], time) for time in times):
-        low, middle, high = np.nanpercentile(list(histories.values()), BAND, axis=0)
-        axes.fill_between(times[0], low, high, color="k", alpha=0.15, linewidth=0)
-        axes.plot(times[0], middle, "k-", linewidth=1)
+        drawn = np.stack(list(histories.values()))
+        percentile = np.nanpercentile if np.isnan(drawn).any() else np.percentile  # far quicker
+        low, middle, high = percentile(drawn, BAND, axis=0)
+        axes.fill_between(times[0] / seconds, low, high, color="k", alpha=0.15, linewidth=0)
+        axes.plot(times[0] / seconds, middle, "k-", linewidth=1)
+    return list(histories.values())
 
 
-def _positive(history: np.ndarray[Any, Any], panel: Panel) -> np.ndarray[Any, Any]:
+def _positive(history: Array, panel: Panel) -> Array:
     """Zeros cannot be drawn on a logarithmic axis."""
     return np.where(history > 0, history, np.nan) if panel.log else history

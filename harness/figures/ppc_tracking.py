@@ -14,10 +14,12 @@ from harness.figures.figure import (
     Curve,
     Drawing,
     Figure,
+    Level,
     Panel,
     degrees,
     draw_paths,
 )
+from harness.figures.style import legend_above
 from harness.results.derived import (
     ATTITUDE,
     REFERENCE,
@@ -30,6 +32,7 @@ from harness.results.derived import (
 )
 from harness.results.result import Result
 
+QUATERNION = "Actual and desired attitude relative to N: vector part q1, q2, q3 of the quaternion"
 LOS = ("guidance.los.elevation",)
 """What only the line-of-sight guidance publishes."""
 CHANNELS = (("range", "m"), ("elevation", "rad"), ("azimuth", "rad"))
@@ -41,7 +44,7 @@ def _trajectory(canvas: Axes, result: Result) -> None:
     plane = draw_paths(canvas, paths, ("x [m]", "y [m]", "z [m]"), (0, 2))
     plane.plot(*path[0, ::2], "g^", label="start")
     plane.plot(*path[-1, ::2], "rs", label="end")
-    plane.legend(fontsize="small")
+    legend_above(plane)
 
 
 def _angle(name: str) -> Panel:
@@ -65,7 +68,7 @@ def quaternion(k: int) -> Panel:
     needs = (ATTITUDE, REFERENCE_ATTITUDE)
     actual = Curve(lambda r: r[ATTITUDE][:, k], "actual", needs=needs)
     desired = Curve(lambda r: _desired_attitude(r)[:, k], "desired", needs=needs, style="--")
-    return Panel(f"q{k}", (actual, desired))
+    return Panel(f"{'xyz'[k - 1]} (q{k})", (actual, desired))
 
 
 def _widest(alpha: Array) -> Array:
@@ -98,9 +101,7 @@ FIGURES: tuple[Figure | Drawing, ...] = (
             ),
         ),
     ),
-    Figure(
-        "quaternion", "Actual and desired attitude", tuple(quaternion(k) for k in (1, 2, 3)), LOS
-    ),
+    Figure("quaternion", QUATERNION, tuple(quaternion(k) for k in (1, 2, 3)), LOS),
     Figure(
         "los_error",
         "Errors in line-of-sight coordinates",
@@ -139,7 +140,7 @@ FIGURES: tuple[Figure | Drawing, ...] = (
             Panel(
                 "kappa",
                 (Curve("controller.kappa", "position"), Curve("controller.kappa_att", "attitude")),
-                level=1.0,
+                level=Level("bound", 1.0),
             ),
         ),
     ),

@@ -8,19 +8,22 @@ from __future__ import annotations
 import numpy as np
 
 from harness.figures.figure import AXES, Array, Axes, Curve, Drawing, Figure, Panel, draw_paths
+from harness.figures.limits import ROUNDING
+from harness.figures.style import legend_above, time_axis
 from harness.results.derived import SERVICER, TARGET, VELOCITIES, range_, relative_speed
 from harness.results.result import Result
 
 PURSUIT = ("guidance.q_DS",)
 """What only the guidance of this system publishes."""
-HOLD = 50.0
-"""Range at which the servicer shall stay [m]."""
+HOLD = "guidance.zeta1"
+"""Parameter: range at which the servicer shall stay [m]."""
 IN_ORBIT = 1e6
 """A target farther than that [m] from the origin of N is in orbit, and paths are drawn relative to
 it.
 """
 ENGINES = (*(f"P{i}" for i in range(1, 9)), *(f"P'{i}" for i in range(1, 6)))
 """The thrusters of the paper: attitude, brakes, main engine."""
+DIRECTION = "propulsion.thruster_direction"
 COLUMNS = 1500
 """Columns of the firing chart; more rows than that are put together, the largest thrust of each
 counts.
@@ -54,12 +57,13 @@ def _trajectory(canvas: Axes, result: Result) -> None:
     }
     plane = draw_paths(canvas, paths, ("x [m]", "y [m]", "z [m]"), (0, 1))
     marks = {"start": 0, "end": len(servicer) - 1}
-    near = np.flatnonzero(range_(result) <= HOLD)
+    hold = float(result.parameter(HOLD)) if result.holds(parameters=(HOLD,)) else 0.0
+    near = np.flatnonzero(range_(result) <= hold)
     if len(near):
-        marks[f"{HOLD:g} m"] = int(near[0])
+        marks[f"{hold:g} m"] = int(near[0])
     for (label, row), style in zip(marks.items(), ("g^", "rs", "ko"), strict=False):
         plane.plot(*servicer[row, :2], style, label=label)
-    plane.legend(fontsize="small")
+    legend_above(plane)
 
 
 def _coordinate(k: int) -> tuple[Curve, ...]:
@@ -102,11 +106,12 @@ def _firing_chart(canvas: Axes, result: Result) -> None:
     """Thrust of every engine as part of its largest, over time."""
     thrust = result["propulsion.thrust"]
     exist = np.flatnonzero(thrust.any(axis=0))
-    names = [ENGINES[i] if i < len(ENGINES) else str(i + 1) for i in exist]
-    axes = canvas.add_subplot()
+    names = [_engine(result, int(i)) for i in exist]
+    axes, clock = canvas.add_subplot(), time_axis(result)
     if len(exist):
         part = thrust[:, exist] / thrust[:, exist].max(axis=0)
-        span = (result.time[0], result.time[-1], len(exist) - 0.5, -0.5)
+        begin, end = result.time[[0, -1]] / clock.seconds
+        span = (begin, end, len(exist) - 0.5, -0.5)
         image = axes.imshow(
             _thinned(part).T,
             aspect="auto",
@@ -118,7 +123,20 @@ def _firing_chart(canvas: Axes, result: Result) -> None:
         )
         canvas.colorbar(image, label="part of the largest thrust")
     axes.set_yticks(range(len(exist)), names)
-    axes.set_xlabel("time [s]")
+    axes.set(xlabel=clock.label, ylabel="thruster")
+    axes.grid(False)
+
+
+def _engine(result: Result, i: int) -> str:
+    """Name of thruster i: that of the paper, of another set its number and the way it pushes."""
+    if result.holds(*PURSUIT):
+        return ENGINES[i] if i < len(ENGINES) else str(i + 1)
+    if not result.holds(parameters=(DIRECTION,)):
+        return str(i + 1)
+    direction = result.parameter(DIRECTION)[i]
+    axis = int(np.argmax(np.abs(direction)))
+    along = np.count_nonzero(direction) == 1
+    return f"{i + 1} ({'-' if direction[axis] < 0 else '+'}{AXES[axis]})" if along else str(i + 1)
 
 
 def _thinned(rows: Array) -> Array:
@@ -148,8 +166,9 @@ def _phase_planes(canvas: Axes, result: Result) -> None:
     )
     Kp, Kd, off, on = (result.parameter(name) for name in ROTATION)
     errors, sigmas = result["controller.domega_S"], result["controller.sigma_w"]
-    for k, axis in enumerate(AXES):
-        axes = canvas.add_subplot(2, 2, 2 + k)
+    turning = np.abs(errors).max(axis=0) > ROUNDING * np.abs(errors).max()
+    for place, k in enumerate(np.flatnonzero(turning), start=2):
+        axis, axes = AXES[k], canvas.add_subplot(2, 2, place)
         gains = (Kp[k], Kd[k], off[k], on[k])
         _phase_plane(
             axes, errors[:, k], sigmas[:, k], gains, (f"rate error about {axis} [rad/s]", "rad/s2")
@@ -172,7 +191,6 @@ def _phase_plane(
         elif Kp:
             axes.axvline(level / Kp, linestyle=style, color="C3", linewidth=1)
     axes.set(xlim=(-x, x), ylim=(-y, y), xlabel=names[0], ylabel=f"its derivative [{names[1]}]")
-    axes.grid(alpha=0.3)
 
 
 FIGURES: tuple[Figure | Drawing, ...] = (
@@ -193,7 +211,7 @@ FIGURES: tuple[Figure | Drawing, ...] = (
     ),
     Figure(
         "transition",
-        "Transition quaternion to the required attitude",
+        "Transition quaternion to the required attitude (L0: scalar part)",
         (Panel("element", (Curve("guidance.q_DS", labels=("L0", "L1", "L2", "L3")),)),),
     ),
     Figure(
@@ -201,7 +219,7 @@ FIGURES: tuple[Figure | Drawing, ...] = (
         "Speed relative to the target",
         (
             Panel(
-                "[m/s]",
+                "actual [m/s]",
                 (Curve(relative_speed, needs=VELOCITIES),),
             ),
             Panel("required [m/s]", (Curve("guidance.v_req"),)),

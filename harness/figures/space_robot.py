@@ -26,13 +26,10 @@ def _section_and_spectrum(canvas: Axes, result: Result) -> None:
         ylabel="its derivative by the true anomaly",
         title=f"{len(pitch)} points",
     )
-    if orbits(result) > 1:
-        frequency, amplitude = spectrum(result)
-        shown = (frequency > 0) & (frequency <= FASTEST)
-        lines.semilogy(frequency[shown], np.degrees(amplitude[shown]), linewidth=1)
+    frequency, amplitude = spectrum(result)
+    shown = (frequency > 0) & (frequency <= FASTEST)
+    lines.semilogy(frequency[shown], np.degrees(amplitude[shown]), linewidth=1)
     lines.set(xlabel="frequency [1/orbit]", ylabel="amplitude [deg]", title="Hann window")
-    for axes in (section, lines):
-        axes.grid(alpha=0.3)
 
 
 FIGURES: tuple[Figure | Drawing, ...] = (
@@ -49,6 +46,7 @@ FIGURES: tuple[Figure | Drawing, ...] = (
         "Pitch at the true anomaly of the start, once per orbit, and its spectrum",
         (PITCH, RATE, ANOMALY),
         _section_and_spectrum,
+        shows=lambda result: orbits(result) > 1,
     ),
     Figure(
         "attitude",

@@ -6,15 +6,18 @@ from __future__ import annotations
 import numpy as np
 
 from harness.figures.figure import (
+    Array,
     Axes,
     Curve,
     Drawing,
     Figure,
+    Level,
     Panel,
     degrees,
     draw_paths,
     norm,
 )
+from harness.figures.style import legend_above
 from harness.results.derived import (
     ATTITUDE,
     FORCE_H,
@@ -28,8 +31,12 @@ from harness.results.derived import (
 )
 from harness.results.result import Result
 
-J_LABELS = ("J11", "J12", "J13", "J22", "J23", "J33")
-A_LABELS = ("A11", "A12", "A13", "A22", "A23", "A33")
+ETA = "controller.eta_hat"
+"""Elements 11 12 13 22 23 33 of the inertia of the body, then of the wheels."""
+MAIN, OFF = (0, 3, 5), (1, 2, 4)
+"""Which of six elements are on the diagonal, and which are not."""
+BODY, WHEELS = "servicer.J_S", "servicer.A_w"
+FINAL_RANGE = Level("to be held:", ("guidance.rho_M", "guidance.zeta1", "guidance.rho_f"))
 TURNED = (ATTITUDE, REFERENCE_ATTITUDE)
 
 
@@ -46,7 +53,24 @@ def _approach(canvas: Axes, result: Result) -> None:
     }
     plane = draw_paths(canvas, paths, names, (1, 0))
     plane.plot(actual[0, 1], actual[0, 0], "g^", label="start")
-    plane.legend(fontsize="small")
+    legend_above(plane)
+
+
+def _inertias(what: str, first: int, elements: tuple[int, ...], parameter: str) -> Panel:
+    """Six estimated elements from `first` on, or those on or off the diagonal, and the true ones,
+    dashed.
+    """
+    chosen = [first + k for k in elements]
+    places = [(i, j) for i in range(3) for j in range(i, 3)]
+    labels = tuple("{}{}".format(*(i + 1 for i in places[k])) for k in elements)
+
+    def true(result: Result) -> Array:
+        matrix = result.parameter(parameter)
+        return np.tile([matrix[places[k]] for k in elements], (len(result.time), 1))
+
+    estimates = Curve(ETA, "", lambda x: np.asarray(x[:, chosen]), labels, "-")
+    values = Curve(true, "", None, ("true", "", ""), "--", anew=True, parameters=(parameter,))
+    return Panel(f"{what} [kg m2]", (estimates, values), after=release_time)
 
 
 FIGURES: tuple[Figure | Drawing, ...] = (
@@ -56,7 +80,11 @@ FIGURES: tuple[Figure | Drawing, ...] = (
         ("guidance.rho_H", "guidance.rho_ref_H"),
         _approach,
     ),
-    Figure("range", "Range", (Panel("range [m]", (Curve("guidance.range"),)),)),
+    Figure(
+        "range",
+        "Range",
+        (Panel("range [m]", (Curve("guidance.range", "range"),), level=FINAL_RANGE),),
+    ),
     Figure(
         "force",
         "Control force",
@@ -108,19 +136,14 @@ FIGURES: tuple[Figure | Drawing, ...] = (
     ),
     Figure(
         "inertia_estimates",
-        "Estimated inertias",
+        "Estimated inertias, true ones dashed",
         (
-            Panel(
-                "body [kg m2]",
-                (Curve("controller.eta_hat", convert=lambda x: x[:, :6], labels=J_LABELS),),
-                after=release_time,
-            ),
-            Panel(
-                "wheels [kg m2]",
-                (Curve("controller.eta_hat", convert=lambda x: x[:, 6:], labels=A_LABELS),),
-                after=release_time,
-            ),
+            _inertias("body, diagonal", 0, MAIN, BODY),
+            _inertias("body, products", 0, OFF, BODY),
+            _inertias("wheels, diagonal", 6, MAIN, WHEELS),
+            _inertias("wheels, products", 6, OFF, WHEELS),
         ),
+        (ETA,),
     ),
     Figure(
         "alignment",

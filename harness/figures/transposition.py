@@ -15,11 +15,13 @@ from harness.figures.figure import (
     Curve,
     Drawing,
     Figure,
+    Level,
     Overlay,
     Panel,
     degrees,
     norm,
 )
+from harness.figures.style import legend_above
 from harness.results.derived import assembly_attitude_error as tracking_error
 from harness.results.result import Result
 
@@ -129,7 +131,7 @@ def _bodies(canvas: Axes, result: Result) -> None:
         axes.set_box_aspect(high - low, zoom=0.8)
         axes.locator_params(nbins=4)
         axes.view_init(elev=25, azim=-60)
-    axes.legend(fontsize="small")
+    axes.legend()
 
 
 # ---- tables
@@ -149,12 +151,11 @@ def _iterations(canvas: Axes, result: Result) -> None:
         level = float(share * result.parameter(SATURATION))
         left.axhline(level, color="k", linestyle=style, linewidth=1, label=label)
     left.set(xlabel="step of the plan", ylabel="largest momentum [N m s]")
-    left.legend(fontsize="small")
+    legend_above(left)
     right.bar(range(count), np.degrees(result["guidance.rotation"][0, :count]))
     right.set(xlabel="step of the plan", ylabel="largest rotation [deg]")
     for axes in (left, right):
         axes.set_xticks(range(count))
-        axes.grid(alpha=0.3)
 
 
 FIGURES: tuple[Figure | Drawing, ...] = (
@@ -163,6 +164,7 @@ FIGURES: tuple[Figure | Drawing, ...] = (
         "Histories that the planner tried; 0: flight attitude all the time",
         (ITERATIONS, "guidance.peak", "guidance.rotation"),
         _iterations,
+        shows=lambda result: bool(result["guidance.peak"].any()),
         parameters=(SATURATION, MARGIN),
     ),
     Figure(
@@ -177,7 +179,7 @@ FIGURES: tuple[Figure | Drawing, ...] = (
                     Curve(PREDICTED, "predicted", norm, style="--"),
                 ),
             ),
-            Panel("share of saturation", (Curve(SHARE),), level=1.0),
+            Panel("share of saturation", (Curve(SHARE),), level=Level("saturation", 1.0)),
         ),
     ),
     Figure(
@@ -237,7 +239,7 @@ OVERLAYS: tuple[Figure | Overlay, ...] = (
         "Momentum of the gyros, rotation and tracking",
         (
             Panel("momentum [N m s]", (_length(MOMENTUM),)),
-            Panel("share of saturation", (Curve(SHARE),), level=1.0),
+            Panel("share of saturation", (Curve(SHARE),), level=Level("saturation", 1.0)),
             Panel("rotation [deg]", (Curve(ROTATION, convert=degrees),)),
             Panel(
                 "tracking error [deg]",

@@ -461,7 +461,7 @@ def test_the_command_shows_the_summary_and_repeats_a_run(system, tmp_path, capsy
     out = capsys.readouterr().out
     assert out.startswith("12 runs, 0 failed\nsuccess: 12 of 12, 100.0 % (95 %: 75.8 to 100.0 %)\n")
     assert "end: twice.k +1.00" in out
-    assert "dataset few.zarr, 3 figures in ." in out
+    assert "dataset few.zarr, 3 figures in few_figures" in out
     ends = Store.open(tmp_path / "few.zarr").array("end")
     worst = int(np.argmax(ends))
     command = f"harness run demo --like few.zarr#{worst}"

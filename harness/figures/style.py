@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""How figures look, on a screen or in a paper: style sheets of matplotlib and what these cannot
+say (widths, titles), the axis of time, legends.
+"""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from harness.errors import UsageError
+from harness.files.output import written
+from harness.results.result import Result
+
+SHEETS = Path(__file__).parent / "styles"
+NARROW, HOURS = 8.0, 7200.0
+"""Size [in] up to which a figure on the screen goes into one column of a paper; span of time [s]
+from which on it is shown in hours.
+"""
+TITLE = 0.75
+"""Width of a title as part of that of its figure, in characters of the text."""
+MANY = 10
+"""From so many runs on their names do not fit into a legend."""
+
+
+@dataclass(frozen=True)
+class Style:
+    """Width of a figure in one column and across the page [in], None: the size of the screen;
+    stretch: how much higher a column is than the same figure on the screen; titled: whether
+    figures bear titles (in a paper captions do).
+    """
+
+    name: str
+    column: float | None = None
+    page: float | None = None
+    stretch: float = 1.0
+    titled: bool = True
+
+    def size(self, size: tuple[float, float]) -> tuple[float, float]:
+        """Of a figure that has this size on the screen [in]."""
+        if self.column is None or self.page is None:
+            return size
+        if size[0] > NARROW:
+            return self.page, size[1] * self.page / size[0]
+        return self.column, size[1] * self.stretch * self.column / size[0]
+
+    @contextmanager
+    def used(self) -> Iterator[None]:
+        """The style sheet, as long as something is drawn and saved."""
+        import matplotlib as mpl
+
+        with mpl.rc_context():
+            mpl.rcdefaults()
+            sheet = SHEETS / f"{self.name}.mplstyle"
+            mpl.rcParams.update(mpl.rc_params_from_file(sheet, use_default_template=False))
+            yield
+
+
+SCREEN = Style("screen")
+PAPER = Style("paper", column=3.5, page=7.0, stretch=1.15, titled=False)
+STYLES = {style.name: style for style in (SCREEN, PAPER)}
+
+
+def style_of(name: str, wide: bool = False) -> Style:
+    """The style of that name; wide: every figure across the page. UsageError."""
+    if name not in STYLES:
+        raise UsageError(f"there is no style {name}, only {' and '.join(STYLES)}")
+    style = STYLES[name]
+    return Style(name, style.page, style.page, 0.6, style.titled) if wide else style
+
+
+def new_canvas(title: str, size: tuple[float, float], style: Style = SCREEN) -> Any:
+    """A figure of matplotlib without a window and without pyplot's global state."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    canvas = Figure(layout="constrained", figsize=style.size(size))
+    FigureCanvasAgg(canvas)
+    if style.titled:
+        lines = (wrapped(line, TITLE * size[0]) for line in title.splitlines())
+        canvas.suptitle("\n".join(lines))
+    return canvas
+
+
+def save(canvas: Any, path: Path) -> Path:
+    """Write a canvas of new_canvas() to a file; ResultsError if that fails."""
+    undated = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+    with written(path) as target:
+        canvas.savefig(target, metadata=undated.get(path.suffix))
+    return path
+
+
+# ---- time
+
+
+class TimeAxis(NamedTuple):
+    """Unit of a time axis and its seconds."""
+
+    unit: str
+    seconds: float
+
+    @property
+    def label(self) -> str:
+        """Of the axis."""
+        return f"time [{self.unit}]"
+
+
+def time_axis(*results: Result) -> TimeAxis:
+    """Hours where they suit, for all these runs together."""
+    span = max((r.time[-1] - r.time[0] for r in results if len(r.time)), default=0.0)
+    return TimeAxis("h", 3600.0) if span >= HOURS else TimeAxis("s", 1.0)
+
+
+# ---- texts
+
+
+def wrapped(label: str, room: float) -> str:
+    """A label of an axis in lines of at most `room` inches; a unit in brackets stays together."""
+    whole = re.sub(r"\[.*?\]", lambda unit: unit[0].replace(" ", "\u00a0"), label)
+    return textwrap.fill(whole, max(int(room / _character()), 8), break_long_words=False)
+
+
+def fitting(names: Sequence[str], room: float) -> int:
+    """How many entries of a legend go side by side into `room` inches."""
+    entry = _character() * (5 + max(map(len, names)))
+    return min(max(int(room / entry), 1), len(names))
+
+
+def _character() -> float:
+    """Width of a mean character [in]."""
+    from matplotlib import rcParams
+
+    return 0.55 / 72 * float(rcParams["font.size"])
+
+
+def legend_above(axes: Any, handles: Sequence[Any] | None = None) -> None:
+    """A legend between a panel and what is above it, where it hides no curve."""
+    shown = handles or axes.get_legend_handles_labels()[0]
+    if shown:
+        room = axes.figure.get_figwidth() / axes.get_subplotspec().get_geometry()[1]
+        names = [handle.get_label() for handle in shown]
+        axes.legend(
+            handles=shown,
+            loc="lower right",
+            bbox_to_anchor=(1, 1),
+            borderaxespad=0.1,
+            ncols=fitting(names, 0.85 * room),
+        )
