@@ -68,6 +68,8 @@ def compose(start: Unit | None, hops: Sequence[Hop], end: Unit | None) -> Affine
     The last hop ends at the variable itself; no hops at all stand for a plain connection, which
     converts units.
     """
+    if not hops and _alike(start, end):
+        return IDENTITY
     factor, offset = Fraction(1), Fraction(0)
     unit = start
     for hop in hops or (PLAIN,):
@@ -94,11 +96,14 @@ def _fraction(number: float) -> Fraction:
     return Fraction(repr(float(number)))
 
 
+def _alike(a: Unit | None, b: Unit | None) -> bool:
+    """Whether one is unknown or both have one name."""
+    return a is None or b is None or a.name == b.name
+
+
 def _conversion(a: Unit | None, b: Unit | None) -> _Exact:
-    """Exact conversion of numbers in unit a to numbers in unit b; none where one is unknown or both
-    have one name.
-    """
-    if a is None or b is None or a.name == b.name:
+    """Exact conversion of numbers in unit a to numbers in unit b; none where they are alike."""
+    if a is None or b is None or _alike(a, b):
         return Fraction(1), Fraction(0)
     for unit in (a, b):
         if unit.base is None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -411,7 +412,10 @@ def test_runs_that_fail_are_data(system, tmp_path):
     assert store.array("end_time").tolist() == [3.0, 3.0, 6.0, 6.0]
     assert store.array("last")[0, 0] == 3.0
     text = found.summary()
-    assert text.startswith("4 runs, 2 failed\n")
+    assert text.startswith("4 runs, 2 failed\nsuccess: 2 of 4, 50.0 %")
+    end = dict(zip(("failed", "complete"), store.array("end")[[0, 2]], strict=True))
+    assert end["failed"] < end["complete"]
+    assert re.search(rf"^end +{end['complete']:g} +0 ", text, re.MULTILINE)  # mean, std
     assert f"failed: run 0: {wanted}" in text
 
 

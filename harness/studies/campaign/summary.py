@@ -12,14 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.studies.campaign.store import Store
-from harness.studies.campaign.worker import COMPLETE, FAILED
+from harness.studies.campaign.worker import COMPLETE, FAILED, SUCCESS
 
 Array = NDArray[np.float64]
 
 Z95 = 1.959963984540054
 """Quantile of the normal distribution for 95 %, two-sided."""
-SUCCESS = "success"
-"""Name of the metric that is true for a run that has succeeded."""
 WORST = 10
 SHOWN = 5
 """Factors that are shown per metric."""
@@ -66,8 +64,12 @@ def factor_columns(store: Store) -> dict[str, Array]:
 
 
 def metric_columns(store: Store) -> dict[str, Array]:
-    """Metrics of all runs by name, without the success."""
-    return {name: store.array(name) for name in store.names("metric") if name != SUCCESS}
+    """Metrics of all runs by name, without the success; NaN for runs that have failed: what they
+    had until then compares with nothing.
+    """
+    complete = store.array("status") == COMPLETE
+    names = (name for name in store.names("metric") if name != SUCCESS)
+    return {name: np.where(complete, store.array(name), np.nan) for name in names}
 
 
 def text(store: Store, shown: str) -> str:
@@ -98,7 +100,6 @@ def _varied(store: Store, flown: NDArray[np.bool_]) -> dict[str, Array]:
 
 
 def _success(column: Array, flown: int) -> str:
-    """A run that has failed has not succeeded."""
     count = int(np.nansum(column > 0))
     low, high = wilson(count, flown)
     share = 100 * count / max(flown, 1)

@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 
 PENDING, COMPLETE, FAILED = 0, 1, 2
 """Status of a run."""
+SUCCESS = "success"
+"""Name of the metric that is true for a run that has succeeded; one that failed has not."""
 
 _log = logging.getLogger("harness")
 
@@ -121,12 +123,15 @@ def lost(task: Task, message: str, time: float = float("nan")) -> Row:
 
 def _row(pilot: _Pilot, status: int, message: str, result: Result) -> Row:
     task = pilot.task
+    metrics = measured(pilot.metrics, result)
+    if status == FAILED and SUCCESS in metrics:
+        metrics[SUCCESS] = 0.0
     return Row(
         status,
         message,
         float(result.time[-1]),
         _last(task, result),
-        measured(pilot.metrics, result),
+        metrics,
         {name: _thinned(task, result[name]) for name in task.kept if name in result},
     )
 
