@@ -35,6 +35,19 @@ def figures_of(results: Path) -> Path:
     return results.with_name(f"{results.stem}_figures")
 
 
+class Kind(Enum):
+    """What `harness new` creates."""
+
+    CONTROLLER = "controller"
+
+
+class Language(Enum):
+    """Languages of a controller."""
+
+    C = "c"
+    PYTHON = "python"
+
+
 # ---- completion
 
 
@@ -136,6 +149,15 @@ ShownArgument = Annotated[
     typer.Argument(
         metavar="WHAT",
         help="SYSTEM, SYSTEM.component or FMU, by name or path",
+        autocompletion=lambda incomplete: _completed(lambda: _shown(incomplete))(incomplete),
+    ),
+]
+PlaceOption = Annotated[
+    str,
+    typer.Option(
+        "--for",
+        metavar="SYSTEM.COMPONENT",
+        help="in whose place",
         autocompletion=lambda incomplete: _completed(lambda: _shown(incomplete))(incomplete),
     ),
 ]

@@ -18,6 +18,7 @@ LAYERS = (
     ("__init__", "__main__"),
     ("cli",),
     ("api",),
+    ("authoring",),
     ("studies", "exports", "bench", "validation", "figures", "claims"),
     ("master",),
     ("ssp",),
