@@ -137,8 +137,8 @@ def test_an_fmu_of_another_file_name_has_its_binary_where_it_is_looked_for(twins
         ),
         (["new", "controller", "a", "--for", "sync_approach"], "--for sync_approach: expected SYS"),
         (
-            ["new", "controller", "a", "--for", "sync_approach.contoller"],
-            "sync_approach has no component contoller (close: controller)",
+            ["new", "controller", "a", "--for", "sync_approach.ctrl"],
+            "sync_approach has no component ctrl",
         ),
         (["new", "controller", "a", "--language", "rust"], "Invalid value for '--language'"),
         (["new", "plant", "a"], "Invalid value for"),
