@@ -22,11 +22,11 @@ SOURCES := $(shell find fmus ssp harness -name '*.py' -o -name '*.[ch]' -o -name
 CODE    := .ci examples fmus harness tests
 C_FILES := $(shell find $(CODE) -name '*.[ch]')
 
-.PHONY: help build demo test test-long test-interop validation sanitize lint warnings format \
+.PHONY: help build demo test test-browser test-long test-interop validation sanitize lint warnings format \
         coverage bench wheel dist clean
 help:
-	@echo "make demo | test | test-interop | test-long | validation | lint | warnings | format |"
-	@echo "     coverage | sanitize | bench | wheel | dist | clean"
+	@echo "make demo | test | test-browser | test-interop | test-long | validation | lint | warnings |"
+	@echo "     format | coverage | sanitize | bench | wheel | dist | clean"
 
 $(TOOLS): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and \
@@ -54,6 +54,11 @@ demo: build
 
 test: build
 	$(PYTEST)
+
+# pages in a headless Chromium, which the system brings (Debian: apt-get install chromium)
+test-browser: build
+	$(RUN) $(PIP) --no-build-isolation --editable '.[test,browser]'
+	$(BIN)/pytest -m browser -rs
 
 test-long: build
 	$(PYTEST) -m long

@@ -151,10 +151,24 @@ def plot(  # noqa: PLR0913, PLR0917 - one argument per option
 
 
 @app.command()
-def report(file: FileArgument) -> None:
-    """Judge a run by the claims of its paper."""
+def report(
+    file: FileArgument,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="page of HTML with plots and a replay")
+    ] = None,
+) -> None:
+    """Judge a run by the claims of its paper.
+
+    With -o: one page that opens in any browser, of any run.
+    """
     from harness.claims.report import report as judge
     from harness.results.files import read
+
+    if output is not None:
+        from harness.report.html import write
+
+        typer.echo(write(file, output))
+        return
 
     text, passed = judge(read(file))
     typer.echo(printable(text))

@@ -1,0 +1,63 @@
+/* The page comes to life: numbers are decoded, libraries unpacked, plots and replay started. */
+"use strict";
+(async () => {
+  const json = (id) => JSON.parse(document.getElementById(id).textContent);
+  const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  const stored = json("arrays");
+  const decoded = new Map();
+  /* an array by its name: Float32Array with .shape */
+  const array = (name) => {
+    if (!decoded.has(name)) {
+      const values = new Float32Array(bytes(stored[name].data).buffer);
+      values.shape = stored[name].shape;
+      decoded.set(name, values);
+    }
+    return decoded.get(name);
+  };
+
+  /* the script of a library, which is text of this page, runs as if it had been written out */
+  const unpack = async (name) => {
+    const packed = bytes(document.getElementById(`script-${name}`).textContent);
+    const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+    const script = document.createElement("script");
+    script.textContent = await new Response(stream).text();
+    document.head.append(script);
+  };
+
+  const root = document.documentElement;
+  const dark = matchMedia("(prefers-color-scheme: dark)");
+  const theme = (name) => {
+    root.dataset.theme = name;
+    document.dispatchEvent(new Event("theme"));
+  };
+  theme(dark.matches ? "dark" : "light");
+  dark.addEventListener("change", () => theme(dark.matches ? "dark" : "light"));
+  document.getElementById("theme").addEventListener("click", () =>
+    theme(root.dataset.theme === "dark" ? "light" : "dark"));
+
+  for (const input of document.querySelectorAll(".find")) {
+    const rows = document.querySelectorAll(`#${input.dataset.for} tbody tr`);
+    input.addEventListener("input", () => {
+      const words = input.value.toLowerCase().split(/\s+/).filter(Boolean);
+      for (const row of rows) {
+        const text = row.textContent.toLowerCase();
+        row.classList.toggle("gone", !words.every((word) => text.includes(word)));
+      }
+    });
+  }
+
+  const data = json("data");
+  window.report = { data, array, ready: false };
+  if (!data.scene)
+    for (const part of document.querySelectorAll(".has-scene")) part.classList.add("gone");
+  layPlots(data, array);
+  await unpack("plotly");
+  startPlots();
+  if (data.scene) {
+    window.define = (name, needs, make) => { window.K3D = make(); };
+    await unpack("k3d");
+    delete window.define;
+    window.report.replay = startReplay(data.scene, array, K3D.ThreeJsProvider.THREE);
+  }
+  window.report.ready = true;
+})();

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Drawings of harness/figures as plots of the page: what matplotlib was told to draw is read back
+from its axes, so that a drawing is written once. Views in space are left to the replay.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from harness.report.plots import STYLES, Canvas, Plot
+from harness.report.thinning import kept_points
+
+TIME = "time [s]"
+INK = ("k", "black", "#000000", (0.0, 0.0, 0.0, 1.0))
+
+
+def plots(canvas: Canvas, drawing: Any) -> list[Plot]:
+    """The plane axes of a figure of matplotlib, from top to bottom."""
+    flat = [axes for axes in drawing.axes if axes.name != "3d" and axes.get_label() != "<colorbar>"]
+    return [_plot(canvas, axes) for axes in flat]
+
+
+def _plot(canvas: Canvas, axes: Any) -> Plot:
+    shared = axes.get_shared_x_axes().get_siblings(axes)
+    time = TIME in [each.get_xlabel() for each in shared]
+    found = {
+        "title": axes.get_title(),
+        "x": TIME if time else axes.get_xlabel(),
+        "y": axes.get_ylabel(),
+        "time": time,
+        "log": axes.get_yscale() == "log",
+        "equal": axes.get_aspect() == 1.0,
+        "levels": [float(line.get_ydata()[0]) for line in _levels(axes)],
+        "curves": list(_curves(canvas, axes)),
+    }
+    if not axes.get_autoscaley_on():
+        found["range"] = [float(limit) for limit in axes.get_ylim()]
+    if not axes.get_autoscalex_on() and not time:
+        found["range_x"] = [float(limit) for limit in axes.get_xlim()]
+    texts = [label.get_text() for label in axes.get_yticklabels()]
+    if any(re.search("[A-Za-z]", text) for text in texts):
+        found["ticks"] = [[float(place) for place in axes.get_yticks()], texts]
+    return found
+
+
+def _levels(axes: Any) -> list[Any]:
+    """Lines that are horizontal through all of the axes."""
+    other = [line for line in axes.get_lines() if line.get_transform() != axes.transData]
+    return [line for line in other if np.ptp(np.asarray(line.get_ydata(), dtype=float)) == 0]
+
+
+def _curves(canvas: Canvas, axes: Any) -> Iterator[Plot]:
+    palette: dict[Any, int] = {}
+    for line in axes.get_lines():
+        if line.get_transform() == axes.transData:
+            yield _line(canvas, line, palette)
+    for image in axes.images:
+        yield _image(canvas, image)
+    for area in axes.collections:
+        for path in area.get_paths():
+            corners = _corners(np.asarray(path.vertices, dtype=float))
+            yield _curve(canvas, *corners.T, name="", fill=True, colour=len(palette), dash="solid")
+    for bar in axes.patches:
+        left, bottom, width, height = bar.get_bbox().bounds
+        x, y = np.array(
+            [[left, bottom], [left, bottom + height]] * 1
+            + [[left + width, bottom + height], [left + width, bottom], [left, bottom]]
+        ).T
+        yield _curve(canvas, x, y, name="", fill=True, colour=0, dash="solid")
+
+
+def _line(canvas: Canvas, line: Any, palette: dict[Any, int]) -> Plot:
+    x, y = (np.asarray(data, dtype=float).ravel() for data in (line.get_xdata(), line.get_ydata()))
+    label = str(line.get_label())
+    look = {
+        "name": "" if label.startswith("_") else label,
+        "colour": _colour(line.get_color(), palette),
+        "dash": STYLES.get(line.get_linestyle(), "solid"),
+    }
+    if line.get_linestyle() in ("None", " ", ""):
+        look["marker"] = "circle" if len(x) < 3 else "point"
+    return _curve(canvas, x, y, **look)
+
+
+def _curve(canvas: Canvas, x: Any, y: Any, **look: Any) -> Plot:
+    rows = kept_points(x, y, canvas.points) if len(x) > canvas.points else np.arange(len(x))
+    canvas.thinned |= len(rows) < len(x)
+    return {"x": canvas.arrays.keep(x[rows]), "y": canvas.arrays.keep(y[rows]), **look}
+
+
+def _colour(colour: Any, palette: dict[Any, int]) -> Any:
+    """A place of the palette: that of a colour `C3`, else in the order of appearance."""
+    if isinstance(colour, str) and re.fullmatch(r"C\d+", colour):
+        palette.setdefault(colour, int(colour[1:]))
+        return palette[colour]
+    if colour in INK:
+        return "ink"
+    return palette.setdefault(colour, len(palette))
+
+
+def _corners(outline: Any) -> Any:
+    """An outline without the points between two of the same height."""
+    y = outline[:, 1]
+    inner = (np.roll(y, 1) == y) & (np.roll(y, -1) == y)
+    inner[[0, -1]] = False
+    return outline[~inner]
+
+
+def _image(canvas: Canvas, image: Any) -> Plot:
+    """A field of colours with the edges left, right, bottom, top."""
+    edges = [float(edge) for edge in image.get_extent()]
+    return {"image": canvas.arrays.keep(np.asarray(image.get_array())), "edges": edges, "name": ""}

@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Plots as data: the tables of harness/figures and all variables of a result, thinned, as the page
+draws them.
+
+A plot is a dictionary: `title`, `x` and `y` (labels of the axes), `time` (whether x is the time of
+the run: then its zoom is linked), `log`, `levels`, `shade` ([begin, end, text]) and `curves`. A
+curve names its arrays and says how it looks: `colour` is a number of the palette, or "ink"; `dash`
+a style of the page; `group` the run it belongs to.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.figures import Curve, Figure, Panel
+from harness.report.arrays import Arrays
+from harness.report.thinning import kept_rows
+from harness.results.result import Result
+from harness.system.names import base
+
+Array = NDArray[np.float64]
+Plot = dict[str, Any]
+
+DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
+"""Styles of the elements of a vector, so that no curve is told by its colour alone."""
+STYLES = {"--": "dash", ":": "dot", "-.": "dashdot", "-": "solid"}
+"""Line styles of matplotlib."""
+DECADES = 3.0
+"""Positive histories that span so many powers of ten are drawn on a logarithmic axis."""
+AXES = ("x", "y", "z")
+QUATERNION = ("q0", "q1", "q2", "q3")
+
+
+class Canvas:
+    """Where the plots of a page keep their numbers; points: of a curve, at most."""
+
+    def __init__(self, arrays: Arrays, points: int) -> None:
+        self.arrays, self.points = arrays, points
+        self.thinned = False
+        self._kept: dict[int, Any] = {}
+
+    def curve(self, time: Array, values: Array, name: str, **look: Any) -> Plot:
+        """One history with its extremes."""
+        rows = kept_rows(values, self.points)
+        self.thinned |= len(rows) < len(values)
+        return {
+            "name": name,
+            "x": self.arrays.keep(time[rows]),
+            "y": self.arrays.keep(values[rows]),
+            **look,
+        }
+
+
+# ---- the figures of one run
+
+
+def figure(canvas: Canvas, table: Figure, result: Result) -> list[Plot]:
+    """The panels of a figure of one run."""
+    return [_panel(canvas, panel, result) for panel in table.panels]
+
+
+def _panel(canvas: Canvas, panel: Panel, result: Result) -> Plot:
+    shown = panel.rows(result)
+    time = result.time[shown]
+    curves: list[Plot] = []
+    for curve in panel.curves:
+        history = curve.history(result)[shown]
+        for values, name, dash in _elements(curve, history):
+            colour = "ink" if "k" in curve.style else len(curves)
+            curves.append(canvas.curve(time, values, name, colour=colour, dash=dash))
+    return plot(
+        panel.ylabel, curves, log=panel.log, levels=_levels(panel), shade=_idle(panel, result)
+    )
+
+
+def plot(y: str, curves: list[Plot], **about: Any) -> Plot:
+    """A plot over time."""
+    return {"x": "time [s]", "y": y, "time": True, "curves": curves, **about}
+
+
+def _elements(curve: Curve, history: Array) -> Iterator[tuple[Array, str, str]]:
+    """Values, name and style of every line of a curve."""
+    style = STYLES[re.sub(r"[a-z]", "", curve.style) or "-"]
+    if history.ndim == 1:
+        yield history, curve.label, style
+        return
+    for k in range(history.shape[1]):
+        label = curve.labels[k] if k < len(curve.labels) else str(k + 1)
+        dash = DASHES[k % len(DASHES)] if style == "solid" else style
+        yield history[:, k], f"{curve.label} {label}".strip(), dash
+
+
+def _levels(panel: Panel) -> list[float]:
+    return [] if panel.level is None else [panel.level]
+
+
+def _idle(panel: Panel, *results: Result) -> list[list[Any]]:
+    """The time in which what is drawn acts in none of the runs."""
+    if panel.idle_until is None:
+        return []
+    begin, end = min((r.time[0], min(panel.idle_until(r), r.time[-1])) for r in results)
+    return [[float(begin), float(end), "attitude frozen: acts on nothing"]] if end > begin else []
+
+
+# ---- all variables of one run
+
+
+def signals(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
+    """Every variable by component: what does not change with its value, the others as plots."""
+    components: dict[str, dict[str, Any]] = {}
+    for name, values in variables(result):
+        component, _, variable = name.partition(".")
+        group = components.setdefault(component, {"name": component, "plots": [], "fixed": []})
+        about = {"variable": variable, "text": result.description(name), "unit": result.unit(name)}
+        if len(values) and (values == values[0]).all():
+            group["fixed"].append(about | {"value": number(values[0])})
+        elif len(values):
+            group["plots"].append(about | _signal(canvas, result, name, values))
+    return list(components.values())
+
+
+def variables(result: Result) -> Iterator[tuple[str, Array]]:
+    """Scalars, vectors and flattened matrices; single elements of what is not whole."""
+    whole = {column for columns in result.vectors.values() for column in columns.flat}
+    single = (name for i, name in enumerate(result.columns) if i not in whole)
+    for name in (*result.vectors, *single):
+        yield name, result[name]
+
+
+def _signal(canvas: Canvas, result: Result, name: str, values: Array) -> Plot:
+    flat = values.reshape(len(values), -1)
+    labels = _labels(result, name, values)
+    curves = [
+        canvas.curve(result.time, column, label, colour=k, dash=DASHES[k % len(DASHES)])
+        for k, (column, label) in enumerate(zip(flat.T, labels, strict=True))
+    ]
+    unit = result.unit(name)
+    return plot(f"{name.partition('.')[2]} [{unit}]" if unit else name, curves, log=spans(flat))
+
+
+def _labels(result: Result, name: str, values: Array) -> list[str]:
+    if values.ndim == 1:
+        return [""]
+    if values.ndim == 2 and values.shape[1] == 3:
+        return list(AXES)
+    if values.ndim == 2 and values.shape[1] == 4 and base(name).rpartition(".")[2].startswith("q_"):
+        return list(QUATERNION)
+    return [result.columns[i].removeprefix(name) for i in result.vectors[name].flat]
+
+
+def spans(values: Array) -> bool:
+    """Whether values are positive and span decades."""
+    finite = values[np.isfinite(values)]
+    if not finite.size or finite.min() <= 0:
+        return False
+    return bool(np.log10(finite.max()) - np.log10(finite.min()) > DECADES)
+
+
+def number(value: Any) -> str:
+    """A number, vector or matrix as text, with the digits that are worth reading."""
+    array = np.asarray(value)
+    if array.ndim:
+        return f"[{', '.join(map(number, array))}]"
+    return f"{float(array):.6g}"
+
+
+# ---- several runs
+
+
+def overlay(canvas: Canvas, table: Figure, results: Mapping[str, Result]) -> list[Plot]:
+    """The panels of a figure of several runs: a colour for each run."""
+    fitting = {label: r for label, r in results.items() if table.fits(r)}
+    return [_overlaid(canvas, panel, fitting, list(results)) for panel in table.panels]
+
+
+def _overlaid(
+    canvas: Canvas, panel: Panel, results: Mapping[str, Result], labels: list[str]
+) -> Plot:
+    curves = [
+        canvas.curve(
+            r.time,
+            values,
+            f"{label} {name}".strip(),
+            colour=labels.index(label),
+            dash=dash,
+            group=label,
+        )
+        for label, r in results.items()
+        for curve in panel.curves
+        for values, name, dash in _elements(curve, curve.history(r))
+    ]
+    shade = _idle(panel, *results.values())
+    return plot(panel.ylabel, curves, log=panel.log, levels=_levels(panel), shade=shade)

@@ -1,0 +1,284 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The report as a page of HTML: whatever the kind of result, its numbers are those of the result,
+its extremes survive, it needs nothing from elsewhere, and it says what is wrong.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.spatial.transform import Rotation
+
+from harness import run
+from harness.cli.app import main
+from harness.errors import HarnessError
+from harness.figures import FIGURES
+from harness.report import libraries
+from harness.report.bodies import uniform_box
+from harness.report.html import of_run, write
+from harness.report.thinning import kept_rows
+from harness.results.files import ResultFile
+from tests.harness.report_page import Page
+
+RUNS = {
+    "sync_approach": {"stop": 1300.0, "every": 5},
+    "sync_approach_thrusters": {"stop": 30.0},
+    "relay_approach": {"stop": 600.0, "every": 5},
+    "ppc_tracking": {"stop": 20.0},
+    "arch_rendezvous": {"stop": 2000.0, "every": 50},
+}
+"""A short run of every kind of system."""
+LARGEST = 10_000_000
+"""Bytes of a page."""
+
+
+@cache
+def result_of(system):
+    return run(system, **RUNS[system])
+
+
+@cache
+def page_of(system):
+    return Page(of_run(result_of(system)))
+
+
+each_system = pytest.mark.parametrize("system", RUNS)
+
+
+# ---- every system
+
+
+@each_system
+def test_a_page_is_whole_and_needs_nothing_from_elsewhere(system):
+    page = page_of(system)
+    assert page.size < LARGEST
+    assert not [link for link in page.links if not link.startswith("#")]
+    assert {"script-plotly", "script-k3d", "replay", "plots", "signals"} <= page.ids
+    assert page.headings[0] == system
+    assert not page.alerts
+
+
+@each_system
+def test_all_variables_are_in_the_page_with_their_numbers(system):
+    page, result = page_of(system), result_of(system)
+    for name in result.vectors:
+        values = result[name].reshape(len(result.time), -1)
+        plot = page.signal(name)
+        if plot is None:
+            assert (values == values[0]).all(), name
+            continue
+        assert len(plot["curves"]) == values.shape[1], name
+        assert result.unit(name) in plot["y"]
+        for curve, column in zip(plot["curves"], values.T, strict=True):
+            x, y = page.array(curve["x"]), page.array(curve["y"])
+            rows = np.searchsorted(result.time.astype("f4"), x)
+            np.testing.assert_array_equal(y, column.astype("f4")[rows], err_msg=name)
+            assert (y.min(), y.max()) == (np.float32(column.min()), np.float32(column.max())), name
+
+
+@each_system
+def test_the_figures_are_those_that_fit(system):
+    page, result = page_of(system), result_of(system)
+    fitting = {f.name for f in FIGURES if f.fits(result)}
+    assert set(page.figures()) - {"phases"} == fitting
+    for name, plots in page.figures().items():
+        assert all(page.array(c.get("y") or c["image"]).size for p in plots for c in p["curves"]), (
+            name
+        )
+
+
+@each_system
+def test_parameters_and_claims_are_shown(system):
+    page, result = page_of(system), result_of(system)
+    for name in result.parameters.vectors:
+        assert name in page.text
+    if system != "sync_approach_thrusters":
+        assert "verdict" in page.text
+
+
+# ---- replay
+
+
+def turned(q, v):
+    """v_N of v_B for quaternions scalar first."""
+    return Rotation.from_quat(q[:, [1, 2, 3, 0]]).apply(v)
+
+
+def instants(page, result):
+    """Rows of the replay in the result."""
+    time = page.array(page.data["scene"]["time"])
+    return np.searchsorted(result.time.astype("f4"), time)
+
+
+@pytest.mark.parametrize("system", ["sync_approach", "arch_rendezvous"])
+def test_the_replay_in_the_hill_frame_is_what_the_flight_software_sees(system):
+    """rho_H of guidance or controller, of the sample before, against positions turned here."""
+    result = run(system, stop=200.0)
+    page = Page(of_run(result))
+    source = "guidance.rho_H" if "guidance.rho_H" in result else "controller.rho_H"
+    r, hill = page.array(page.body("servicer")["r"]), page.array(page.data["scene"]["hill"])
+    rows = instants(page, result)[:-1]
+    seen = Rotation.from_quat(hill[:-1, [1, 2, 3, 0]]).inv().apply(r[:-1])
+    size = np.linalg.norm(r, axis=1).max()
+    np.testing.assert_allclose(seen, result[source][rows + 1], atol=1e-6 * size)
+
+
+@each_system
+def test_bodies_move_as_in_the_result(system):
+    page, result = page_of(system), result_of(system)
+    rows = instants(page, result)
+    assert (rows[0], rows[-1]) == (0, len(result.time) - 1)
+    r, q = (page.array(page.body("servicer")[key]) for key in ("r", "q"))
+    apart = r - page.array(page.body("target")["r"])
+    expected = (result["servicer.r_SN_N"] - result["target.r_TN_N"])[rows]
+    np.testing.assert_allclose(apart, expected, atol=2e-7 * np.abs(expected).max())
+    np.testing.assert_array_equal(q, result["servicer.q_SN"][rows].astype("f4"))
+    assert np.ptp(r, axis=0).max() > 0
+
+
+def test_deep_space_has_no_hill_frame_and_an_orbit_has():
+    assert [f["key"] for f in page_of("relay_approach").data["scene"]["frames"]] == ["N"]
+    assert [f["key"] for f in page_of("sync_approach").data["scene"]["frames"]] == ["H", "N"]
+
+
+def test_plumes_blow_against_the_commanded_force():
+    """The sum of all plumes, each against its direction, is the mean command."""
+    page, result = page_of("sync_approach"), result_of("sync_approach")
+    plumes = page.data["scene"]["plumes"]
+    rows = instants(page, result)
+    push = sum(np.outer(page.array(p["share"]), -np.array(p["out"])) for p in plumes)
+    force = result["controller.F_cmd_S"]
+    means = [force[a:b].mean(axis=0) for a, b in zip(rows, [*rows[1:], len(force)], strict=True)]
+    largest = np.abs(force).max()
+    np.testing.assert_allclose(push, np.array(means) / largest, atol=1e-6)
+
+
+def test_thrusters_stand_where_the_parameters_say():
+    page, result = page_of("relay_approach"), result_of("relay_approach")
+    plumes = page.data["scene"]["plumes"]
+    assert len(plumes) == 13
+    places = result.parameter("propulsion.thruster_position") - result.parameter(
+        "propulsion.centre_of_mass"
+    )
+    np.testing.assert_allclose([p["at"] for p in plumes], places[:13])
+    directions = result.parameter("propulsion.thruster_direction")[:13]
+    np.testing.assert_allclose([p["out"] for p in plumes], -directions)
+
+
+def test_zones_are_those_of_the_monitor():
+    marks = {m["kind"]: m for m in page_of("arch_rendezvous").data["scene"]["marks"]}
+    assert marks["cuboid"]["half"] == [0.2, 0.2, 0.2]
+    assert marks["cone"]["axis"] == [-1, 0, 0]
+    assert marks["cone"]["angle"] == pytest.approx(np.radians(30))
+
+
+@given(st.lists(st.floats(0.1, 10), min_size=3, max_size=3), st.floats(1, 1e4))
+def test_the_box_of_uniform_density_comes_back_from_its_inertia(edges, mass):
+    a, b, c = edges
+    inertia = mass / 12 * np.array([b**2 + c**2, a**2 + c**2, a**2 + b**2])
+    slim = np.maximum(edges, 0.15 * max(edges))
+    np.testing.assert_allclose(uniform_box(mass, np.diag(inertia)), slim, rtol=1e-6)
+
+
+# ---- thinning
+
+
+@given(
+    arrays(float, st.integers(1, 400), elements=st.floats(-1e6, 1e6) | st.just(float("nan"))),
+    st.integers(4, 60),
+)
+def test_thinned_rows_keep_extremes_ends_and_gaps(values, points):
+    rows = kept_rows(values, points)
+    assert len(rows) <= 1.5 * points + 4 or len(rows) == len(values)
+    assert (np.diff(rows) > 0).all()
+    assert rows[0] == 0
+    assert rows[-1] == len(values) - 1
+    kept = values[rows]
+    if np.isfinite(values).any():
+        assert np.nanmin(kept) == np.nanmin(values)
+        assert np.nanmax(kept) == np.nanmax(values)
+    assert np.isnan(kept).any() == np.isnan(values).any()
+
+
+def test_a_spike_of_one_row_survives_and_the_page_says_that_it_is_thinned():
+    result = run("sync_approach", stop=600.0)
+    values = result.values.copy()
+    column = result.columns.index("guidance.range")
+    values[4321, column] = 77.0
+    page = Page(of_run(replace(result, values=values)))
+    curve = page.signal("guidance.range")["curves"][0]
+    x, y = page.array(curve["x"]), page.array(curve["y"])
+    assert len(y) < len(result.time)
+    assert x[y == 77.0] == np.float32(result.time[4321])
+    assert "keep the least and the largest" in page.text
+
+
+# ---- what is wrong is said
+
+
+def test_an_incomplete_run_says_so_at_the_top():
+    result = replace(result_of("sync_approach"), complete=False, message="a <b> failed at 3 s")
+    page = Page(of_run(result))
+    assert " ".join(page.alerts) == "Incomplete run. a <b> failed at 3 s"
+
+
+def test_a_result_without_bodies_or_parameters_has_a_page(tmp_path):
+    result = result_of("ppc_tracking")
+    ResultFile(tmp_path / "bare.csv").write(result)
+    page = Page(write(tmp_path / "bare.csv", tmp_path / "bare.html").read_text())
+    assert page.data["scene"] is not None
+    columns = [i for i, c in enumerate(result.columns) if c.startswith("controller.")]
+    part = replace(
+        result,
+        columns=tuple(result.columns[i] for i in columns),
+        units=tuple(result.units[i] for i in columns),
+        descriptions=(),
+        values=result.values[:, columns],
+        parameters=None,
+    )
+    page = Page(of_run(part))
+    assert page.data["scene"] is None
+    assert page.signal("controller.a_cmd_L") is not None
+
+
+@pytest.mark.parametrize("rows", [0, 1])
+def test_a_result_of_no_duration_has_a_page(rows):
+    result = result_of("ppc_tracking")
+    short = replace(result, time=result.time[:rows], values=result.values[:rows], complete=False)
+    page = Page(of_run(short))
+    assert page.alerts
+    assert page.data["scene"] is None
+
+
+def test_corrupt_and_missing_files_are_one_line(tmp_path, capsys):
+    (tmp_path / "bad.nc").write_bytes(b"no netCDF")
+    for name in ("bad.nc", "none.nc"):
+        assert main(["report", str(tmp_path / name), "-o", str(tmp_path / "r.html")]) == 1
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1
+        assert name in error
+    assert not (tmp_path / "r.html").exists()
+
+
+def test_a_missing_library_names_the_extra(monkeypatch):
+    libraries.script.cache_clear()
+    monkeypatch.setitem(sys.modules, "k3d", None)
+    monkeypatch.setattr(libraries.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(HarnessError, match=r"needs plotly: pip install 'servicing-fmus\[report\]'"):
+        libraries.script("plotly")
+    libraries.script.cache_clear()
+
+
+def test_the_command_writes_the_page(tmp_path, capsys):
+    ResultFile(tmp_path / "out.nc").write(result_of("ppc_tracking"))
+    page = tmp_path / "deep" / "report.html"
+    assert main(["report", str(tmp_path / "out.nc"), "-o", str(page)]) == 0
+    assert capsys.readouterr().out.strip() == str(page)
+    assert Page(page.read_text()).headings[0] == "ppc_tracking"

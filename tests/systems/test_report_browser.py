@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Reports in a browser: no error, plots hold what the file holds, bodies move, controls work, and
+a phone shows it all. Run by make test-browser.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from harness import run
+from harness.report.html import write
+from tests.harness.chromium import browser, opened
+
+RUNS = {
+    "sync_approach": {"every": 10},
+    "sync_approach_thrusters": {"stop": 100.0},
+    "sync_approach_thrusters_navigated": {"stop": 60.0},
+    "sync_approach_navigated": {"stop": 60.0},
+    "relay_approach": {"stop": 8000.0, "every": 10},
+    "relay_approach_navigated": {"stop": 600.0, "every": 10},
+    "ppc_tracking": {"stop": 60.0},
+    "ppc_tracking_navigated": {"stop": 30.0},
+    "arch_rendezvous": {"every": 100},
+}
+SYSTEM = "sync_approach"
+each_system = pytest.mark.parametrize("system", RUNS)
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    with browser() as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def report_of(tmp_path_factory):
+    """Page and result of a system, written once."""
+    known = {}
+
+    def written(system):
+        if system not in known:
+            result = run(system, **RUNS[system])
+            page = tmp_path_factory.mktemp("report") / f"{system}.html"
+            known[system] = write(result, page), result
+        return known[system]
+
+    return written
+
+
+def scroll_through(page):
+    """Every plot comes into sight once."""
+    for box in page.query_selector_all("details.component"):
+        box.evaluate("box => { box.open = true; }")
+    for plot in page.query_selector_all(".plot"):
+        if plot.is_visible():
+            plot.scroll_into_view_if_needed()
+    page.wait_for_timeout(300)
+
+
+def frame_of(page):
+    """The picture of the stage."""
+    page.wait_for_timeout(250)
+    return page.evaluate(
+        """() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => {
+            window.report.replay.seek(window.report.replay.state().time);
+            requestAnimationFrame(() => done(
+                document.querySelector('.stage canvas').toDataURL())); })))"""
+    )
+
+
+@each_system
+def test_a_report_opens_without_error_and_its_plots_hold_the_data(chromium, report_of, system):
+    path, _ = report_of(system)
+    with opened(chromium, path) as page:
+        scroll_through(page)
+        drawn = page.evaluate(
+            """plotCards.map(e => ({drawn: e.drawn,
+                   curves: e.plot.curves.length,
+                   traces: (e.drawing.data || []).length,
+                   points: (e.drawing.data || []).map(t => (t.y || t.z).length)}))"""
+        )
+        assert all(card["drawn"] for card in drawn)
+        assert all(card["traces"] >= card["curves"] and min(card["points"]) for card in drawn)
+        lines = page.evaluate("document.querySelectorAll('.scatterlayer .trace').length")
+        assert lines >= sum(card["curves"] for card in drawn) - len(drawn)
+
+
+@each_system
+def test_bodies_move_and_two_frames_differ(chromium, report_of, system):
+    path, result = report_of(system)
+    begin, end = result.time[0], result.time[-1]
+    with opened(chromium, path) as page:
+        page.evaluate(f"report.replay.seek({begin})")
+        first, before = frame_of(page), page.evaluate("report.replay.state()")
+        page.evaluate(f"report.replay.seek({(begin + end) / 2})")
+        second, after = frame_of(page), page.evaluate("report.replay.state()")
+        assert before["bodies"] != after["bodies"]
+        assert first != second
+        page.evaluate("report.replay.play(true)")
+        page.wait_for_timeout(700)
+        assert page.evaluate("report.replay.state().time") > after["time"]
+
+
+def test_bodies_are_where_the_result_says(chromium, report_of):
+    """In N axes at an instant between two rows of the replay."""
+    path, result = report_of(SYSTEM)
+    rho = result["servicer.r_SN_N"] - result["target.r_TN_N"]
+    with opened(chromium, path) as page:
+        page.click("[data-frame=N]")
+        for time in (0.0, 333.4, 1234.5, 1800.0):
+            page.evaluate(f"report.replay.seek({time})")
+            state = page.evaluate("report.replay.state()")
+            expected = [np.interp(time, result.time, axis) for axis in rho.T]
+            assert state["frame"] == "N"
+            np.testing.assert_allclose(state["bodies"]["servicer"]["position"], expected, atol=2e-3)
+
+
+def test_controls_work(chromium, report_of):
+    path, _ = report_of(SYSTEM)
+    with opened(chromium, path) as page:
+        state = lambda: page.evaluate("report.replay.state()")  # noqa: E731
+        page.click(".play")
+        assert state()["playing"]
+        page.click(".play")
+        assert not state()["playing"]
+        page.fill(".scrub", "0.5")
+        assert state()["time"] == pytest.approx(900, abs=2)
+        page.select_option(".speed", "100")
+        assert state()["speed"] == 100
+        eyes = []
+        for name in ("overview", "side", "servicer", "target"):
+            page.click(f"[data-camera={name}]")
+            assert state()["camera"] == name
+            eyes.append(tuple(np.round(state()["eye"], 3)))
+        assert len(set(eyes)) == 4
+        page.click("[data-frame=N]")
+        assert state()["frame"] == "N"
+        page.fill(".find", "servicer j_s")
+        shown = page.query_selector_all("#parameters tbody tr:not(.gone)")
+        assert [row.query_selector("code").inner_text() for row in shown] == ["servicer.J_S"]
+        theme = page.evaluate("document.documentElement.dataset.theme")
+        page.click("#theme")
+        assert page.evaluate("document.documentElement.dataset.theme") != theme
+
+
+def test_zoom_is_linked_and_a_click_seeks(chromium, report_of):
+    path, _ = report_of(SYSTEM)
+    with opened(chromium, path) as page:
+        page.query_selector("#plots .plot").scroll_into_view_if_needed()
+        page.wait_for_function("plotCards.filter(e => e.drawn).length > 2")
+        page.evaluate(
+            "Plotly.relayout(plotCards.find(e => e.plot.time && e.drawn).drawing,"
+            " {'xaxis.range': [100, 250]})"
+        )
+        scroll_through(page)
+        ranges = page.evaluate(
+            "plotCards.filter(e => e.plot.time).map(e => e.drawing._fullLayout.xaxis.range)"
+        )
+        assert len(ranges) > 30
+        assert all(span == [100, 250] for span in ranges)
+        page.query_selector("#plots .plot").scroll_into_view_if_needed()
+        page.evaluate(
+            "plotCards.find(e => e.plot.time && e.visible).drawing"
+            ".emit('plotly_click', {points: [{x: 123}]})"
+        )
+        assert page.evaluate("report.replay.state().time") == 123
+
+
+def test_a_phone_shows_it_without_scrolling_sideways(chromium, report_of):
+    path, _ = report_of(SYSTEM)
+    with opened(chromium, path, width=390, height=844) as page:
+        scroll_through(page)
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        stage = page.query_selector(".stage").bounding_box()
+        assert stage["width"] <= 390
+        assert page.is_visible(".play")
