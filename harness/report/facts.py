@@ -11,13 +11,14 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
-
-from harness.claims import PAPERS, Paper, Verdict
+from harness.claims import Verdict
+from harness.claims.case import listed
+from harness.claims.report import OTHER, Judged, judged
 from harness.report.plots import number
 from harness.results.notes import notes
 from harness.results.result import Result
 from harness.studies.measures import MEASURES, Limits
+from harness.system.names import base
 
 Facts = dict[str, Any]
 
@@ -35,9 +36,11 @@ KINDS = {
 
 def head(result: Result) -> Facts:
     """Name, span and state of the run."""
-    time = result.time
+    time, known = result.time, result.provenance
     return {
         "system": result.system,
+        "flown": known.lines() if known else [],
+        "date": known.date if known else "",
         "rows": len(time),
         "begin": f"{time[0]:g}" if len(time) else "",
         "end": f"{time[-1]:g}" if len(time) else "",
@@ -65,16 +68,15 @@ def measures(result: Result) -> list[Facts]:
 
 def papers(result: Result) -> list[Facts]:
     """Every paper that is about such a result, with the verdicts of its claims."""
-    return [_paper(paper, result) for paper in PAPERS if paper.belongs_to(result)]
+    return [_paper(each) for each in judged(result)]
 
 
-def _paper(paper: Paper, result: Result) -> Facts:
-    rows = [(claim, claim.evaluate(result)) for claim in paper.claims]
-    count = Counter(judgement.verdict for _, judgement in rows)
-    differences = [c.difference(result) for c in paper.conditions] if len(result.time) else []
+def _paper(each: Judged) -> Facts:
+    count = Counter(judgement.verdict for _, judgement in each.claims)
     return {
-        "title": paper.title,
-        "differences": [text for text in differences if text],
+        "title": each.paper.title,
+        "differences": listed(each.deviations) if each.deviations else "",
+        "other": OTHER if each.deviations else "",
         "count": [
             {"kind": KINDS[v], "text": v.value, "number": count[v]} for v in Verdict if count[v]
         ],
@@ -88,7 +90,7 @@ def _paper(paper: Paper, result: Result) -> Facts:
                 "verdict": judgement.verdict.value,
                 "kind": KINDS[judgement.verdict],
             }
-            for claim, judgement in rows
+            for claim, judgement in each.claims
         ],
     }
 
@@ -128,12 +130,15 @@ def parameters(result: Result) -> list[Facts]:
     table = result.parameters
     if table is None:
         return []
+    given = result.provenance.set if result.provenance else ()
+    changed = {base(name) for name, _ in given}
     return [
         {
             "name": name,
             "value": number(table[name][0]),
             "unit": table.unit(name),
             "text": table.description(name),
+            "changed": name in changed,
         }
         for name in _names(table)
     ]
@@ -143,8 +148,3 @@ def _names(table: Result) -> Iterator[str]:
     whole = {column for columns in table.vectors.values() for column in columns.flat}
     yield from table.vectors
     yield from (name for i, name in enumerate(table.columns) if i not in whole)
-
-
-def finite(values: Any) -> bool:
-    """Whether all numbers are finite."""
-    return bool(np.isfinite(values).all())

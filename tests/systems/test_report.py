@@ -220,6 +220,18 @@ def test_a_spike_of_one_row_survives_and_the_page_says_that_it_is_thinned():
     assert "keep the least and the largest" in page.text
 
 
+# ---- what was flown
+
+
+def test_the_page_says_what_was_flown_and_what_was_changed():
+    result = run("sync_approach", every=10, set={"servicer.mass_0": 93.5})
+    page = Page(of_run(result))
+    for line in result.provenance.lines():
+        assert line in page.text
+    assert "servicer.mass_0 changed 93.5 kg" in page.text
+    assert page.text.count("not the case of the paper") > 1
+
+
 # ---- what is wrong is said
 
 
