@@ -14,6 +14,7 @@ import numpy as np
 
 from harness.errors import HarnessError
 from harness.figures import FIGURES, Drawing, Figure
+from harness.figures.style import SCREEN
 from harness.files.output import written
 from harness.report import facts, libraries, painted, phases, plots, scene
 from harness.report.arrays import Arrays
@@ -91,7 +92,7 @@ def _points(curves: int) -> int:
 
 def _figures(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
     """The figures of the result in their sections, the first of a name."""
-    fitting = {figure.name: figure for figure in reversed(FIGURES) if figure.fits(result)}
+    fitting = {f.name: f for f in reversed(FIGURES) if f.fits(result) and not f.is_empty(result)}
     sections: dict[str, list[dict[str, Any]]] = {"figures": [], "actuators": [], "phases": []}
     for figure in reversed(fitting.values()):
         found = _drawn(canvas, figure, result)
@@ -115,7 +116,8 @@ def _drawn(canvas: Canvas, figure: Figure | Drawing, result: Result) -> list[plo
         return plots.figure(canvas, figure, result)
     from harness.figures.plots import paint
 
-    return painted.plots(canvas, paint(figure, result))
+    with SCREEN.used():
+        return painted.plots(canvas, paint(figure, result))
 
 
 # ---- the template

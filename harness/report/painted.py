@@ -14,7 +14,8 @@ import numpy as np
 from harness.report.plots import STYLES, Canvas, Plot
 from harness.report.thinning import kept_points
 
-TIME = "time [s]"
+SECONDS = {"time [s]": 1.0, "time [h]": 3600.0}
+"""Labels of the time axis and their seconds."""
 INK = ("k", "black", "#000000", (0.0, 0.0, 0.0, 1.0))
 
 
@@ -26,16 +27,17 @@ def plots(canvas: Canvas, drawing: Any) -> list[Plot]:
 
 def _plot(canvas: Canvas, axes: Any) -> Plot:
     shared = axes.get_shared_x_axes().get_siblings(axes)
-    time = TIME in [each.get_xlabel() for each in shared]
+    seconds = [SECONDS[x] for each in shared if (x := each.get_xlabel()) in SECONDS]
+    time, unit = bool(seconds), max(seconds, default=1.0)
     found = {
         "title": axes.get_title(),
-        "x": TIME if time else axes.get_xlabel(),
-        "y": axes.get_ylabel(),
+        "x": "time [s]" if time else axes.get_xlabel(),
+        "y": " ".join(axes.get_ylabel().split()),
         "time": time,
         "log": axes.get_yscale() == "log",
         "equal": axes.get_aspect() == 1.0,
-        "levels": [float(line.get_ydata()[0]) for line in _levels(axes)],
-        "curves": list(_curves(canvas, axes)),
+        "levels": [_level(line) for line in _levels(axes)],
+        "curves": list(_curves(canvas, axes, unit)),
     }
     if not axes.get_autoscaley_on():
         found["range"] = [float(limit) for limit in axes.get_ylim()]
@@ -53,16 +55,22 @@ def _levels(axes: Any) -> list[Any]:
     return [line for line in other if np.ptp(np.asarray(line.get_ydata(), dtype=float)) == 0]
 
 
-def _curves(canvas: Canvas, axes: Any) -> Iterator[Plot]:
+def _level(line: Any) -> Plot:
+    label = str(line.get_label())
+    return {"y": float(line.get_ydata()[0]), "text": "" if label.startswith("_") else label}
+
+
+def _curves(canvas: Canvas, axes: Any, unit: float) -> Iterator[Plot]:
+    """Everything that is drawn; unit: of x as the page has it."""
     palette: dict[Any, int] = {}
     for line in axes.get_lines():
         if line.get_transform() == axes.transData:
-            yield _line(canvas, line, palette)
+            yield _line(canvas, line, palette, unit)
     for image in axes.images:
-        yield _image(canvas, image)
+        yield _image(canvas, image, unit)
     for area in axes.collections:
         for path in area.get_paths():
-            corners = _corners(np.asarray(path.vertices, dtype=float))
+            corners = _corners(np.asarray(path.vertices, dtype=float)) * (unit, 1)
             yield _curve(canvas, *corners.T, name="", fill=True, colour=len(palette), dash="solid")
     for bar in axes.patches:
         left, bottom, width, height = bar.get_bbox().bounds
@@ -73,7 +81,7 @@ def _curves(canvas: Canvas, axes: Any) -> Iterator[Plot]:
         yield _curve(canvas, x, y, name="", fill=True, colour=0, dash="solid")
 
 
-def _line(canvas: Canvas, line: Any, palette: dict[Any, int]) -> Plot:
+def _line(canvas: Canvas, line: Any, palette: dict[Any, int], unit: float) -> Plot:
     x, y = (np.asarray(data, dtype=float).ravel() for data in (line.get_xdata(), line.get_ydata()))
     label = str(line.get_label())
     look = {
@@ -83,7 +91,7 @@ def _line(canvas: Canvas, line: Any, palette: dict[Any, int]) -> Plot:
     }
     if line.get_linestyle() in ("None", " ", ""):
         look["marker"] = "circle" if len(x) < 3 else "point"
-    return _curve(canvas, x, y, **look)
+    return _curve(canvas, unit * x, y, **look)
 
 
 def _curve(canvas: Canvas, x: Any, y: Any, **look: Any) -> Plot:
@@ -110,7 +118,8 @@ def _corners(outline: Any) -> Any:
     return outline[~inner]
 
 
-def _image(canvas: Canvas, image: Any) -> Plot:
+def _image(canvas: Canvas, image: Any, unit: float) -> Plot:
     """A field of colours with the edges left, right, bottom, top."""
-    edges = [float(edge) for edge in image.get_extent()]
+    left, right, bottom, top = (float(edge) for edge in image.get_extent())
+    edges = [unit * left, unit * right, bottom, top]
     return {"image": canvas.arrays.keep(np.asarray(image.get_array())), "edges": edges, "name": ""}

@@ -3,9 +3,9 @@
 draws them.
 
 A plot is a dictionary: `title`, `x` and `y` (labels of the axes), `time` (whether x is the time of
-the run: then its zoom is linked), `log`, `levels`, `shade` ([begin, end, text]) and `curves`. A
-curve names its arrays and says how it looks: `colour` is a number of the palette, or "ink"; `dash`
-a style of the page; `group` the run it belongs to.
+the run: then its zoom is linked), `log`, `levels` (height and text), `shade` ([begin, end, text])
+and `curves`. A curve names its arrays and says how it looks: `colour` is a number of the palette,
+or "ink"; `dash` a style of the page; `group` the run it belongs to.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.figures import Curve, Figure, Panel
+from harness.figures.limits import ROUNDING, unit_of
 from harness.report.arrays import Arrays
 from harness.report.thinning import kept_rows
 from harness.results.result import Result
@@ -60,27 +61,51 @@ class Canvas:
 
 
 def figure(canvas: Canvas, table: Figure, result: Result) -> list[Plot]:
-    """The panels of a figure of one run."""
-    return [_panel(canvas, panel, result) for panel in table.panels]
+    """The panels of a figure of one run that are not zero throughout."""
+    return calmed(
+        [_panel(canvas, panel, result) for panel in table.panels if any_of(panel, result)]
+    )
+
+
+def any_of(panel: Panel, *results: Result) -> bool:
+    """Whether a panel shows anything but zeros."""
+    return any(
+        np.nan_to_num(curve.history(r)[panel.rows(r)]).any()
+        for r in results
+        for curve in panel.held(r)
+    )
 
 
 def _panel(canvas: Canvas, panel: Panel, result: Result) -> Plot:
     shown = panel.rows(result)
     time = result.time[shown]
     curves: list[Plot] = []
-    for curve in panel.curves:
+    size, first = 0.0, 0
+    for curve in panel.held(result):
         history = curve.history(result)[shown]
+        first, count = (first if curve.anew else len(curves)), len(curves)
+        size = max(size, float(np.abs(np.nan_to_num(history)).max()))
         for values, name, dash in _elements(curve, history):
-            colour = "ink" if "k" in curve.style else len(curves)
+            colour = "ink" if "k" in curve.style else first + len(curves) - count
             curves.append(canvas.curve(time, values, name, colour=colour, dash=dash))
-    return plot(
-        panel.ylabel, curves, log=panel.log, levels=_levels(panel), shade=_idle(panel, result)
-    )
+    about = {"log": panel.log, "levels": _levels(panel, result), "shade": _idle(panel, result)}
+    return plot(panel.ylabel, curves, size=size, **about)
 
 
 def plot(y: str, curves: list[Plot], **about: Any) -> Plot:
     """A plot over time."""
     return {"x": "time [s]", "y": y, "time": True, "curves": curves, **about}
+
+
+def calmed(plots: list[Plot]) -> list[Plot]:
+    """The same with the axes of plots that show rounding as wide as those beside them in the same
+    unit.
+    """
+    for each in plots:
+        beside = [p["size"] for p in plots if unit_of(p["y"]) == unit_of(each["y"])]
+        if each["size"] < ROUNDING * max(beside):
+            each["range"] = [-max(beside), max(beside)]
+    return plots
 
 
 def _elements(curve: Curve, history: Array) -> Iterator[tuple[Array, str, str]]:
@@ -95,8 +120,14 @@ def _elements(curve: Curve, history: Array) -> Iterator[tuple[Array, str, str]]:
         yield history[:, k], f"{curve.label} {label}".strip(), dash
 
 
-def _levels(panel: Panel) -> list[float]:
-    return [] if panel.level is None else [panel.level]
+def _levels(panel: Panel, result: Result) -> list[Plot]:
+    """A horizontal line with its name, if the result says where it is."""
+    height = panel.level.height(result) if panel.level else None
+    if panel.level is None or height is None:
+        return []
+    return [
+        {"y": height, "text": f"{panel.level.label} {height:g} {unit_of(panel.ylabel)}".strip()}
+    ]
 
 
 def _idle(panel: Panel, *results: Result) -> list[list[Any]]:
@@ -175,7 +206,11 @@ def number(value: Any) -> str:
 def overlay(canvas: Canvas, table: Figure, results: Mapping[str, Result]) -> list[Plot]:
     """The panels of a figure of several runs: a colour for each run."""
     fitting = {label: r for label, r in results.items() if table.fits(r)}
-    return [_overlaid(canvas, panel, fitting, list(results)) for panel in table.panels]
+    return [
+        _overlaid(canvas, panel, fitting, list(results))
+        for panel in table.panels
+        if any_of(panel, *fitting.values())
+    ]
 
 
 def _overlaid(
@@ -191,8 +226,9 @@ def _overlaid(
             group=label,
         )
         for label, r in results.items()
-        for curve in panel.curves
+        for curve in panel.held(r)
         for values, name, dash in _elements(curve, curve.history(r))
     ]
-    shade = _idle(panel, *results.values())
-    return plot(panel.ylabel, curves, log=panel.log, levels=_levels(panel), shade=shade)
+    first = next(iter(results.values()))
+    about = {"levels": _levels(panel, first), "shade": _idle(panel, *results.values())}
+    return plot(panel.ylabel, curves, log=panel.log, **about)

@@ -177,13 +177,16 @@ function layout(entry) {
   if (plot.ticks) Object.assign(y, { tickvals: plot.ticks[0], ticktext: plot.ticks[1] });
   if (plot.tall) x.rangemode = "tozero";
   const line = { color: cssColour("--ink"), width: 1, dash: "dash" };
-  const shapes = (plot.levels || []).map((level) =>
-    ({ type: "line", xref: "paper", x0: 0, x1: 1, y0: level, y1: level, line }));
+  const shapes = (plot.levels || []).map(({ y: height }) =>
+    ({ type: "line", xref: "paper", x0: 0, x1: 1, y0: height, y1: height, line }));
   for (const [x0, x1] of plot.shade || [])
     shapes.push({ type: "rect", yref: "paper", y0: 0, y1: 1, x0, x1, line: { width: 0 },
       fillcolor: cssColour("--soft"), opacity: 0.14, layer: "below" });
   const annotations = (plot.shade || []).map(([x0, x1, text]) =>
     ({ x: (x0 + x1) / 2, y: 1, yref: "paper", yanchor: "top", text, showarrow: false }));
+  for (const { y: height, text } of plot.levels || [])
+    annotations.push({ x: 1, xref: "paper", xanchor: "right", yanchor: "bottom", text, showarrow: false,
+      y: entry.log ? Math.log10(height) : height });
   const few = plot.curves.length < 9;
   return {
     xaxis: x, yaxis: y, shapes, annotations, paper_bgcolor: "transparent",
