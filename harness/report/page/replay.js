@@ -161,7 +161,7 @@ function startReplay(scene, array, T) {
     }
     const text = label(data.name, group, css(COLOURS[data.colour]), 1);
     const r = array(data.r), q = array(data.q);
-    return { ...data, group, shape, links, r, q, text, inH: inHill(r), trails: [] };
+    return { ...data, group, shape, links, r, q, text, hilly: inHill(r), trails: [] };
   });
 
   function inHill(r) {
@@ -176,7 +176,7 @@ function startReplay(scene, array, T) {
 
   for (const body of bodies.filter((b) => b.trail))
     for (const key of scene.frames.map((f) => f.key)) {
-      const points = new T.BufferAttribute(key === "H" ? body.inH : body.r, 3);
+      const points = new T.BufferAttribute(key === "H" ? body.hilly : body.r, 3);
       const lines = [[0.28, 0x9fb3c8], [1, COLOURS[body.colour]]].map(([opacity, colour]) => {
         const geometry = new T.BufferGeometry().setAttribute("position", points);
         const line = new T.Line(geometry, new T.LineBasicMaterial({ color: colour, transparent: true, opacity }));
@@ -285,7 +285,7 @@ function startReplay(scene, array, T) {
   const extent = (name) => {
     const sphere = new T.Box3(), p = new T.Vector3();
     for (const body of bodies) {
-      const r = name === "H" ? body.inH : body.r;
+      const r = name === "H" ? body.hilly : body.r;
       for (let k = 0; k < r.length; k += 3) sphere.expandByPoint(p.set(r[k], r[k + 1], r[k + 2]));
       sphere.expandByPoint(p.addScalar(body.reach || body.radius)).expandByPoint(p.addScalar(-2 * (body.reach || body.radius)));
     }
