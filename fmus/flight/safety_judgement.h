@@ -29,11 +29,6 @@ static inline Relative in_body(const SafetyInput *u, const Body *b)
     return (Relative){p, sub(mul(C, sub(u->S.v, u->T.v)), cross(b->omega, p))};
 }
 
-static inline Relative in_axes(const SafetyParameters *p, const SafetyInput *u, double axes)
-{
-    return axes == TARGET_AXES ? in_body(u, &u->T) : in_hill(p, u);
-}
-
 static inline Arc joined(Relative a, Relative b, double h)
 {
     return hermite(a.p, a.v, b.p, b.v, h);
@@ -47,18 +42,27 @@ static const Finding resting = {RESTING, NEVER};
 typedef struct {
     const SafetyParameters *p;
     const SafetyInput *from, *to; /* what was in force, what is now */
-    double t, h;                  /* the arc */
+    double t, h;
+    Arc arc[2]; /* in Hill axes, in target axes */
 } Interval;
 
-static inline Finding along(const Interval *i, Margin m, Arc arc)
+static inline Interval interval(const SafetyParameters *p, const SafetyInput *from,
+                                const SafetyInput *to, double t, double h)
 {
-    double margin = least_on(&m, &arc);
-    return (Finding){margin, margin < 0 ? i->t + i->h * first_below_zero(&m, &arc) : NEVER};
+    Relative a = in_hill(p, from), b = in_hill(p, to);
+    Relative c = in_body(from, &from->T), d = in_body(to, &to->T);
+    return (Interval){p, from, to, t, h, {joined(a, b, h), joined(c, d, h)}};
 }
 
-static inline Arc arc_in(const Interval *i, double axes)
+static inline Finding along(const Interval *i, Margin m, const Arc *arc)
 {
-    return joined(in_axes(i->p, i->from, axes), in_axes(i->p, i->to, axes), i->h);
+    double margin = least_on(&m, arc);
+    return (Finding){margin, margin < 0 ? i->t + i->h * first_below_zero(&m, arc) : NEVER};
+}
+
+static inline const Arc *arc_in(const Interval *i, double axes)
+{
+    return &i->arc[axes == TARGET_AXES];
 }
 
 static inline Finding keep_out(const Interval *i)
@@ -93,7 +97,7 @@ static inline Finding plume(const Interval *i)
     if (!p->use_plume || F <= p->plume_force_min) return resting;
     Plume cone = {scale(1 / F, i->from->F_cmd_S), p->plume_half_angle, p->plume_range};
     Arc arc = joined(in_body(i->from, &i->from->S), in_body(i->to, &i->to->S), i->h);
-    return along(i, (Margin){plume_value, plume_bound, &cone}, arc);
+    return along(i, (Margin){plume_value, plume_bound, &cone}, &arc);
 }
 
 /* ---- passive safety ---- */
@@ -121,34 +125,37 @@ static inline PosVel on_the_way(PosVel a, PosVel b, double h, double s)
     return (PosVel){arc_position(&arc, s), arc_velocity(&arc, s)};
 }
 
-static inline Pair pair_at(const Interval *i, double s)
+/* from the last prediction to this one */
+typedef struct {
+    Pair from, to;
+    double t, h;
+} Course;
+
+static inline Pair pair_at(const Course *c, double s)
 {
-    Pair a = pair(i->from), b = pair(i->to);
-    return (Pair){on_the_way(a.T, b.T, i->h, s), on_the_way(a.S, b.S, i->h, s)};
+    return (Pair){on_the_way(c->from.T, c->to.T, c->h, s), on_the_way(c->from.S, c->to.S, c->h, s)};
 }
 
-/* the instant between the samples from which on the drift is not safe: it was at the first, it is
- * not at the second */
-static inline double passive_violation(const Interval *i)
+/* the instant between two predictions from which on the drift is not safe: it was at the first, it
+ * is not at the second */
+static inline double passive_violation(const SafetyParameters *p, const Course *c)
 {
     double safe = 0, unsafe = 1;
-    if (i->h == 0 || encounter(i->p, pair_at(i, 0)).margin < 0) return i->t;
+    if (c->h == 0 || encounter(p, c->from).margin < 0) return c->t;
     for (int k = 0; k < 30; k++) {
         double s = (safe + unsafe) / 2;
-        if (encounter(i->p, pair_at(i, s)).margin < 0) unsafe = s;
+        if (encounter(p, pair_at(c, s)).margin < 0) unsafe = s;
         else safe = s;
     }
-    return i->t + i->h * unsafe;
+    return c->t + c->h * unsafe;
 }
 
 /* known: a violation has been found before, its instant is not asked for */
-static inline Finding passive(const Interval *i, int known, double *entry)
+static inline Finding passive(const SafetyParameters *p, const Course *c, int known, double *entry)
 {
-    *entry = NEVER;
-    if (i->p->passive_time == 0) return resting;
-    Encounter e = encounter(i->p, pair(i->to));
+    Encounter e = encounter(p, c->to);
     *entry = e.entry;
-    return (Finding){e.margin, e.margin < 0 && !known ? passive_violation(i) : NEVER};
+    return (Finding){e.margin, e.margin < 0 && !known ? passive_violation(p, c) : NEVER};
 }
 
 #endif

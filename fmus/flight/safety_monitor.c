@@ -12,12 +12,12 @@
  * cubic arc through both states, and what was in force at the first (approaching, F_cmd_S) is in
  * force until the second. Published margins are the least since the last sample, never above the
  * true least of the arc and below it by no more than 1e-7; a rule that is off or rests has margin
- * 1e9. Rule 4 is judged at the samples; if it fails, the instant is found by halving the arc. The
- * first violation of each rule is kept with its time; `abort` is latched.
+ * 1e9. Rule 4 is judged at samples, passive_period apart or more; if it fails, the instant is found
+ * by halving the arc. The first violation of each rule is kept with its time; `abort` is latched.
  *
- * Abort manoeuvre (act = 1): after the abort F_safe_S is no longer F_cmd_S but abort_force along a
- * velocity increment, until that is spent: abort_dv_H or, if that is zero, abort_speed outwards
- * along the corridor, both as they point in the last valid state. Without one (target lost) nothing
+ * F_safe_S is F_cmd_S at every call, between samples too. Abort manoeuvre (act = 1): after the abort
+ * it is abort_force along a velocity increment, until that is spent: abort_dv_H or, if that is zero,
+ * abort_speed outwards along the corridor, both as they point in the last valid state. Without one (target lost) nothing
  * is judged, margins keep their values, and the next valid state begins a new arc. At zero range
  * the zone is violated, corridor and plume are on their edge. Inputs that are not numbers are
  * refused by the interface. Equations: docs/models.md G. */
@@ -33,6 +33,8 @@ typedef SafetyInput Input;
 typedef struct {
     double begun, seen, t, t_valid; /* t: of the last sample, t_valid: of the last valid state */
     Input last;                     /* valid one; seen: it was that of the last sample */
+    double foreseen, t_foreseen;    /* the drift has been predicted since the target was lost */
+    Pair from;                      /* its state */
     double margin[RULES], least[RULES], t_first[RULES];
     double abort;
     vec3 dv_N;
@@ -85,14 +87,14 @@ static const Variable variables[] = {
     OUTPUT(keep_out_margin, "m", "least margin of the keep-out zone since the last sample"),
     OUTPUT(corridor_margin, "m", "least margin of the corridor since the last sample"),
     OUTPUT(speed_margin, "m/s", "least margin of the speed limit since the last sample"),
-    OUTPUT(passive_margin, "m", "least margin of the keep-out zone during the drift from here"),
+    OUTPUT(passive_margin, "m", "least margin of the keep-out zone during the drift, as predicted last"),
     OUTPUT(plume_margin, "m", "least margin of the plume since the last sample"),
     OUTPUT(navigation_margin, "s", "time left until the target counts as lost"),
     OUTPUT(least_margin, "1", "least margin of this rule since the start, in its unit"),
     OUTPUT(nearest, "1",
            "rule with the least margin over its own size: 1 keep-out, 2 corridor, 3 speed, 4 "
            "passive, 5 plume; 0: none applies"),
-    OUTPUT(passive_entry, "s", "time of drift until the zone is entered; -1: it is not"),
+    OUTPUT(passive_entry, "s", "time of that drift until the zone is entered; -1: it is not"),
     ALARM(abort, "1: a rule that aborts has been violated; stays"),
     FLAG(violated, "1: this rule has been violated; stays"),
     OUTPUT(t_first, "s", "first violation of this rule; -1: none"),
@@ -112,15 +114,24 @@ static void keep_first(State *x, int rule, Finding f)
     if (f.t != NEVER && x->t_first[rule] == NOT_YET) x->t_first[rule] = f.t;
 }
 
-static void judge(const Interval *i, State *x, Output *y)
+static void judge(const Interval *i, State *x)
 {
-    double entry;
     keep_first(x, KEEP_OUT, keep_out(i));
     keep_first(x, CORRIDOR, corridor(i));
     keep_first(x, SPEED, speed(i));
-    keep_first(x, PASSIVE, passive(i, x->t_first[PASSIVE] != NOT_YET, &entry));
     keep_first(x, PLUME, plume(i));
+}
+
+static void predict(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    int due = !x->foreseen || reached(t, x->t_foreseen + p->passive_period);
+    if (p->passive_time == 0 || !due) return;
+    double t0 = x->foreseen ? x->t_foreseen : t, entry;
+    Course c = {x->foreseen ? x->from : pair(u), pair(u), t0, t - t0};
+    keep_first(x, PASSIVE, passive(p, &c, x->t_first[PASSIVE] != NOT_YET, &entry));
     y->passive_entry = entry == NEVER ? NOT_YET : entry;
+    x->from = c.to;
+    x->t_foreseen = t;
 }
 
 static void judge_navigation(const Parameters *p, const Input *u, State *x, double t)
@@ -226,16 +237,18 @@ static void watch(const Parameters *p, const Input *u, State *x, Output *y, doub
 {
     if (!x->begun) *x = begun(t);
     if (u->relative_valid) {
-        Interval i = {p, x->seen ? &x->last : u, u, x->seen ? x->t : t, x->seen ? t - x->t : 0};
-        judge(&i, x, y);
+        double t0 = x->seen ? x->t : t;
+        Interval i = interval(p, x->seen ? &x->last : u, u, t0, t - t0);
+        judge(&i, x);
+        predict(p, u, x, y, t);
         y->nearest = nearest(p, u, x);
         x->last = *u;
     }
-    x->seen = u->relative_valid != 0;
+    x->seen = x->foreseen = u->relative_valid != 0;
     x->t = t;
     judge_navigation(p, u, x, t);
     decide(p, x);
-    y->F_safe_S = p->act && x->abort ? abort_force_S(p, u, x, period) : u->F_cmd_S;
+    if (p->act && x->abort) y->F_safe_S = abort_force_S(p, u, x, period);
     publish(x, y);
 }
 
@@ -244,6 +257,7 @@ static void watch(const Parameters *p, const Input *u, State *x, Output *y, doub
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     State first = {0}, none = {0}, nothing = begun(t);
+    y->passive_entry = NOT_YET;
     watch(p, u, &first, y, t, 0);
     memcpy(nothing.margin, first.margin, sizeof first.margin);
     memcpy(nothing.least, first.least, sizeof first.least);
@@ -256,6 +270,7 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
 {
     for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
         watch(p, u, x, y, s.t, s.period);
+    if (!(p->act && x->abort)) y->F_safe_S = u->F_cmd_S;
 }
 
 FMU_MODEL("safety_monitor",

@@ -16,7 +16,7 @@ typedef struct {
     double use_corridor, corridor_axes, corridor_half_angle, corridor_length;
     vec3 corridor_axis, corridor_apex;
     double use_speed_limit, speed_at_zero, speed_slope;
-    double passive_time, passive_step;
+    double passive_time, passive_step, passive_period;
     double use_plume, plume_half_angle, plume_range, plume_force_min;
     double lost_time;
     double abort_on[RULES];
@@ -51,6 +51,7 @@ typedef struct {
         NONNEGATIVE(passive_time, "s",                                                             \
                     "the drift without thrust must keep out of the zone that long; 0 = rule off"), \
         POSITIVE(passive_step, "s", "integration step of the drift"),                              \
+        NONNEGATIVE(passive_period, "s", "the drift is predicted that often; 0 = at every sample"),\
         SWITCH(use_plume, "1: the exhaust must not meet the target"),                              \
         POSITIVE(plume_half_angle, "rad", "half angle of the exhaust, below pi/2"),                \
         POSITIVE(plume_range, "m", "the exhaust does no harm beyond this distance"),               \

@@ -12,8 +12,9 @@
  * on 1 m of way: it is never more than the distance to the edge (equal to it for sphere and cone,
  * and opposite a face of the smallest half axis of the box).
  *
- * Bounds on a part of an arc: a convex margin lies above its tangent plane at the middle, a concave
- * one has its least value at a control point. docs/models.md G.2, G.3 */
+ * Bounds on a part of an arc: a norm is bounded by the Bernstein coefficients of its square, another
+ * convex margin lies above its tangent plane at the middle, a concave one has its least value at a
+ * control point. docs/models.md G.2, G.3 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef SAFETY_RULES_H
 #define SAFETY_RULES_H
@@ -61,10 +62,16 @@ static inline double zone_value(const void *rule, vec3 p, vec3 v)
     return smallest(z->half) * (dot(zone_gradient(z, p), p) - 1);
 }
 
+static inline double least_norm(const vec3 p[4]) { return sqrt(fmax(0, least_square(p))); }
+
 static inline double zone_bound(const void *rule, const Arc *part)
 {
     const Zone *z = rule;
-    return smallest(z->half) * (least_along(part, zone_gradient(z, middle(part))) - 1);
+    vec3 e[4];
+    if (z->shape == BOX)
+        return smallest(z->half) * (least_along(part, zone_gradient(z, middle(part))) - 1);
+    for (int i = 0; i < 4; i++) e[i] = over(part->p[i], z->half);
+    return smallest(z->half) * (least_norm(e) - 1);
 }
 
 /* ---- approach corridor: a cone, whose margin is concave, open beyond its length ---- */
@@ -106,8 +113,7 @@ static inline double speed_value(const void *rule, vec3 p, vec3 v)
 static inline double speed_bound(const void *rule, const Arc *part)
 {
     const SpeedLimit *l = rule;
-    double range = least_along(part, unit_or_zero(middle(part)));
-    return l->at_zero + l->slope * range - fmax(norm(part->v[0]), norm(part->v[1]));
+    return l->at_zero + l->slope * least_norm(part->p) - fmax(norm(part->v[0]), norm(part->v[1]));
 }
 
 /* ---- plume: the outside of a cone with an end, convex in both parts ---- */
@@ -129,7 +135,7 @@ static inline double plume_bound(const void *rule, const Arc *part)
     const Plume *c = rule;
     vec3 q = middle(part), aside = unit_or_zero(sub(q, scale(dot(q, c->force), c->force)));
     vec3 plane = sub(scale(cos(c->half_angle), aside), scale(sin(c->half_angle), c->force));
-    return fmax(least_along(part, plane), least_along(part, unit_or_zero(q)) - c->range);
+    return fmax(least_along(part, plane), least_norm(part->p) - c->range);
 }
 
 #endif

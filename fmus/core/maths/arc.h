@@ -46,6 +46,7 @@ static inline vec3 arc_velocity(const Arc *arc, double s)
 static inline Arc arc_part(const Arc *arc, double a, double b)
 {
     const vec3 *p = arc->p;
+    if (a == 0 && b == 1) return *arc;
     return (Arc){
         {blossom(p, a, a, a), blossom(p, a, a, b), blossom(p, a, b, b), blossom(p, b, b, b)},
         {arc_velocity(arc, a), arc_velocity(arc, b)}};
@@ -56,6 +57,17 @@ static inline double least_along(const Arc *arc, vec3 u)
 {
     return fmin(fmin(dot(u, arc->p[0]), dot(u, arc->p[1])),
                 fmin(dot(u, arc->p[2]), dot(u, arc->p[3])));
+}
+
+/* no |point|^2 of the arc is below it: the least Bernstein coefficient of that polynomial of degree
+ * 6, exact where the distance rises or falls all the way, close where it hardly changes */
+static inline double least_square(const vec3 p[4])
+{
+    double c00 = dot(p[0], p[0]), c33 = dot(p[3], p[3]), c01 = dot(p[0], p[1]);
+    double c23 = dot(p[2], p[3]), c02 = (2 * dot(p[0], p[2]) + 3 * dot(p[1], p[1])) / 5;
+    double c13 = (2 * dot(p[1], p[3]) + 3 * dot(p[2], p[2])) / 5;
+    double c03 = (dot(p[0], p[3]) + 9 * dot(p[1], p[2])) / 10;
+    return fmin(fmin(fmin(c00, c01), fmin(c02, c03)), fmin(c13, fmin(c23, c33)));
 }
 
 /* ---- margins along an arc ---- */

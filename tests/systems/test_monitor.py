@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The safety monitor in the approach systems: it changes no other bit, its margins are those of the
+recorded flight, and what breaks a rule is known by number.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from harness import load, run
+from harness.master.simulation import simulate
+from harness.results.derived import range_
+
+from ..reference.attitude import dcm
+
+SYSTEMS = (
+    "sync_approach",
+    "sync_approach_thrusters",
+    "sync_approach_navigated",
+    "sync_approach_thrusters_navigated",
+    "ppc_tracking",
+    "ppc_tracking_navigated",
+    "relay_approach",
+    "relay_approach_navigated",
+)
+RULES = ("keep_out", "corridor", "speed", "passive", "plume", "navigation")
+"""In the order of monitor.least_margin."""
+OFF = 1e9
+ACTIVE = {
+    "sync_approach": {"keep_out", "corridor", "speed", "passive"},
+    "ppc_tracking": {"keep_out", "corridor", "speed"},
+    "relay_approach": {"keep_out", "speed", "passive"},
+}
+"""Rules that are on by the family of a system; on estimates also that of lost navigation, and with
+engines that of the plume, which rests as long as they do.
+"""
+
+
+def without_monitor(system):
+    """The same system as if there had never been one."""
+    return replace(
+        system,
+        components=tuple(c for c in system.components if c.name != "monitor"),
+        connections=tuple(c for c in system.connections if c.target.component != "monitor"),
+    )
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_the_monitor_changes_no_bit_of_any_other_signal(name):
+    with load(name) as system:
+        short = replace(system, experiment=replace(system.experiment, stop=15.0))
+        watched, alone = simulate(short), simulate(without_monitor(short))
+    assert any(column.startswith("monitor.") for column in watched.columns)
+    for column in alone.columns:
+        assert watched[column].tobytes() == alone[column].tobytes(), column
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_the_rules_that_fit_its_paper_are_on(name):
+    result = run(name, stop=1.0)
+    margins = zip(RULES, result["monitor.least_margin"][-1], strict=True)
+    family = name.removesuffix("_navigated").removesuffix("_thrusters")
+    judged = {rule for rule, margin in margins if margin < OFF}
+    assert judged == ACTIVE[family] | ({"navigation"} if "navigated" in name else set())
+
+
+# ---- whole flights
+
+
+@cache
+def flight(name, params=None, swap=None):
+    swaps = [f"controller={swap}"] if swap else []
+    return run(name, params=params, swap=swaps, every=10)
+
+
+def least(result, rule):
+    return result["monitor.least_margin"][-1, RULES.index(rule)]
+
+
+def first(result, rule):
+    return result["monitor.t_first"][-1, RULES.index(rule)]
+
+
+def off_axis(result):
+    """Angle between the servicer as seen from the target and the grasp axis p_T = x [rad]."""
+    rho = result["servicer.r_SN_N"] - result["target.r_TN_N"]
+    along = [
+        dcm(q)[0] @ r for q, r in zip(result["target.q_TN"], rho, strict=True)
+    ]
+    return np.arccos(np.clip(along / np.linalg.norm(rho, axis=1), -1, 1))
+
+
+def test_sync_approach_breaks_its_safe_distance_by_millimetres():
+    """The paper claims range >= rho_M = 4 m throughout (docs/models.md A.8)."""
+    result = flight("sync_approach")
+    distance = range_(result)
+    assert abs(least(result, "keep_out") - (distance.min() - 4)) < 1e-5
+    assert -3e-3 < least(result, "keep_out") < -2e-3
+    below = result.time[np.flatnonzero(distance < 4)[0]]
+    assert below - 1.0 <= first(result, "keep_out") <= below
+    for rule in ("corridor", "speed"):
+        assert least(result, rule) > 0
+        assert first(result, rule) == -1
+
+
+def test_corridor_margin_is_never_above_that_of_the_recorded_rows():
+    result = flight("sync_approach")
+    rows = range_(result) * np.sin(np.radians(10) - off_axis(result))
+    assert least(result, "corridor") <= rows.min() + 1e-7
+    assert least(result, "corridor") > rows.min() - 1e-3
+
+
+def test_pid_in_ppc_tracking_comes_within_7_m_of_a_hover_at_20_m():
+    result = flight("ppc_tracking", swap="pid_controller")
+    assert abs(range_(result).min() - 7.43) < 0.01
+    assert abs(least(result, "keep_out") - (7.43 - 17)) < 0.01
+    rows = range_(result) * np.sin(np.radians(20) - off_axis(result))
+    assert rows.min() < -4
+    assert least(result, "corridor") <= rows.min() + 1e-6
+    assert result["monitor.rule_violated"][-1] == 2
+    assert result["monitor.abort"][-1] == 0
+
+
+@pytest.mark.parametrize("controller", ["ppc_controller", "theta_d_controller"])
+def test_the_controllers_that_the_paper_recommends_keep_all_rules(controller):
+    for params in ("nominal", "manoeuvre"):
+        result = flight("ppc_tracking", params, None if "ppc" in controller else controller)
+        assert result["monitor.rule_violated"][-1] == 0
+        assert abs(least(result, "keep_out") - (range_(result).min() - 17)) < 1e-3
