@@ -51,7 +51,8 @@ typedef struct {
         NONNEGATIVE(passive_time, "s",                                                             \
                     "the drift without thrust must keep out of the zone that long; 0 = rule off"), \
         POSITIVE(passive_step, "s", "integration step of the drift"),                              \
-        NONNEGATIVE(passive_period, "s", "the drift is predicted that often; 0 = at every sample"),\
+        NONNEGATIVE(passive_period, "s",                                                           \
+                    "the drift is predicted that often; 0 = at every sample"),                     \
         SWITCH(use_plume, "1: the exhaust must not meet the target"),                              \
         POSITIVE(plume_half_angle, "rad", "half angle of the exhaust, below pi/2"),                \
         POSITIVE(plume_range, "m", "the exhaust does no harm beyond this distance"),               \

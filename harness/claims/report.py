@@ -3,7 +3,7 @@
 wide at most.
 
 Which paper belongs to a result is decided by the variables that the result holds, see
-harness/claims.
+harness/claims. Below stands what the safety monitor of the run has found.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 from itertools import chain, repeat, zip_longest
 from typing import NamedTuple
 
-from harness.claims import PAPERS, Claim, Judgement, Paper, Verdict
+from harness.claims import PAPERS, Claim, Judgement, Paper, Verdict, safety
 from harness.claims.case import listed
 from harness.errors import ResultsError
 from harness.results.result import Result
@@ -50,7 +50,8 @@ def report(result: Result) -> tuple[str, bool]:
         raise ResultsError(
             f"{result.system}: there are no claims of a paper about such a result{hint}"
         )
-    text = "\n\n".join((_flown(result), *(_section(result, each) for each in found)))
+    parts = (_flown(result), *(_section(result, each) for each in found), safety.section(result))
+    text = "\n\n".join(filter(None, parts))
     verdicts = {judgement.verdict for each in found for _, judgement in each.claims}
     return text, result.complete and Verdict.NOT_JUDGED not in verdicts
 

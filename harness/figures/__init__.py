@@ -11,6 +11,7 @@ from harness.figures import (
     overlay,
     ppc_tracking,
     relay_approach,
+    safety,
     space_robot,
     sync_approach,
     transposition,
@@ -25,6 +26,7 @@ FIGURES: tuple[Figure | Drawing, ...] = (
     *space_robot.FIGURES,
     *transposition.FIGURES,
     *navigation.FIGURES,
+    *safety.FIGURES,
 )
 OVERLAYS: tuple[Figure | Overlay, ...] = (*overlay.FIGURES, *transposition.OVERLAYS)
 

@@ -42,7 +42,7 @@ RULES = (
 
 
 class Finding(NamedTuple):
-    """Least margin of a rule since the start, and the time of its first violation [s]; NaN: none."""
+    """Least margin of a rule since the start; time of its first violation [s], NaN: none."""
 
     rule: Rule
     margin: float
@@ -89,7 +89,8 @@ def _keep_out(p: Parameter) -> str:
 
 def _corridor(p: Parameter) -> str:
     frame = "the target" if p("corridor_axes") else "the orbit"
-    return f"within {np.degrees(p('corridor_half_angle')):g} deg of an axis fixed in {frame}"
+    cone = f"within {np.degrees(p('corridor_half_angle')):g} deg of an axis fixed in {frame}"
+    return cone + (f", up to {p('corridor_length'):g} m" if p("corridor_length") else "")
 
 
 def _speed(p: Parameter) -> str:

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.results import derived, estimates, pitch
+from harness.results import derived, estimates, pitch, safety
 from harness.results.derived import (
     assembly_attitude_error,
     attitude_error,
@@ -62,6 +63,8 @@ class Limits:
         )
         yield "error: largest of the last fifth of the run; inside reference: most that the range"
         yield "  falls below that of the reference; saturated: share of rows with a limit reached"
+        yield "margin: least of a rule of the safety monitor, between rows too; rule violated"
+        yield "  first: 1 keep-out, 2 corridor, 3 speed, 4 passive, 5 plume, 6 navigation, 0 none"
 
 
 @dataclass(frozen=True)
@@ -168,6 +171,11 @@ def _inside_keep_out(result: Result, limits: Limits) -> float:
     return max(0.0, depth) if limits.keep_out else float("nan")
 
 
+def _margin(rule: str, result: Result, _: Limits) -> float:
+    """Least margin of a rule of the monitor since the start, in its unit."""
+    return safety.least_margin(result, rule)
+
+
 # ---- cost
 
 TORQUE_IMPULSE = "propulsion.torque_impulse"
@@ -265,6 +273,12 @@ MEASURES = (
     Measure("estimate error", "m", estimates.MOTION, lambda r, _: _estimate_error(r, 0)),
     Measure("estimate attitude", "deg", estimates.MOTION, lambda r, _: _estimate_error(r, 2)),
     Measure("estimate NEES", "", estimates.MOTION, _estimate_nees),
+    *(
+        Measure(f"{r.name} margin", r.unit, safety.FOUND, partial(_margin, r.name))
+        for r in safety.RULES
+    ),
+    Measure("rule violated", "1", safety.FOUND, lambda r, _: float(r[safety.VIOLATED][-1])),
+    Measure("first violation", "s", safety.FOUND, lambda r, _: safety.first_violation(r)),
     Measure("delta-v", "m/s", ("propulsion.impulse", "servicer.mass"), _delta_v),
     Measure("torque impulse", "N m s", TORQUES, _torque_impulse, ("servicer.A_w",)),
     Measure("peak force", "N", ("propulsion.F_S",), _peak_force),

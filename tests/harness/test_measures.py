@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from harness.claims import safety
 from harness.results.derived import (
     attitude_error,
     position_error,
@@ -16,7 +17,7 @@ from harness.results.derived import (
     rotation_angle,
 )
 from harness.results.result import Result
-from harness.studies.measures import MEASURES, Limits, settling_time, steady_error
+from harness.studies.measures import MEASURES, Limits, measures, settling_time, steady_error
 
 MEASURE = {measure.name: measure for measure in MEASURES}
 TIME = np.linspace(0.0, 100.0, 1001)
@@ -316,3 +317,46 @@ def test_nees_is_the_sum_of_squares_over_variances_of_the_last_fifth():
         relative_filter__sigma_omega_T=0.5 * one,
     )
     assert MEASURE["estimate NEES"](run, LIMITS) == pytest.approx(3 * (4 + 1 + 9 + 1), rel=1e-3)
+
+
+# ---- safety monitor
+
+
+def watched(least, first):
+    """The last row of a monitor with these least margins and first violations."""
+    names = [f"monitor.{name}[{k}]" for name in ("least_margin", "t_first") for k in range(1, 7)]
+    columns = (*names, "monitor.rule_violated", "monitor.t_violation")
+    row = [*least, *first, 2.0, 8.15]
+    return Result("x", np.zeros(1), columns, ("",) * len(columns), np.array([row]))
+
+
+def test_margins_of_the_monitor_are_columns_and_rules_at_rest_are_none():
+    result = watched((-9.5, -5.8, 2.0, 1e9, 1e9, 20), (18.8, 8.15, -1, -1, -1, -1))
+    found = {key: column["a"] for key, column in measures({"a": result}, Limits()).items()}
+    assert found["keep-out margin", "m"] == -9.5
+    assert found["corridor margin", "m"] == -5.8
+    assert found["speed margin", "m/s"] == 2.0
+    assert found["navigation margin", "s"] == 20
+    assert np.isnan([found[f"{rule} margin", "m"] for rule in ("passive", "plume")]).all()
+    assert found["rule violated", "1"] == 2
+    assert found["first violation", "s"] == 8.15
+
+
+def test_a_run_without_violation_has_no_time_of_one():
+    quiet = watched((1,) * 6, (-1,) * 6)
+    assert np.isnan(measures({"a": quiet}, Limits())["first violation", "s"]["a"])
+
+
+def test_the_report_ends_with_what_the_monitor_has_found():
+    result = watched((-9.5, -5.8, 2.0, 1e9, 1e9, 20), (18.8, 8.15, -1, -1, -1, -1))
+    lines = safety.section(result).splitlines()
+    assert [line.split()[0] for line in lines[3:]] == [
+        "keep-out",
+        "corridor",
+        "speed",
+        "navigation",
+    ]
+    assert "-9.5 m" in lines[3]
+    assert lines[3].endswith("violated, first at 18.80 s")
+    assert lines[5].endswith("holds")
+    assert not safety.section(watched((1e9,) * 6, (-1,) * 6))

@@ -60,9 +60,10 @@ ONLY_IN_THE_REFERENCE = {"time", "guidance.normal_distance"}
 @CASES
 def test_every_output_at_every_step_is_that_of_the_independent_program(case):
     result, expected = flight(case), reference_flight(case)
-    assert set(result.vectors) == set(expected) - ONLY_IN_THE_REFERENCE
+    flown = {name for name in result.vectors if not name.startswith("monitor.")}
+    assert flown == set(expected) - ONLY_IN_THE_REFERENCE
     assert not (result.time - expected["time"]).any()
-    for name in result.vectors:
+    for name in flown:
         scale = np.abs(expected[name]).max()
         tolerance = ORBIT.get(name.partition(".")[2], ATTITUDE[case] * scale)
         worst = deviation(name, result[name], expected[name])
@@ -154,7 +155,7 @@ def test_recording_fewer_steps_changes_nothing_but_the_rows(every):
     assert thin.time.tobytes() == full.time[::every].tobytes()
 
 
-@pytest.mark.parametrize("order", [(4, 3, 2, 1, 0), (2, 4, 0, 3, 1)])
+@pytest.mark.parametrize("order", [(5, 4, 3, 2, 1, 0), (2, 4, 0, 5, 3, 1)])
 def test_order_of_the_components_does_not_matter_to_jacobi(order):
     with system(GYROSCOPIC, algorithm="jacobi") as changed:
         shuffled = replace(changed, components=tuple(changed.components[i] for i in order))
