@@ -433,6 +433,13 @@ def test_an_fmu_that_crashes_costs_its_own_run_only(fmus, tmp_path):
     assert store.array("end")[[0, 1, 3]].tolist() == [6.0, 6.0, 6.0]
 
 
+def test_without_slurm_a_campaign_is_refused_and_leaves_no_dataset(system, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(UsageError, match="--slurm: there is no sbatch here"):
+        campaign(table(system, runs=1), tmp_path / "out.zarr", slurm=True)
+    assert not (tmp_path / "out.zarr").exists()
+
+
 # ---- numbers
 
 

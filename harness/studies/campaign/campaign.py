@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -80,18 +81,35 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     path, found = Path(output), layout(plan)
     task = _task(plan, found)
     store = _opened(path, plan) if resume and path.exists() else _created(path, plan, task, found)
+    try:
+        _fly(plan, task, store, Workers(workers, scheduler, slurm), progress, said)
+    except UsageError:
+        if not store.array("status").any():  # nobody flew: no dataset stands in the way
+            shutil.rmtree(path, ignore_errors=True)
+        raise
+    store.finish()
+    return Campaign(path, store)
+
+
+def _fly(  # noqa: PLR0913, PLR0917 - the arguments of campaign()
+    plan: Plan,
+    task: Task,
+    store: Store,
+    workers: Workers,
+    progress: Callable[[Progress], None] | None,
+    said: Callable[[str], None],
+) -> None:
+    """Fly what is pending and write it block by block."""
     status = store.array("status")
     done, failed = int((status != 0).sum()), int((status == FAILED).sum())
     blocks = (_block(plan, store, first) for first in store.pending())
-    for first, rows in fly(task, blocks, Workers(workers, scheduler, slurm), said):
+    for first, rows in fly(task, blocks, workers, said):
         earlier = status[first : first + len(rows)]
         store.write(first, [plan.values(first + k) for k in range(len(rows))], rows)
         done += len(rows) - int((earlier != 0).sum())
         failed += sum(row.status == FAILED for row in rows) - int((earlier == FAILED).sum())
         if progress is not None:
             progress(Progress(done, plan.runs, failed))
-    store.finish()
-    return Campaign(path, store)
 
 
 def _task(plan: Plan, found: Layout) -> Task:

@@ -16,6 +16,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from multiprocessing import resource_tracker
+from shutil import which
 from typing import Any, NamedTuple
 
 from harness.errors import UsageError
@@ -36,6 +37,8 @@ SETTINGS = {
     "distributed.worker.profile.enabled": False,
 }
 """Of dask, for the workers of a campaign."""
+MEMORY_GB = 2
+"""Of a job per core, where jobqueue.yaml says nothing."""
 AHEAD = 3
 """Blocks per worker that are under way or wait."""
 
@@ -137,12 +140,25 @@ def _ctrl_c_for_us_alone() -> Iterator[None]:
 
 
 def _slurm(count: int | None) -> Any:
+    """Jobs as jobqueue.yaml says, by default of one core; every core gets a process of its own,
+    for a process flies one run at a time.
+    """
+    from dask import config
+
+    if which("sbatch") is None:
+        raise UsageError("--slurm: there is no sbatch here; call it where jobs are submitted")
     try:
-        from dask_jobqueue import SLURMCluster
+        from dask_jobqueue.slurm import SLURMCluster
     except ImportError as error:
-        raise UsageError("--slurm: install dask-jobqueue and write its jobqueue.yaml") from error
-    cluster = SLURMCluster()
-    cluster.scale(count or 1)
+        raise UsageError('--slurm: needs pip install "servicing-fmus[slurm]"') from error
+    cores = config.get("jobqueue.slurm.cores", None) or 1
+    memory = config.get("jobqueue.slurm.memory", None) or f"{cores * MEMORY_GB}GB"
+    logs = config.get("jobqueue.slurm.log-directory", None) or "slurm-logs"
+    try:
+        cluster = SLURMCluster(cores=cores, processes=cores, memory=memory, log_directory=logs)
+        cluster.scale(jobs=count or 1)
+    except (OSError, RuntimeError, ValueError) as error:
+        raise UsageError(f"--slurm: {' '.join(str(error).split())}") from error
     return cluster
 
 
