@@ -22,10 +22,10 @@ SOURCES := $(shell find fmus ssp harness -name '*.py' -o -name '*.[ch]' -o -name
 CODE    := .ci examples fmus harness tests
 C_FILES := $(shell find $(CODE) -name '*.[ch]')
 
-.PHONY: help build demo test test-browser test-long test-interop validation sanitize lint warnings format \
+.PHONY: help build demo test test-browser test-long test-interop pil validation sanitize lint warnings format \
         coverage bench wheel dist clean
 help:
-	@echo "make demo | test | test-browser | test-interop | test-long | validation | lint | warnings |"
+	@echo "make demo | test | test-browser | test-interop | test-long | pil | validation | lint | warnings |"
 	@echo "     format | coverage | sanitize | bench | wheel | dist | clean"
 
 $(TOOLS): pyproject.toml
@@ -67,6 +67,18 @@ test-long: build
 test-interop: build
 	$(RUN) $(PIP) --no-build-isolation --editable '.[test,interop]'
 	$(BIN)/pytest -m interop -rs --tool-table=docs/tools.md
+
+# flight software on emulated processors; on Debian (and Ubuntu) the packages are installed
+PIL_PACKAGES := gcc-arm-none-eabi picolibc-arm-none-eabi qemu-system-arm \
+                gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf qemu-system-misc
+PIL_TOOLS    := arm-none-eabi-gcc qemu-system-arm riscv64-unknown-elf-gcc \
+                qemu-system-riscv32 qemu-system-riscv64
+pil: build
+	@for tool in $(PIL_TOOLS); do command -v $$tool > /dev/null || missing="$$missing $$tool"; done; \
+	 test -z "$$missing" || { echo "missing:$$missing; packages of Debian: $(PIL_PACKAGES)"; \
+	   command -v apt-get > /dev/null && $$(test "$$(id -u)" = 0 || echo sudo) \
+	     apt-get install -y --no-install-recommends $(PIL_PACKAGES); }
+	$(BIN)/pytest -rs -m "pil or not pil" tests/link
 
 # numbers by others through the FMUs; writes the page docs/validation.md from the run
 validation: build

@@ -4,13 +4,18 @@
 python examples/own_controller.py
 """
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 
-from harness import build, run
+from harness import run
 
-fmu = build(Path(__file__).with_name("my_controller.c"), "my_controller.fmu")
+ROOT = Path(__file__).resolve().parents[1]
+fmu = Path("my_controller.fmu").resolve()
+build = ROOT / "fmus/core/build/build_fmu.py"
+subprocess.run([sys.executable, build, ROOT / "examples/my_controller.c", "-o", fmu], check=True)
 
 result = run("sync_approach", swap={"controller": fmu}, set=["controller.K=20"], stop=600)
 

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from harness.api import (
         Result,
         Simulation,
-        build,
         campaign,
         compare,
         export,
@@ -40,7 +39,6 @@ __all__ = [
     "Result",
     "Simulation",
     "__version__",
-    "build",
     "campaign",
     "compare",
     "export",

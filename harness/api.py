@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 __all__ = [
     "Result",
     "Simulation",
-    "build",
     "campaign",
     "compare",
     "export",
@@ -129,13 +128,6 @@ def export(system: str | Path | System, target: str | Path, **changes: Unpack[Ch
     from harness.exports import package
 
     return package.export(system, Path(target), **changes)
-
-
-def build(name: str | Path, output: str | Path | None = None, compiler: str = "cc") -> Path:
-    """Path of the FMU that harness.authoring.build.build() makes of a C or Python file."""
-    from harness.authoring import build as authoring
-
-    return authoring.build(name, output, compiler).path
 
 
 def show(name: str | Path, word: str | None = None, **changes: Unpack[Changes]) -> Shown:

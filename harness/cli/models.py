@@ -1,59 +1,22 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Systems and FMUs for other purposes: `harness new | build | export | linearize | bench`."""
+"""Systems and FMUs for other purposes: `harness export | linearize | bench | serve`."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from harness.cli.options import Kind, Language, PlaceOption, SystemArgument, takes_changes
+from harness.cli.options import SystemArgument, takes_changes
 from harness.files.output import written
-from harness.spelling import printable
 
 app = typer.Typer()
 
 
-@app.command("new")
-def new_command(
-    kind: Annotated[Kind, typer.Argument(metavar="controller", help="what to create")],
-    name: Annotated[str, typer.Argument(metavar="NAME", help="its name, and that of its folder")],
-    language: Annotated[Language, typer.Option(help="to write it in")] = Language.C,
-    place: PlaceOption = "sync_approach.controller",
-) -> None:
-    """Create a controller of your own.
-
-    A folder NAME with a source that flies as it is, and the two commands that build and fly it.
-    """
-    from harness.authoring.new import new_controller
-
-    created = new_controller(name, language.value, place)
-    typer.echo(printable(f"{created.source}: edit control(), then"))
-    for command in created.commands:
-        typer.echo(printable(f"    {command}"))
-
-
-@app.command("build")
-def build_command(
-    name: Annotated[
-        Path, typer.Argument(metavar="NAME_OR_FILE", help="folder NAME, or a .c or .py file")
-    ],
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="FMU (default: beside the file)")
-    ] = None,
-    compiler: Annotated[str, typer.Option("--cc", metavar="COMMAND", help="C compiler")] = "cc",
-) -> None:
-    """Build an FMU from a C or Python file."""
-    from harness.authoring.build import build
-
-    built = build(name, output, compiler)
-    counts = [f"{len(built.named(c))} {c}s" for c in ("input", "output", "parameter")]
-    typer.echo(printable(f"{built.path}: {', '.join(counts)}"))
-
-
 @app.command("export")
-@takes_changes("params", "set", "swap", "latency", "step", "stop", "algorithm")
+@takes_changes("params", "set", "swap", "on", "latency", "step", "stop", "algorithm")
 def export_command(
     system: SystemArgument,
     target: Annotated[
@@ -101,3 +64,27 @@ def bench(system: SystemArgument) -> None:
     from harness.bench.bench import bench as measure
 
     typer.echo(measure(system))
+
+
+@app.command("serve")
+def serve_command(
+    fmu: Annotated[str, typer.Argument(metavar="FMU", help="name of an FMU, or path of a .fmu")],
+    port: Annotated[int, typer.Option(help="TCP port to listen on (0: any that is free)")] = 0,
+    once: Annotated[bool, typer.Option("--once", help="end when the first link has gone")] = False,
+) -> None:
+    """Be a board that runs an FMU, for `--on COMPONENT=tcp://HOST:PORT`.
+
+    On this machine, with the protocol of docs/protocol.md; until it is interrupted.
+    """
+    from harness.master.serve import StandIn, listening, serve
+    from harness.system.swap import find_fmu
+
+    path = find_fmu(fmu)
+    with listening(port) as listener, StandIn(path) as board:
+        number = listener.getsockname()[1]
+        typer.echo(f"{path.stem}: tcp://localhost:{number}")
+        sys.stdout.flush()
+        while True:
+            serve(board, listener)
+            if once:
+                return

@@ -35,19 +35,6 @@ def figures_of(results: Path) -> Path:
     return results.with_name(f"{results.stem}_figures")
 
 
-class Kind(Enum):
-    """What `harness new` creates."""
-
-    CONTROLLER = "controller"
-
-
-class Language(Enum):
-    """Languages of a controller."""
-
-    C = "c"
-    PYTHON = "python"
-
-
 # ---- completion
 
 
@@ -119,6 +106,12 @@ def _swaps(system: Any) -> Iterable[str]:
     return (f"{c.name}={fmu}" for c in system.components for fmu in paths.fmus())
 
 
+def _places(system: Any) -> Iterable[str]:
+    from harness.remote.targets import TARGETS
+
+    return (f"{c.name}={target}" for c in system.components for target in TARGETS)
+
+
 def _latencies(system: Any) -> Iterable[str]:
     return (f"{c.name}=" for c in system.components)
 
@@ -149,15 +142,6 @@ ShownArgument = Annotated[
     typer.Argument(
         metavar="WHAT",
         help="SYSTEM, SYSTEM.component or FMU, by name or path",
-        autocompletion=lambda incomplete: _completed(lambda: _shown(incomplete))(incomplete),
-    ),
-]
-PlaceOption = Annotated[
-    str,
-    typer.Option(
-        "--for",
-        metavar="SYSTEM.COMPONENT",
-        help="in whose place",
         autocompletion=lambda incomplete: _completed(lambda: _shown(incomplete))(incomplete),
     ),
 ]
@@ -194,6 +178,14 @@ CHANGES: dict[str, Any] = {
             metavar="C=FMU",
             help="another FMU (name or path)",
             autocompletion=_of_system(_swaps),
+        ),
+    ],
+    "on": Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="C=PLACE",
+            help="on a processor: cortex-m7, tcp://..",
+            autocompletion=_of_system(_places),
         ),
     ],
     "latency": Annotated[

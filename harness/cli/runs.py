@@ -88,7 +88,7 @@ ResumeOption = Annotated[bool, typer.Option("--resume", help="go on after an int
 
 
 @app.command("run")
-@takes_changes("params", "set", "swap", "latency", "step", "stop", "algorithm")
+@takes_changes("params", "set", "swap", "on", "latency", "step", "stop", "algorithm")
 def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     system: SystemOption = None,
     output: OutputOption = None,

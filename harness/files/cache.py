@@ -22,6 +22,7 @@ from tempfile import mkdtemp
 
 from harness.errors import ArchiveError
 from harness.files.archive import unpack
+from harness.files.temporary import PrivateFolder
 
 try:
     import fcntl
@@ -83,6 +84,39 @@ def passed(kind: str, content: bytes, check: Callable[[], None]) -> None:
             mark.parent.mkdir(exist_ok=True)
             mark.touch()
     return None
+
+
+_used_here = ExitStack()
+"""What made() has given out, until this process ends."""
+
+
+def made(name: str, key: bytes, make: Callable[[Path], None]) -> Path:
+    """The file `name` that make(path) writes; made once for every key, whatever the run.
+
+    Nobody removes it before this process ends.
+    """
+    root = folder()
+    if root is None:
+        root = _own_folder()
+    place = root / hashlib.sha256(name.encode() + b"\0" + key).hexdigest()
+    if fcntl is not None:
+        _used_here.enter_context(_locked(place.with_suffix(".lock")))
+    if not (place / name).is_file():
+        beside = Path(mkdtemp(prefix="new-", dir=root))
+        try:
+            make(beside / name)
+            with suppress(OSError):  # somebody was quicker
+                beside.rename(place)
+        finally:
+            shutil.rmtree(beside, ignore_errors=True)
+        _tidy(root)
+    return place / name
+
+
+@lru_cache
+def _own_folder() -> Path:
+    """Where nothing is kept: a folder of this process."""
+    return _used_here.enter_context(PrivateFolder())
 
 
 # ---- the folder

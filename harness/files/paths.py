@@ -28,14 +28,6 @@ def is_file(path: str | Path) -> bool:
         return False
 
 
-def is_folder(path: str | Path) -> bool:
-    """Whether there is a folder of this name."""
-    try:
-        return Path(path).is_dir()
-    except (OSError, ValueError):
-        return False
-
-
 def is_ours(fmu: Path) -> bool:
     """Whether a file is one of the FMUs of the project, wherever it stands: the same bytes."""
     size = fmu.stat().st_size
@@ -54,20 +46,6 @@ def campaigns() -> dict[str, Path]:
     return {path.stem: path for folder in folders for path in sorted(folder.glob("*.toml"))}
 
 
-def core() -> Path | None:
-    """Folder of the C code that FMUs share, or None if it has not been installed."""
-    return _first(PACKAGE / "data" / "source" / "core", PACKAGE.parent / "fmus" / "core")
-
-
-def examples() -> Path | None:
-    """Folder of the example controllers, or None if it has not been installed."""
-    return _first(PACKAGE / "data" / "examples", PACKAGE.parent / "examples")
-
-
-def _first(*folders: Path) -> Path | None:
-    return next((folder for folder in folders if folder.is_dir()), None)
-
-
 def loop_library() -> Path | None:
     """The C executor, or None if it has not been built."""
     return _library("loop.so")
@@ -76,6 +54,24 @@ def loop_library() -> Path | None:
 def monolith_library() -> Path | None:
     """The models without FMI in one program, or None if it has not been built."""
     return _library("monolith.so")
+
+
+def link_library() -> Path | None:
+    """The library of an FMU that stands for a component elsewhere, or None if it has not been
+    built.
+    """
+    return _library("link.so")
+
+
+def board_library() -> Path | None:
+    """The board's end of the link as a library, or None if it has not been built."""
+    return _library("board.so")
+
+
+def link_sources() -> Path:
+    """Folder of the C files of which firmware is built."""
+    installed = PACKAGE / "data" / "link"
+    return installed if installed.is_dir() else PACKAGE.parent / "fmus" / "core" / "link"
 
 
 def _library(name: str) -> Path | None:

@@ -16,6 +16,7 @@ from typing import Any, TypedDict
 from harness.errors import StructureError, UsageError
 from harness.files.digest import sha256
 from harness.files.paths import is_file
+from harness.remote.places import Place, move, read_place
 from harness.spelling import did_you_mean
 from harness.ssp.parameters import read_ssv
 from harness.system.graph import read_interfaces
@@ -35,6 +36,7 @@ class Changes(TypedDict, total=False):
     params: str | Path | None
     set: Pairs
     swap: Pairs
+    on: Pairs
     latency: Pairs
     step: float | None
     stop: float | None
@@ -47,6 +49,7 @@ def apply(  # noqa: PLR0913 - every one is an option of the command line
     params: str | Path | None = None,
     set: Pairs = (),
     swap: Pairs = (),
+    on: Pairs = (),
     latency: Pairs = (),
     step: float | None = None,
     stop: float | None = None,
@@ -54,9 +57,9 @@ def apply(  # noqa: PLR0913 - every one is an option of the command line
 ) -> System:
     """Return the system with everything the user wants otherwise; the arguments are those of run().
 
-    Order: named set, swapped FMUs, file of parameters, single values. Raises UsageError for names
-    that do not exist and StructureError for a parameter file with mistakes or a swapped FMU that
-    does not fit.
+    Order: named set, swapped FMUs, file of parameters, single values, other processors. Raises
+    UsageError for names that do not exist, StructureError for a parameter file with mistakes or a
+    swapped FMU that does not fit, FmuError for an FMU that does not build for its processor.
     """
     base, named = system, str(params) in set_names(system)
     if named:
@@ -69,6 +72,8 @@ def apply(  # noqa: PLR0913 - every one is an option of the command line
         system = _single_values(system, _once("--set", set))
     for component, steps in _once("--latency", latency):
         system = _delayed(system, component, steps)
+    if on:
+        system = move(system, _places(system, on))
     given = {"step": step, "stop": stop, "algorithm": algorithm}
     changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     return replace(
@@ -210,6 +215,18 @@ def _delayed(system: System, name: str, steps: Any) -> System:
         replace(c, latency=count) if c.name == name else c for c in system.components
     )
     return replace(system, components=components)
+
+
+def _places(system: System, on: Pairs) -> dict[str, Place]:
+    """Where components run, by their names."""
+    known = [c.name for c in system.components]
+    places = {}
+    for name, text in _once("--on", on):
+        if name not in known:
+            hint = did_you_mean(name, known)
+            raise UsageError(f"--on {name}: {system.name} has no such component{hint}")
+        places[name] = read_place(name, str(text))
+    return places
 
 
 def _with(system: System, values: Assignments) -> System:

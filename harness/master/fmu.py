@@ -42,6 +42,8 @@ Slave = Any
 ERROR_CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
 """Log categories of FMI 2.0 that are listened to; everything else stays off."""
 
+HEARD = (*ERROR_CATEGORIES, messages.STATISTICS)
+
 
 def ours(interface: Interface) -> bool:
     """Whether an FMU was built by this project: it holds no globals, and its tests prove its
@@ -152,9 +154,7 @@ class Instance:
         """Let errors and warnings through, and nothing else; an FMU that cannot do that is left
         silent.
         """
-        categories = [
-            c.name for c in self.node.interface.model.logCategories if c.name in ERROR_CATEGORIES
-        ]
+        categories = [c.name for c in self.node.interface.model.logCategories if c.name in HEARD]
         if categories:
             place.enter(self.name, "fmi2SetDebugLogging")
             with contextlib.suppress(FMICallException):

@@ -24,6 +24,9 @@ from fmpy.logging import addLoggerProxy
 WARNING, DISCARD = 1, 2
 """fmi2Status values: messages of status DISCARD and above explain a failed call."""
 
+STATISTICS = "logStatistics"
+"""Log category of links: what the steps of a component have cost on its processor."""
+
 _log = logging.getLogger("harness")
 _errors: deque[tuple[str, str]] = deque(maxlen=20)
 _warnings: Counter[str] = Counter()
@@ -34,7 +37,7 @@ def _receive(
     _environment: object,
     instance: bytes | None,
     status: int,
-    _category: bytes | None,
+    category: bytes | None,
     message: bytes | None,
 ) -> None:
     name, text = _text(instance), " ".join(_text(message).split())
@@ -43,6 +46,8 @@ def _receive(
     elif status == WARNING:
         _warnings[name] += 1
         _last_warning[name] = text
+    elif category == STATISTICS.encode():
+        _log.warning("%s: %s", name, text)
 
 
 def _text(raw: bytes | None) -> str:

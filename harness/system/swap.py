@@ -26,19 +26,12 @@ _log = logging.getLogger("harness")
 
 
 def find_fmu(name: str | Path) -> Path:
-    """Path of an FMU by name or path, or in the folder of a controller that has been built;
-    UsageError with close matches if there is none.
-    """
+    """Path of an FMU by name or path; UsageError with close matches if there is none."""
     known = paths.fmus()
     if str(name) in known:
         return known[str(name)]
     if paths.is_file(name):
         return Path(name)
-    if str(name) and paths.is_folder(name):
-        inside = Path(name) / f"{Path(name).resolve().name}.fmu"
-        if paths.is_file(inside):
-            return inside
-        raise UsageError(f"{name}: a folder without {inside.name}; harness build {name} makes it")
     raise UsageError(f"{name}: there is no such FMU{did_you_mean(str(name), known)}")
 
 

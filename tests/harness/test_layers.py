@@ -23,6 +23,7 @@ LAYERS = (
     ("master",),
     ("ssp",),
     ("results",),
+    ("remote",),
     ("system",),
     ("rules",),
     ("files",),
@@ -33,9 +34,9 @@ LAYERS = (
 FLOOR = {room: len(LAYERS) - i for i, layer in enumerate(LAYERS) for room in layer}
 
 ONLY = {
-    "lxml": {"ssp", "exports", "rules", "files"},
+    "lxml": {"ssp", "exports", "remote", "rules", "files"},
     "ctypes": {"master", "bench", "validation"},
-    "fmpy": {"master", "ssp", "system", "studies", "rules", "bench", "validation"},
+    "fmpy": {"master", "ssp", "remote", "system", "studies", "rules", "bench", "validation"},
     "matplotlib": {"figures"},
     "typer": {"cli"},
     "jinja2": {"report"},

@@ -1,0 +1,41 @@
+/* link_statistics.h - what the steps of a component have cost on its board. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef LINK_STATISTICS_H
+#define LINK_STATISTICS_H
+
+#include "fmi2FunctionTypes.h"
+
+#include <inttypes.h>
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdio.h>
+
+typedef struct {
+    uint64_t steps, total, largest; /* instructions; 0: the board does not count */
+    double when;                    /* s; communication point of the largest */
+    uint32_t stack;                 /* bytes used by the steps; 0: not known */
+    uint64_t late;                  /* steps whose answer came after the deadline */
+} LinkStatistics;
+
+/* beside FMI, for the harness: false if the board does not answer */
+#if defined __GNUC__
+__attribute__((visibility("default")))
+#endif
+bool slnk_statistics(fmi2Component component, LinkStatistics *found);
+
+static inline const char *describe_cost(const LinkStatistics *s, char *text, size_t size)
+{
+    int used = snprintf(text, size, "%" PRIu64 " steps", s->steps);
+    if (s->total > 0 && s->steps > 0)
+        used += snprintf(text + used, size - (size_t)used,
+                         ", %" PRIu64 " instructions each, at most %" PRIu64 " at t = %.9g s",
+                         s->total / s->steps, s->largest, s->when);
+    if (s->stack > 0)
+        used +=
+            snprintf(text + used, size - (size_t)used, ", %" PRIu32 " bytes of stack", s->stack);
+    if (s->late > 0)
+        snprintf(text + used, size - (size_t)used, ", %" PRIu64 " late answers", s->late);
+    return text;
+}
+
+#endif

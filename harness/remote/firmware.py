@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Firmware for a processor from the sources inside FMUs, with the board's end of the protocol."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+import fmpy
+
+from harness.errors import FmuError, UsageError
+from harness.files.archive import read_entry, unpack
+from harness.files.paths import link_sources
+from harness.files.safe_xml import parsed
+from harness.remote.targets import Target
+from harness.system.interface import Interface, read_interface
+
+FLAGS = (
+    *("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fno-common"),
+    *("-ffunction-sections", "-fdata-sections"),
+)
+"""As for every other machine (the same bits), and only what is used goes into the image."""
+
+LIBRARY = "--specs=picolibc.specs"
+"""Of C, with start-up code and linker script."""
+
+BOARD = ("board.c", "firmware.c")
+
+ALWAYS = {
+    "instantiate": "Instantiate",
+    "free_instance": "FreeInstance",
+    "reset": "Reset",
+    "setup_experiment": "SetupExperiment",
+    "enter_initialization": "EnterInitializationMode",
+    "exit_initialization": "ExitInitializationMode",
+    "terminate": "Terminate",
+    "set_real": "SetReal",
+    "get_real": "GetReal",
+    "set_integer": "SetInteger",
+    "get_integer": "GetInteger",
+    "set_boolean": "SetBoolean",
+    "get_boolean": "GetBoolean",
+    "do_step": "DoStep",
+}
+STATES = {
+    "get_state": "GetFMUstate",
+    "set_state": "SetFMUstate",
+    "free_state": "FreeFMUstate",
+    "state_size": "SerializedFMUstateSize",
+    "serialize": "SerializeFMUstate",
+    "deserialize": "DeSerializeFMUstate",
+}
+"""Members of struct Software (board.h) and the functions of FMI 2.0 behind them."""
+
+
+class Part(NamedTuple):
+    """A component that goes into the firmware."""
+
+    name: str
+    fmu: Path
+
+
+def functions(interface: Interface) -> dict[str, str]:
+    """The functions of an FMU that a board calls, by the member of struct Software."""
+    model = interface.model.coSimulation
+    saves = model.canGetAndSetFMUstate and model.canSerializeFMUstate
+    chosen = {**ALWAYS, **(STATES if saves else {})}
+    return {member: f"fmi2{function}" for member, function in chosen.items()}
+
+
+def build(parts: Sequence[Part], target: Target) -> bytes:
+    """The firmware of these components as an ELF file.
+
+    Raises FmuError (no sources, or they do not compile for this processor).
+    """
+    with TemporaryDirectory(prefix="harness-firmware-") as place:
+        folder = Path(place)
+        objects = [_component(i, part, target, folder) for i, part in enumerate(parts)]
+        (folder / "components.c").write_text(_table(parts, target), encoding="utf-8")
+        board = [*(link_sources() / name for name in BOARD), folder / "components.c"]
+        elf = folder / "firmware.elf"
+        include = [f"-I{link_sources()}", f"-isystem{_headers()}"]
+        link = [
+            LIBRARY,
+            *_memory(target),
+            "--oslib=semihost",
+            "--crt0=semihost",
+            "-Wl,--gc-sections",
+        ]
+        command = [*_compiler(target), *include, *board, *objects, *link, "-lm", "-o", elf]
+        _run(command, f"the firmware for {target.name} cannot be linked")
+        return elf.read_bytes()
+
+
+def _headers() -> Path:
+    return Path(fmpy.__file__).parent / "c-code"
+
+
+def _compiler(target: Target) -> list[str]:
+    return [target.compiler, *FLAGS, *target.flags]
+
+
+def _memory(target: Target) -> Iterator[str]:
+    """The symbols that picolibc's linker script asks for."""
+    for kind, memory in (("flash", target.flash), ("ram", target.ram)):
+        yield f"-Wl,--defsym=__{kind}={memory.start:#x}"
+        yield f"-Wl,--defsym=__{kind}_size={memory.size:#x}"
+
+
+def _component(number: int, part: Part, target: Target, folder: Path) -> Path:
+    """One object of all sources of an FMU, of which only its FMI functions can be seen, under
+    names of their own.
+    """
+    interface = read_interface(part.fmu)
+    place = folder / f"component{number}"
+    unpack(part.fmu, place)
+    sources = _sources(part.fmu, place / "sources")
+    seen = functions(interface).values()
+    whole, names = place.with_suffix(".o"), place.with_suffix(".names")
+    include = [f"-I{place / 'sources'}", f"-isystem{_headers()}"]
+    why = f"{part.fmu.name} does not compile for {target.name}"
+    compile_c = [*_compiler(target), LIBRARY, *include, "-c"]
+    objects = [place / f"{i}.o" for i in range(len(sources))]
+    for source, made in zip(sources, objects, strict=True):
+        _run([*compile_c, source, "-o", made], why)
+    _run([*_compiler(target), "-r", "-nostdlib", *objects, "-o", whole], why)
+    names.write_text("".join(f"{n}\n" for n in seen), encoding="utf-8")
+    objcopy = f"{target.tools}objcopy"
+    _run([objcopy, f"--keep-global-symbols={names}", whole], why)
+    names.write_text("".join(f"{n} c{number}_{n}\n" for n in seen), encoding="utf-8")
+    _run([objcopy, f"--redefine-syms={names}", whole], why)
+    return whole
+
+
+def _sources(fmu: Path, folder: Path) -> list[Path]:
+    root = parsed(read_entry(fmu, "modelDescription.xml"))
+    names = [file.get("name") for file in root.findall("CoSimulation/SourceFiles/File")]
+    if not names or not folder.is_dir():
+        raise FmuError(f"{fmu.name} holds no sources, and firmware is built from nothing else")
+    return [folder / name for name in names]
+
+
+def _run(command: Sequence[object], why: str) -> None:
+    """A compiler that says in one line what it does not like; FmuError."""
+    try:
+        done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
+    except OSError as error:
+        raise UsageError(f"{command[0]} cannot be run ({error.strerror})") from error
+    if done.returncode:
+        raise FmuError(f"{why}: {_complaint(done.stderr)}")
+
+
+def _complaint(text: str) -> str:
+    """The first error of a compiler, without the folder it was found in."""
+    lines = [line for line in text.splitlines() if "error" in line or "undefined" in line]
+    first = (lines or text.splitlines() or ["the compiler gives no reason"])[0]
+    return re.sub(r"^\S*/", "", first).strip()
+
+
+def _table(parts: Sequence[Part], target: Target) -> str:
+    """components.c: what board.h calls the software of a board."""
+    lines = ['#include "board.h"', "const char target_name[] = " + _quoted(target.name) + ";"]
+    rows = []
+    for i, part in enumerate(parts):
+        interface = read_interface(part.fmu)
+        known = functions(interface)
+        lines += [f"extern {f}TYPE c{i}_{f};" for f in known.values()]
+        members = ", ".join(f".{member} = c{i}_{f}" for member, f in known.items())
+        about = f"{_quoted(part.name)}, {_quoted(interface.model.guid)}"
+        rows.append(f"    {{{about}, {len(interface.variables)}, {members}}},")
+    lines += [f"const Software software[{len(parts)}] = {{", *rows, "};"]
+    lines += [f"Slot slot[{len(parts)}];", f"const size_t software_count = {len(parts)};", ""]
+    return "\n".join(lines)
+
+
+def _quoted(text: str) -> str:
+    escaped = "".join(
+        c if c.isalnum() or c in " _-{}.[]" else f"\\{ord(c) & 255:03o}" for c in text
+    )
+    return f'"{escaped}"'

@@ -1,0 +1,263 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The board's end of the protocol, spoken to by an implementation of its own (frames.py)."""
+
+from __future__ import annotations
+
+import random
+import struct
+
+import pytest
+
+from harness.files.paths import fmus
+from harness.system.interface import read_interface
+from tests.fmu.driver import Kind, Unit
+from tests.link.conftest import answering
+from tests.link.frames import (
+    ANSWER,
+    CODE,
+    DAMAGED,
+    MALFORMED,
+    NO_COMPONENT,
+    NO_SESSION,
+    OTHER_VERSION,
+    Frame,
+    Peer,
+    getting,
+    sealed,
+    setting,
+    stepping,
+)
+
+STEP = 0.1
+
+
+@pytest.fixture(scope="module")
+def kind(tmp_path_factory):
+    return Kind("adaptive_controller", tmp_path_factory.mktemp("kind"))
+
+
+@pytest.fixture
+def twin(kind):
+    """The same FMU called by FMI."""
+    unit = Unit(kind, {}, {}, 0.0)
+    yield unit
+    unit.close()
+
+
+def outputs_of(kind):
+    return [r for name in kind.outputs for r in kind.references[name]]
+
+
+def begin(peer):
+    """A session up to the first step."""
+    for code, payload in (
+        ("describe", b""),
+        ("reset", b""),
+        ("enter", struct.pack("<dBd", 0, 1, 100)),
+        ("initialize", b""),
+    ):
+        answer = peer.ask(code, payload)
+        assert answer.status == 0, answer.said
+    return answer
+
+
+def exchange(kind, position, k):
+    """Inputs as a set of neighbours, a step, all outputs."""
+    values = dict(zip(kind.references["r_SN_N"], position, strict=True))
+    return setting(values) + stepping(k * STEP, STEP) + getting(outputs_of(kind))
+
+
+def doubles(data):
+    return struct.unpack(f"<{len(data) // 8}d", data)
+
+
+def test_it_describes_itself(peer):
+    data = peer.ask("describe").data
+    components, variables, limit, saves, probe = struct.unpack_from("<HIIBd", data)
+    interface = read_interface(fmus()["adaptive_controller"])
+    assert (components, variables, limit, saves) == (1, len(interface.variables), 65536, 1)
+    assert probe == -1.25e-3
+    assert interface.model.guid.encode() in data
+    assert b"adaptive_controller" in data
+
+
+def test_an_exchange_gives_the_bits_of_the_fmu(peer, kind, twin):
+    begin(peer)
+    for k in range(5):
+        position = (7158140.0, 20.0 + k, 0.3 * k)
+        answer = peer.ask("exchange", exchange(kind, position, k))
+        twin.step(STEP, {"r_SN_N": position})
+        assert doubles(answer.data) == tuple(
+            value for name in kind.outputs for value in _flat(twin.get(name))
+        )
+
+
+def _flat(value):
+    return value.tolist() if value.shape else [float(value)]
+
+
+def test_set_step_get_is_an_exchange(peer, kind):
+    begin(peer)
+    wanted = peer.ask("exchange", exchange(kind, (7158140.0, 21.0, 0.0), 0)).data
+    begin(peer)
+    values = dict(zip(kind.references["r_SN_N"], (7158140.0, 21.0, 0.0), strict=True))
+    assert peer.ask("set", setting(values)).status == 0
+    assert peer.ask("step", stepping(0, STEP)).status == 0
+    assert peer.ask("get", getting(outputs_of(kind))).data == wanted
+
+
+def test_a_request_that_comes_twice_is_carried_out_once(peer, kind):
+    begin(peer)
+    request = Frame(CODE["exchange"], next(peer.sequence), exchange(kind, (7158140.0, 21.0, 0), 0))
+    peer.send(sealed(request) * 3)
+    first, second, third = (peer.receive() for _ in range(3))
+    assert first == second == third
+    assert peer.ask("step", stepping(STEP, STEP)).status == 0  # the time has advanced once
+
+
+def test_an_old_request_is_dropped(peer, kind):
+    begin(peer)
+    old = Frame(CODE["exchange"], next(peer.sequence), exchange(kind, (7158140.0, 21.0, 0), 0))
+    peer.send(sealed(old))
+    peer.receive()
+    peer.ask("step", stepping(STEP, STEP))
+    peer.send(sealed(old))
+    assert peer.ask("step", stepping(2 * STEP, STEP)).status == 0
+
+
+def test_a_late_description_does_not_open_the_session_anew(peer):
+    first = Frame(CODE["describe"], next(peer.sequence))
+    peer.send(sealed(first))
+    peer.receive()
+    peer.ask("reset")
+    old = Frame(CODE["enter"], next(peer.sequence), struct.pack("<dBd", 0, 1, 100))
+    peer.send(sealed(old))
+    peer.receive()
+    peer.ask("initialize")
+    peer.send(sealed(first) + sealed(old))  # both are older than the last
+    assert peer.ask("step", stepping(0, STEP)).status == 0
+
+
+@pytest.mark.parametrize("place", [0, 4, 9, 13, 17, 20, 30, -1])
+def test_a_damaged_request_is_refused_and_can_be_sent_again(peer, kind, place):
+    begin(peer)
+    request = sealed(
+        Frame(CODE["exchange"], next(peer.sequence), exchange(kind, (7158140.0, 21.0, 0.0), 0))
+    )
+    damaged = bytearray(request)
+    damaged[place] ^= 0x10
+    peer.send(bytes(damaged))
+    assert peer.receive().status == DAMAGED
+    peer.send(request)
+    answer = peer.receive()
+    assert (answer.status, answer.code) == (0, CODE["exchange"] | ANSWER)
+
+
+@pytest.mark.parametrize("kept", [1, 7, 19, 20, 21, 60])
+def test_a_truncated_request_is_survived(peer, kind, kept):
+    begin(peer)
+    request = sealed(
+        Frame(CODE["exchange"], next(peer.sequence), exchange(kind, (7158140.0, 21.0, 0.0), 0))
+    )
+    peer.send(request[:kept] + request)
+    answer = peer.receive()
+    while answer.status == DAMAGED:
+        answer = peer.receive()
+    assert (answer.status, answer.code) == (0, CODE["exchange"] | ANSWER)
+
+
+def test_the_fmu_says_why_it_refuses(peer, kind):
+    begin(peer)
+    refused = peer.ask("set", setting({kind.references["r_SN_N"][0]: float("nan")}))
+    assert refused.status == 3
+    assert refused.said == "fmi2SetReal: r_SN_N[1]: must be finite"
+    failed = peer.ask("step", stepping(50, STEP))
+    assert "the communication point is not the end of the last step" in failed.said
+
+
+def test_a_state_comes_back_bit_for_bit(peer, kind):
+    begin(peer)
+    peer.ask("exchange", exchange(kind, (7158140.0, 21.0, 0.0), 0))
+    state = peer.ask("save").data
+    wanted = peer.ask("exchange", exchange(kind, (7158140.0, 22.0, 1.0), 1)).data
+    peer.ask("exchange", exchange(kind, (7158140.0, 5.0, 3.0), 2))
+    assert peer.ask("restore", state).status == 0
+    assert peer.ask("exchange", exchange(kind, (7158140.0, 22.0, 1.0), 1)).data == wanted
+
+
+def test_a_damaged_state_is_refused(peer):
+    begin(peer)
+    state = bytearray(peer.ask("save").data)
+    state[40] ^= 1
+    answer = peer.ask("restore", bytes(state))
+    assert answer.status == 3
+    assert "damaged" in answer.said
+
+
+def test_steps_are_counted_from_the_reset(peer):
+    begin(peer)
+    for k in range(3):
+        peer.ask("step", stepping(k * STEP, STEP))
+    assert struct.unpack_from("<Q", peer.ask("statistics").data) == (3,)
+    peer.ask("reset")
+    assert struct.unpack_from("<Q", peer.ask("statistics").data) == (0,)
+
+
+def test_who_cannot_be_meant_is_told(peer):
+    assert peer.ask("step", stepping(0, STEP)).status == NO_SESSION
+    assert peer.ask("describe", version=2).status == OTHER_VERSION
+    assert peer.ask("describe", component=1).status == NO_COMPONENT
+
+
+def test_what_makes_no_sense_is_malformed(peer, kind):
+    begin(peer)
+    inputs = kind.references["r_SN_N"]
+    cut = setting(dict.fromkeys(inputs, 1.0))[:-1]
+    for code, payload in (
+        ("step", b""),
+        ("set", cut),
+        ("set", b"\xff\xff"),
+        ("get", struct.pack("<HBHI", 1, 7, 1, 0)),
+        ("get", struct.pack("<HBHI", 1, 0, 65535, 0)),
+        ("exchange", setting({})),
+        ("enter", b"\0"),
+    ):
+        assert peer.ask(code, payload).status == MALFORMED, (code, payload)
+    assert peer.ask("step", stepping(0, STEP)).status == 0
+
+
+def test_no_bytes_bring_the_board_down():
+    """Noise, damaged frames and sound frames of nonsense, 400 of them; then a sound session."""
+    chance = random.Random(5)
+    for _ in range(4):
+        with answering(fmus()["adaptive_controller"]) as connection:
+            peer = Peer(connection)
+            for _ in range(100):
+                peer.send(_nonsense(chance))
+            peer.send(bytes(1 << 17))  # the length of a truncated frame is filled
+            connection.settimeout(0.3)
+            peer = Peer(_Patient(connection))
+            begin(peer)
+
+
+class _Patient:
+    """A connection of which everything that was in it is read away before the first frame."""
+
+    def __init__(self, connection):
+        self.connection, self.sendall = connection, connection.sendall
+        try:
+            while connection.recv(1 << 16):
+                pass
+        except TimeoutError:
+            connection.settimeout(20)
+
+    def recv(self, most):
+        return self.connection.recv(most)
+
+
+def _nonsense(chance):
+    noise = chance.randbytes(chance.randrange(200))
+    sound = sealed(Frame(chance.randrange(128), chance.randrange(1 << 32), noise))
+    damaged = bytearray(sound)
+    damaged[chance.randrange(len(damaged))] ^= 1 << chance.randrange(8)
+    return chance.choice([noise, sound, bytes(damaged), sound[: chance.randrange(len(sound))]])

@@ -1,0 +1,310 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The FMU that stands for a component: whole systems with the controller behind a TCP port, over a
+line that damages, loses, doubles and delays.
+"""
+
+from __future__ import annotations
+
+import random
+import socket
+import threading
+from contextlib import contextmanager, suppress
+
+import numpy as np
+import pytest
+
+from harness import Simulation, load
+from harness.errors import FmuError, RunError, UsageError
+from harness.files.paths import fmus
+from tests.link.conftest import Listener
+from tests.link.frames import ANSWER, CODE, Frame, opened, sealed
+
+SYSTEM, STOP = "sync_approach", 3.0
+
+
+@contextmanager
+def moved(place, stop=STOP, **changes):
+    """A simulation with the controller at a place ("" for: where it is)."""
+    on = {"controller": place} if place else {}
+    with load(SYSTEM) as system, Simulation(system, on=on, stop=stop, **changes) as simulation:
+        yield simulation
+
+
+def flown(place, stop=STOP, **changes):
+    with moved(place, stop, **changes) as simulation:
+        simulation.advance()
+        return simulation.result()
+
+
+@pytest.fixture(scope="module")
+def wanted():
+    return flown("")
+
+
+def assert_same(result, wanted):
+    assert result.values.tobytes() == wanted.values.tobytes()
+
+
+def test_a_run_through_the_link_has_the_bits_of_a_run_without(board, wanted):
+    with board() as found:
+        assert_same(flown(found.place), wanted)
+
+
+def test_both_algorithms_and_executors_go_through_the_link(board):
+    with board() as found:
+        for how in (
+            {"algorithm": "jacobi"},
+            {"executor": "python"},
+            {"set": ["servicer.mass_0=99"]},
+        ):
+            assert_same(flown(found.place, 1.0, **how), flown("", 1.0, **how))
+
+
+def test_a_further_run_resets_the_board(board, wanted):
+    with board() as found, moved(found.place) as simulation:
+        for _ in range(3):
+            result = simulation.fly(on={"controller": found.place}, stop=STOP)
+            assert_same(result, wanted)
+
+
+def test_a_snapshot_of_the_system_continues_bit_for_bit(board, wanted):
+    with board() as found, moved(found.place) as simulation:
+        simulation.advance(to=11)
+        snapshot = simulation.save()
+        simulation.advance(to=23)
+        simulation.restore(snapshot)
+        simulation.free(snapshot)
+        simulation.advance()
+        assert_same(simulation.result(), wanted)
+
+
+def test_parameters_refused_by_the_component_are_named(board):
+    wrong = {"set": ["controller.Gamma_m=-1"]}
+    with board() as found, pytest.raises(RunError) as there:
+        flown(found.place, **wrong)
+    with pytest.raises(RunError, match="Gamma_m = -1: must be >= 0") as here:
+        flown("", **wrong)
+    assert str(there.value) == str(here.value)
+
+
+# ---- a line that does what it should not
+
+
+def bend_with(chance, what, rate):
+    """Damage of one kind to one in `rate` pieces of the stream, never the same for two seeds."""
+    held = {"board": b"", "link": b""}
+
+    def bend(data, towards):
+        data, held[towards] = held[towards] + data, b""
+        if chance.randrange(rate):
+            return data
+        if what == "corrupted":
+            place = chance.randrange(len(data))
+            return (
+                data[:place] + bytes([data[place] ^ 1 << chance.randrange(8)]) + data[place + 1 :]
+            )
+        if what == "truncated":
+            return data[: chance.randrange(len(data))]
+        if what == "doubled":
+            return data + data
+        if what == "noisy":
+            return chance.randbytes(30) + data
+        held[towards] = data  # delayed: it comes with the next
+        return b""
+
+    return bend
+
+
+@pytest.mark.parametrize("what", ["corrupted", "truncated", "doubled", "noisy", "delayed"])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_bad_line_costs_time_but_no_bit(board, wanted, what, seed):
+    bend = bend_with(random.Random(seed), what, 12)
+    with board(bend) as found:
+        assert_same(flown(f"{found.place}?timeout=0.05&retries=50"), wanted)
+
+
+def test_a_line_that_only_damages_is_one_error(board):
+    bad = bend_with(random.Random(3), "corrupted", 1)
+    with board(bad) as found, pytest.raises(FmuError) as caught:
+        flown(f"{found.place}?timeout=0.05&retries=2")
+    assert "no answer to 'describe' within 0.05 s, asked 3 times" in str(caught.value)
+
+
+def after_steps(count, then):
+    """What then(data) makes of everything that is sent after so many exchanges."""
+    exchanges = []
+
+    def bend(data, towards):
+        if towards == "board" and data[5:6] == bytes([CODE["exchange"]]):
+            exchanges.append(data)
+        return data if len(exchanges) <= count else then(data)
+
+    return bend
+
+
+def gone(_):
+    raise OSError
+
+
+def test_a_board_that_goes_is_one_error_and_the_rows_stay(board):
+    with board(after_steps(7, gone)) as found, pytest.raises(RunError) as caught:
+        flown(found.place)
+    assert "tcp://127.0.0.1:" in str(caught.value)
+    assert ": the connection has ended" in str(caught.value)
+    assert len(caught.value.partial.time) == 8
+
+
+def test_a_board_that_falls_silent_is_one_error(board):
+    with board(after_steps(7, lambda data: b"")) as found, pytest.raises(RunError) as caught:
+        flown(f"{found.place}?timeout=0.05&retries=1")
+    assert "no answer to 'exchange' within 0.05 s, asked 2 times" in str(caught.value)
+
+
+def test_nobody_at_the_other_end_is_one_error():
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    with pytest.raises(FmuError, match="nobody answers \\(Connection refused\\)"):
+        flown(f"tcp://127.0.0.1:{port}")
+
+
+# ---- the wrong peer
+
+
+class Impostor:
+    """A peer that answers every frame with what answer(frame) gives."""
+
+    def __init__(self, answer):
+        self.answer, self.socket = answer, socket.create_server(("127.0.0.1", 0))
+        self.place = f"tcp://127.0.0.1:{self.socket.getsockname()[1]}?timeout=0.1&retries=1"
+
+    def __enter__(self):
+        self.worker = threading.Thread(target=self._serve, daemon=True)
+        self.worker.start()
+        return self
+
+    def __exit__(self, *_):
+        self.socket.shutdown(socket.SHUT_RDWR)
+        self.socket.close()
+        self.worker.join(10)
+
+    def _serve(self):
+        with suppress(OSError):
+            connection, _ = self.socket.accept()
+            with connection:
+                held = b""
+                while data := connection.recv(1 << 16):
+                    held += data
+                    while (found := opened(held))[0] is not None:
+                        frame, held = found
+                        connection.sendall(self.answer(frame))
+
+
+def refused(answer):
+    with Impostor(answer) as peer, pytest.raises(FmuError) as caught:
+        flown(peer.place)
+    return str(caught.value).partition("cannot be loaded: ")[2]
+
+
+def reply(frame, **about):
+    return Frame(frame.code | ANSWER, frame.sequence, **about)
+
+
+def test_a_peer_of_another_version():
+    text = refused(lambda frame: sealed(reply(frame, version=2)))
+    assert text.endswith("it speaks version 2 of the protocol, this link version 1")
+
+
+def test_a_peer_of_the_other_byte_order():
+    for disguise in (lambda data: data, lambda data: b"KNLS" + data[4:]):
+        text = refused(lambda frame, d=disguise: d(sealed(reply(frame), order=">")))
+        assert text.endswith("it sends numbers in the other byte order")
+
+
+def test_a_peer_with_doubles_of_another_kind(board):
+    description = bytes.fromhex("0100 01000000 00000100 01") + b"\xbf\x54\x7a\xe1" * 2 + bytes(12)
+    payload = len(description).to_bytes(4, "little") + description
+    text = refused(lambda frame: sealed(reply(frame, payload=payload)))
+    assert text.endswith("its doubles are not those of IEEE 754")
+
+
+def test_a_peer_with_another_component():
+    with Listener(fmus()["pid_controller"]) as found, pytest.raises(FmuError) as caught:
+        flown(found.place)
+    assert "another interface: it holds pid_controller {" in str(caught.value)
+
+
+def test_a_peer_that_answers_too_little():
+    text = refused(lambda frame: sealed(reply(frame, payload=b"\x09\0\0\x00123456789")))
+    assert text.endswith("a malformed description")
+    text = refused(lambda frame: sealed(reply(frame, payload=b"\xff\xff\xff\xff")))
+    assert text.endswith("a malformed answer")
+
+
+def test_a_peer_that_answers_nonsense_is_never_believed():
+    """Sound frames of random content to every request, and noise: one error each, no wrong run."""
+    chance = random.Random(8)
+    for _ in range(8):
+        text = refused(
+            lambda frame: chance.choice(
+                [
+                    chance.randbytes(50),
+                    sealed(reply(frame, payload=chance.randbytes(chance.randrange(60)))),
+                    sealed(reply(frame, status=chance.randrange(256))),
+                ]
+            )
+        )
+        assert text.startswith("fmi2Instantiate: tcp://127.0.0.1:")
+
+
+def test_fewer_values_than_asked_for_are_no_values(board):
+    """A board of ours, whose answers to exchanges lose their last double on the way."""
+
+    def bend(data, towards):
+        frame, _ = opened(data) if towards == "link" else (None, b"")
+        if frame is None or frame.code != CODE["exchange"] | ANSWER:
+            return data
+        short = frame.data[:-8]
+        return sealed(frame._replace(payload=len(short).to_bytes(4, "little") + short))
+
+    with board(bend) as found, pytest.raises(RunError, match="does not hold the values"):
+        flown(found.place)
+
+
+# ---- what a user types
+
+
+@pytest.mark.parametrize(
+    ("place", "text"),
+    [
+        ("cortex-m9", "there is no such processor (close: cortex-m7, cortex-m4); cortex-m7"),
+        ("tcp://localhost", "expected tcp://HOST:PORT"),
+        ("tcp://localhost:port", "Port could not be cast to integer value"),
+        ("serial://ttyACM0", "expected tcp://HOST:PORT"),
+        ("tcp://localhost:1?late=never", "late expects wait, hold or stop, got never"),
+        ("tcp://localhost:1?timeout=-1", "timeout expects seconds above 0, got -1"),
+        ("tcp://localhost:1?timeouts=1", "there is no option timeouts (close: timeout)"),
+    ],
+)
+def test_a_place_that_cannot_be_is_refused_by_its_words(place, text):
+    with pytest.raises(UsageError) as caught:
+        flown(place)
+    assert f"--on controller={place}: " in str(caught.value)
+    assert text in str(caught.value)
+
+
+def test_a_component_that_is_not_there_is_refused():
+    with load(SYSTEM) as system, pytest.raises(UsageError, match=r"--on controlled: .*controller"):
+        Simulation(system, on=["controlled=cortex-m7"])
+
+
+def test_the_link_fmu_has_the_interface_of_its_component(board):
+    from harness.master.changes import apply
+    from harness.system.interface import read_interface
+
+    with load(SYSTEM) as system:
+        moved = apply(system, on={"controller": "tcp://localhost:1"})
+        here, there = (read_interface(s.component("controller").fmu) for s in (system, moved))
+    assert here.variables == there.variables
+    assert here.model.guid == there.model.guid
+    assert not there.model.coSimulation.providesDirectionalDerivative
+    assert np.array_equal(list(here.units), list(there.units))

@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Components on emulated processors: the bits of this machine, and nothing left behind.
+
+A machine without the cross compilers and emulators skips them; `make pil` installs these.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import zipfile
+
+import psutil
+import pytest
+
+from harness import Simulation, load
+from harness.errors import FmuError, UsageError
+from harness.files.paths import fmus
+from harness.master.changes import apply
+from harness.remote.targets import TARGETS, find_target, missing
+
+SYSTEM, STOP = "sync_approach", 30.0
+
+
+def needs(*names):
+    """A mark that skips where the tools of a processor are missing."""
+    lacking = [text for name in names if (text := missing(TARGETS[name]))]
+    return pytest.mark.skipif(bool(lacking), reason="; ".join(lacking))
+
+
+def processors(*names):
+    return [pytest.param(name, marks=needs(name)) for name in names]
+
+
+def flown(on, stop=STOP, system=SYSTEM, **changes):
+    with load(system) as found, Simulation(found, on=on, stop=stop, **changes) as simulation:
+        simulation.advance()
+        return simulation.result()
+
+
+def assert_same(on, **how):
+    assert flown(on, **how).values.tobytes() == flown({}, **how).values.tobytes()
+
+
+def emulators(process=None):
+    """The emulators that a process, or this one, has started and that run."""
+    kin = (process or psutil.Process()).children(recursive=True)
+    return [p for p in kin if p.is_running() and p.name().startswith("qemu-system")]
+
+
+@pytest.mark.parametrize("target", processors("cortex-m7"))
+def test_the_controller_gives_the_same_bits_on(target):
+    assert_same({"controller": target})
+    assert not emulators()
+
+
+@pytest.mark.pil
+@pytest.mark.parametrize("target", processors(*TARGETS))
+def test_guidance_and_controller_give_the_same_bits_on(target):
+    assert_same({"controller": target, "guidance": target})
+
+
+@pytest.mark.pil
+@needs("cortex-m7")
+def test_two_components_share_a_processor():
+    on = {"controller": "cortex-m7:obc", "guidance": "cortex-m7:obc"}
+    with load(SYSTEM) as system, Simulation(system, on=on, stop=STOP) as simulation:
+        simulation.advance(to=10)
+        assert len(emulators()) == 1
+        simulation.advance()
+        result = simulation.result()
+    assert result.values.tobytes() == flown({}).values.tobytes()
+    assert not emulators()
+
+
+@pytest.mark.pil
+@needs("cortex-m7", "riscv32")
+def test_two_components_on_two_processors():
+    assert_same({"controller": "cortex-m7", "guidance": "riscv32"}, algorithm="jacobi")
+
+
+@pytest.mark.pil
+@needs("cortex-m7")
+def test_a_snapshot_with_a_processor_continues_bit_for_bit():
+    on = {"controller": "cortex-m7"}
+    with load(SYSTEM) as system, Simulation(system, on=on, stop=STOP) as simulation:
+        simulation.advance(to=100)
+        snapshot = simulation.save()
+        simulation.advance(to=200)
+        simulation.restore(snapshot)
+        simulation.free(snapshot)
+        simulation.advance()
+        first = simulation.result().values.tobytes()
+        again = simulation.fly(on=on, stop=STOP).values.tobytes()
+    assert first == again == flown({}).values.tobytes()
+
+
+@pytest.mark.pil
+@needs("cortex-m7")
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+def test_whatever_ends_the_harness_ends_the_emulator(tmp_path, number):
+    code = (
+        "from harness import Simulation, load\n"
+        "with load('sync_approach') as s, Simulation(s, on=['controller=cortex-m7']) as it:\n"
+        "    it.advance(to=10)\n"
+        "    print('flying', flush=True)\n"
+        "    input()\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code],
+        env={**os.environ, "TMPDIR": str(tmp_path)},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+    )
+    assert process.stdout.readline() == b"flying\n"
+    started = emulators(psutil.Process(process.pid))
+    keepers = psutil.Process(process.pid).children()
+    assert len(started) == 1
+    process.send_signal(number)
+    process.communicate()
+    _, alive = psutil.wait_procs([*started, *keepers], timeout=30)
+    assert not [p for p in alive if p.status() != psutil.STATUS_ZOMBIE]
+    assert not list(tmp_path.glob("slnk-*"))
+
+
+@pytest.mark.pil
+@needs("cortex-m7")
+def test_an_emulator_that_dies_is_one_error():
+    with load(SYSTEM) as system, Simulation(system, on={"controller": "cortex-m7"}) as simulation:
+        simulation.advance(to=10)
+        emulators()[0].kill()
+        with pytest.raises(Exception, match="cortex-m7: the connection has ended"):
+            simulation.advance(to=12)
+
+
+def test_missing_tools_are_named_with_their_packages(monkeypatch):
+    monkeypatch.setenv("PATH", "/nowhere")
+    with pytest.raises(UsageError) as caught:
+        find_target("cortex-m7")
+    assert str(caught.value) == (
+        "cortex-m7 needs arm-none-eabi-gcc and arm-none-eabi-objcopy and qemu-system-arm: make "
+        "pil, or apt-get install gcc-arm-none-eabi picolibc-arm-none-eabi qemu-system-arm"
+    )
+
+
+def rebuilt(target, change):
+    """The controller with other files; change(name, content) gives the new content, or None."""
+    with zipfile.ZipFile(fmus()["adaptive_controller"]) as old, zipfile.ZipFile(target, "w") as new:
+        for name in old.namelist():
+            if (content := change(name, old.read(name))) is not None:
+                new.writestr(name, content)
+    return target
+
+
+@needs("cortex-m7")
+def test_an_fmu_without_sources_is_refused(tmp_path):
+    bare = rebuilt(tmp_path / "bare.fmu", lambda n, c: None if n.startswith("sources/") else c)
+    with load(SYSTEM) as system, pytest.raises(FmuError, match=r"bare.fmu holds no sources"):
+        apply(system, swap={"controller": bare}, on={"controller": "cortex-m7"})
+
+
+@needs("cortex-m7")
+def test_an_fmu_that_needs_an_operating_system_is_refused_in_one_line(tmp_path):
+    def change(name, content):
+        return b"#include <sys/socket.h>\n" + content if name.endswith("/fmi2.c") else content
+
+    fmu = rebuilt(tmp_path / "hosted.fmu", change)
+    with load(SYSTEM) as system, pytest.raises(FmuError) as caught:
+        apply(system, swap={"controller": fmu}, on={"controller": "cortex-m7"})
+    assert str(caught.value) == (
+        "hosted.fmu does not compile for cortex-m7: fmi2.c:1:10: fatal error: sys/socket.h: No "
+        "such file or directory"
+    )
