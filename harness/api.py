@@ -13,7 +13,8 @@ from harness.master.simulation import Simulation
 from harness.results.files import read
 from harness.results.result import Result
 from harness.ssp.library import load
-from harness.system.graph import say_warnings
+from harness.system.graph import say_warnings, say_warnings_of
+from harness.system.interface import read_interface
 from harness.system.model import System
 from harness.system.swap import find_fmu
 from harness.system.values import parse
@@ -156,5 +157,6 @@ def linearize(
 
     given = {name: parse(v) if isinstance(v, str) else v for name, v in pairs("--set", set)}
     path = find_fmu(fmu)
+    say_warnings_of(read_interface(path))
     model: linear.LinearModel = guarded([path], linear.linearize, path, at, step, given)
     return model

@@ -59,6 +59,11 @@ def printable(text: str) -> str:
     return "".join(c if c in "\n\t" or not _controls(c) else _escaped(c) for c in text)
 
 
+def one_line(text: str) -> str:
+    """The same for a cell of a table: without line breaks and tabs too."""
+    return printable(text).replace("\n", "\\n").replace("\t", "\\t")
+
+
 def _controls(character: str) -> bool:
     return unicodedata.category(character) in ("Cc", "Cf", "Cs", "Zl", "Zp")
 

@@ -9,10 +9,15 @@ noisy machine hurts all alike.
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+import zipfile
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from tempfile import TemporaryDirectory
 from time import perf_counter
 
 from harness.bench.contenders import CONTENDERS, Contender
@@ -23,7 +28,7 @@ from harness.master.simulation import Simulation
 from harness.ssp.library import load
 from harness.system.model import System
 
-ROUNDS = 5
+ROUNDS, PAIRS = 5, 7
 
 
 @dataclass(frozen=True)
@@ -88,6 +93,33 @@ def _further_run(simulation: Simulation, stop: float | None) -> float:
     return perf_counter() - began
 
 
+def isolation(name: str, system: System) -> float | None:
+    """Processor time of a whole `harness run` with FMUs in a process of their own over one without:
+    the median of interleaved pairs. None where that of other processes is not known.
+    """
+    if sys.platform == "win32":
+        return None
+    component = system.components[0]
+    with TemporaryDirectory() as folder:
+        foreign = Path(folder) / component.fmu.name
+        shutil.copy(component.fmu, foreign)
+        with zipfile.ZipFile(foreign, "a") as archive:
+            archive.comment = b"other bytes: not ours"
+        run = ["run", name, "--swap", f"{component.name}={foreign}", "-q", "-o", f"{folder}/x.nc"]
+        pairs = [(_spent(run), _spent([*run, "--in-process"])) for _ in range(PAIRS)]
+    return median(apart / together for apart, together in pairs)
+
+
+def _spent(arguments: Sequence[str]) -> float:
+    """Processor time of a command with all its processes [s]."""
+    from resource import RUSAGE_CHILDREN, getrusage
+
+    before = getrusage(RUSAGE_CHILDREN)
+    subprocess.run([sys.executable, "-m", "harness", *arguments], check=True, capture_output=True)
+    after = getrusage(RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
 def run_memory(system: str) -> float:
     """Largest resident memory of a whole run without a results file, in a fresh process [MB]."""
     code = (
@@ -107,6 +139,7 @@ def bench(name: str) -> str:
     with load(name) as system:
         rows = guarded([c.fmu for c in system.components], _rows, system)
         warm = guarded([c.fmu for c in system.components], set_up, system)
+        apart = isolation(name, system)
     base = next((row.seconds for row in rows if row.name == CONTENDERS[1][0] and row.seconds), None)
     counts = per_step(name, COUNTED)
     lines = [
@@ -119,6 +152,8 @@ def bench(name: str) -> str:
         f"command-line start-up {start_up():.2f} s, set-up of a further run {1e3 * warm:.1f} ms, "
         f"memory of a whole run {run_memory(name):.0f} MB"
     ]
+    if apart is not None:
+        lines += [f"a run with FMUs in a process of their own costs {apart:.2f} times one without"]
     return "\n".join(lines)
 
 

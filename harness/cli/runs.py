@@ -179,7 +179,7 @@ def _report(result: Any, seconds: float, path: Path) -> None:
         f"{len(result.time)} rows in {path}"
     )
     for note in notes(result):
-        typer.echo(f"note: {note}")
+        typer.echo(printable(f"note: {note}"))
 
 
 @app.command("compare")
@@ -218,7 +218,7 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
         found = compare(
             system, variants, folder, limits=_limits(band, keep_out), every=every, progress=show
         )
-    typer.echo(found.text())
+    typer.echo(printable(found.text()))
     drawn = _overlaid(found.results, folder, ending, style) if figures else ""
     typer.echo(f"\nresults{',' if figures else ' and'} comparison.csv{drawn} in {folder}")
     if found.failures:
@@ -305,7 +305,7 @@ def campaign_command(  # noqa: PLR0913, PLR0917 - one argument per option
             progress=show,
             said=(lambda text: None) if quiet else (lambda text: typer.echo(text, err=True)),
         )
-    typer.echo(found.summary())
+    typer.echo(printable(found.summary()))
     place = figures_of(folder)
     drawn = pictures(found.store, place, ending.value, style.value) if figures else []
     typer.echo(f"\ndataset {folder}" + (f", {len(drawn)} figures in {place}" if drawn else ""))

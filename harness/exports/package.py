@@ -14,7 +14,7 @@ from harness.master.changes import Changes, apply
 from harness.spelling import file_stem
 from harness.ssp.library import load
 from harness.ssp.writer import write_ssp
-from harness.system.graph import checked
+from harness.system.graph import checked, say_warnings
 from harness.system.model import System
 
 
@@ -28,6 +28,7 @@ def export(system: str | Path | System, target: Path, **changes: Unpack[Changes]
     """
     with load(system) as found:
         changed = apply(found, **changes)
+        say_warnings(changed)
         checked(changed)
         file = _file(target, changed.name)
         try:

@@ -57,6 +57,8 @@ class Child:
             args=(theirs, terminal, _open_files(), note, function, arguments),
             daemon=True,
         )
+        # a daemonic process, as a worker of dask is, may have this child: it ends with its parent
+        multiprocessing.current_process().daemon = False
         with warnings.catch_warnings():  # newer Pythons warn of forks beside other threads
             warnings.simplefilter("ignore", DeprecationWarning)
             self.process.start()

@@ -24,17 +24,15 @@ from numpy.typing import NDArray
 from harness.errors import FmuError, RunError
 from harness.files import cache
 from harness.files.archive import unpack
+from harness.files.paths import is_ours
 from harness.master import messages, place
 from harness.master.transfer import Transfer, transfers
 from harness.system.graph import Node
-from harness.system.interface import Interface, binaries
+from harness.system.interface import binaries
 from harness.system.schedule import Verb
 
 OK, WARNING, FATAL = 0, 1, 4
 STATUS = {2: "fmi2Discard", 3: "fmi2Error", 4: "fmi2Fatal", 5: "fmi2Pending"}
-
-TOOL = "servicing-fmus"
-"""Generation tool of the FMUs of this project."""
 
 Slave = Any
 """FMPy's FMU2Slave, which is not typed."""
@@ -43,13 +41,6 @@ ERROR_CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "l
 """Log categories of FMI 2.0 that are listened to; everything else stays off."""
 
 HEARD = (*ERROR_CATEGORIES, messages.STATISTICS)
-
-
-def ours(interface: Interface) -> bool:
-    """Whether an FMU was built by this project: it holds no globals, and its tests prove its
-    reset.
-    """
-    return str(interface.model.generationTool or "").startswith(TOOL)
 
 
 def _suffix(kind: str) -> str:
@@ -79,7 +70,7 @@ class Instance:
         self.do_step = self.library.fmi2DoStep
         self.no_rollback = 0 if node.interface.model.coSimulation.canGetAndSetFMUstate else 1
         self.transfers = self._transfers()
-        self.resettable = True if ours(node.interface) else None
+        self.resettable = True if is_ours(node.interface.path) else None
         """Whether fmi2Reset leaves nothing of a run behind; None: not known yet."""
 
     @property
@@ -132,7 +123,7 @@ class Instance:
         them once: each of its instances needs files of its own.
         """
         kept = self._files.enter_context(cache.unpacked(self.node.interface.path))
-        if kept is not None and ours(self.node.interface):
+        if kept is not None and is_ours(self.node.interface.path):
             return kept
         folder = Path(self._files.enter_context(TemporaryDirectory(prefix="fmu-", dir=self._place)))
         if kept is not None:

@@ -8,6 +8,8 @@ was complete is kept. Systems of our own FMUs run in this process.
 from __future__ import annotations
 
 import logging
+import math
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -56,11 +58,13 @@ def all_ours(system: System) -> bool:
     return all(is_ours(c.fmu) for c in system.components)
 
 
-def timed(system: System, every: int = 1) -> tuple[Result, float]:
+def timed(system: System, every: int = 1, patience: float = math.inf) -> tuple[Result, float]:
     """The result of a run in a child process, and the time of a macro step of its quickest stretch
     [s].
+
+    patience: how long one FMI call may take; then the process is ended [s].
     """
-    with _Run(system, "c", every) as run:
+    with _Run(system, "c", every, patience) as run:
         return run.result(progress=False), run.simulation.pace
 
 
@@ -95,7 +99,9 @@ def _call(_send: Send, function: Callable[..., Any], *arguments: Any) -> Any:
 class _Run:
     """The run as seen from here: a Simulation that is never entered, whose rows a child fills."""
 
-    def __init__(self, system: System, executor: str, every: int) -> None:
+    def __init__(
+        self, system: System, executor: str, every: int, patience: float = math.inf
+    ) -> None:
         self.simulation = Simulation(system, executor=executor, every=every)
         recorder = self.simulation.recorder
         table, marks = memory.block(recorder.table.nbytes), memory.block(recorder.marks.nbytes)
@@ -105,6 +111,7 @@ class _Run:
         self.calls: list[tuple[str, str]] | None = None
         self.error: Exception | None = None
         self.over = self.closed = False
+        self.watch = _Watch(patience)
 
     def __enter__(self) -> _Run:
         self.child = Child(_run, *self._arguments)
@@ -138,6 +145,8 @@ class _Run:
             if show is not None:
                 show(self.simulation.step)
             signals.check()
+            if self.watch.is_stuck((self.simulation.recorder.marks.tobytes(), self.child.place)):
+                self.child.kill()
 
     def _interrupt(self) -> None:
         """Ask the child to stop, and end it if it does not or the user insists."""
@@ -161,7 +170,7 @@ class _Run:
             self.child.report_output()
         elif self.over or complete:
             instance, call = self.child.place
-            _log.warning("%s: %s %s; the run was over", instance, call, self.child.end())
+            _log.warning("%s: %s %s; the run was over", instance, call, self._end())
         else:
             self.error = self._crash()
         if isinstance(self.error, RunError) and self.calls is not None:
@@ -175,8 +184,30 @@ class _Run:
         if self.calls is not None and 0 <= simulation.recorder.call < len(self.calls):
             instance, call = self.calls[simulation.recorder.call]
         return RunError(
-            instance or simulation.system.name, simulation.time, f"{call} {self.child.end()}"
+            instance or simulation.system.name, simulation.time, f"{call} {self._end()}"
         )
+
+    def _end(self) -> str:
+        """In what way the child has ended."""
+        return self.watch.verdict or self.child.end()
+
+
+class _Watch:
+    """Looks whether anything changes; patience: for how long nothing may [s]."""
+
+    def __init__(self, patience: float) -> None:
+        self.patience, self.verdict = patience, ""
+        self._seen: object = None
+        self._since = time.monotonic()
+
+    def is_stuck(self, state: object) -> bool:
+        """Whether the state has been the same for too long; the verdict says so."""
+        now = time.monotonic()
+        if state != self._seen:
+            self._seen, self._since = state, now
+        elif now - self._since > self.patience:
+            self.verdict = f"has not returned for {self.patience:g} s"
+        return bool(self.verdict)
 
 
 def _share(simulation: Simulation, table: memory.Block, marks: memory.Block) -> None:

@@ -138,7 +138,17 @@ class Simulation:
         every: record every N-th macro step (default: as for the simulation). Raises what run()
         raises; whatever became of a run, the next one knows nothing of it.
         """
-        self.begin(apply(self.base, **changes), every)
+        return self.fly_system(apply(self.base, **changes), every=every, progress=progress)
+
+    def fly_system(
+        self,
+        system: System,
+        *,
+        every: int | None = None,
+        progress: Callable[[int], None] | None = None,
+    ) -> Result:
+        """The same for a system that was changed already."""
+        self.begin(system, every)
         try:
             self.advance(progress=progress)
             return self.result()

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -21,6 +20,7 @@ from harness.master.changes import choose_set, set_names
 from harness.rules.judge import judge
 from harness.spelling import did_you_mean
 from harness.ssp import reader
+from harness.studies.notes import noted
 from harness.system.graph import problems as graph_problems
 from harness.system.graph import readable_interfaces, size_problems
 from harness.system.interface import Interface, binaries, has_binary, platforms, read_interface
@@ -85,7 +85,7 @@ def _check_system(path: Path, strict: bool) -> Verdict:
     """Everything that is wrong with the file, its wiring with every parameter set, its FMUs and its
     time span.
     """
-    with _noted() as notes, reader.examined(path) as (system, problems):
+    with noted() as notes, reader.examined(path) as (system, problems):
         errors = [*problems, *_system_errors(system)]
     lines = (*errors, *(f"warning: {note}" for note in notes))
     if errors or (strict and lines):
@@ -124,27 +124,6 @@ def _say_warnings(interfaces: dict[str, Interface]) -> None:
     for interface in {i.path: i for i in interfaces.values()}.values():
         for warning in interface.warnings:
             log.warning("%s: %s", interface.path.name, warning)
-
-
-@contextmanager
-def _noted() -> Iterator[list[str]]:
-    """What the harness notes in the `with` block, each line once, in place of its log."""
-    lines: dict[str, None] = {}
-
-    class Keeper(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            lines[record.getMessage()] = None
-
-    log, keeper = logging.getLogger("harness"), Keeper(logging.WARNING)
-    kept: list[str] = []
-    spread, log.propagate = log.propagate, False
-    log.addHandler(keeper)
-    try:
-        yield kept
-    finally:
-        log.removeHandler(keeper)
-        log.propagate = spread
-        kept += lines
 
 
 def _complaints(test: Callable[[], object]) -> list[str]:

@@ -24,7 +24,6 @@ from queue import SimpleQueue
 
 from harness.errors import HarnessError, RunError, UsageError
 from harness.files.command import command_line, work_for
-from harness.master import isolated
 from harness.master.changes import apply
 from harness.master.child import end_with_parent
 from harness.results.files import ResultFile, read
@@ -32,10 +31,11 @@ from harness.results.result import Result
 from harness.ssp.library import load
 from harness.studies import table
 from harness.studies.measures import Limits, measures
+from harness.studies.notes import said_once
 from harness.studies.table import Measures, write_csv
 from harness.studies.variants import Variant
 from harness.studies.warm import Warm
-from harness.system.graph import checked
+from harness.system.graph import checked, say_warnings
 
 _log = logging.getLogger("harness")
 
@@ -128,9 +128,10 @@ def _check(
     steps = []
     if every is not None and every < 1:
         raise UsageError(f"--every must be at least 1, not {every}")
-    with load(system) as found:
-        for variant in variants:
-            changed = apply(found, **variant.changes)
+    with load(system) as found, said_once():
+        systems = [apply(found, **variant.changes) for variant in variants]
+        say_warnings(*systems)
+        for changed in systems:
             file.accept(changed)
             steps.append(checked(changed).steps)
     return steps
@@ -241,26 +242,15 @@ def _get_ready(system: str | Path, command: str | None) -> None:
 def _attempt(variant: Variant, path: Path, every: int) -> Outcome:
     file = ResultFile(path)
     try:
-        result, pace = _flown(variant, every)
+        assert _warm is not None
+        result = _warm.fly(variant.changes, every)
         _retire_table(path.parent)
         file.write(result)
     except RunError as error:
         return _ended(variant, file, error)
     except HarnessError as error:
         return Outcome(variant, None, str(error))
-    return Outcome(variant, path, "", pace)
-
-
-def _flown(variant: Variant, every: int) -> tuple[Result, float]:
-    """A run, and the time of its macro step [us]; FMUs that are not ours get a process of their
-    own, which does not stay.
-    """
-    assert _warm is not None
-    changed = apply(_warm.system, **variant.changes)
-    if isolated.all_ours(changed):
-        return _warm.fly(variant.changes, every), _warm.pace
-    result, pace = isolated.timed(changed, every)
-    return result, 1e6 * pace
+    return Outcome(variant, path, "", _warm.pace)
 
 
 def _ended(variant: Variant, file: ResultFile, error: RunError) -> Outcome:

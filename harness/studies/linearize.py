@@ -12,6 +12,7 @@ moved, so nothing but FMI is needed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -255,8 +256,14 @@ class _Differences:
             coarse, fine = (
                 self._slope(name, value, d, moves_state) for d in (distance, distance / 2)
             )
-            yield (4 * fine - coarse) / 3
+            with np.errstate(over="ignore", invalid="ignore"):
+                column = (4 * fine - coarse) / 3
+            if not np.isfinite(column).all():
+                reason = f"the differences by {name} overflow: no linear model"
+                raise RunError(self.bench.interface.model.modelName, self.at, reason)
+            yield column
 
+    @np.errstate(over="ignore", invalid="ignore")
     def _slope(self, name: str, value: float, distance: float, moves_state: bool) -> Array:
         """Central difference; at a lower bound of the variable the one-sided one, also of second
         order.
@@ -305,11 +312,8 @@ class _Differences:
 
 def _size(name: str, values: Mapping[str, float]) -> float:
     """Length of the vector that a scalar belongs to."""
-    return float(
-        np.linalg.norm(
-            [v for n, v in values.items() if base(n) == base(name) and index(n)] or [values[name]]
-        )
-    )
+    parts = [v for n, v in values.items() if base(n) == base(name) and index(n)]
+    return math.hypot(*(parts or [values[name]]))
 
 
 def _matrix(columns: Iterator[Array], height: int, width: int) -> Array:

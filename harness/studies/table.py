@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from harness.files.output import written
+from harness.spelling import one_line
 
 Measures = Mapping[tuple[str, str], Mapping[str, float]]
 """Values by (name, unit) of a measure, then by the label of a run."""
@@ -23,7 +24,7 @@ def text(measures: Measures, labels: Sequence[str]) -> str:
         [*(*name.split(" ", 1), "")[:2], f"[{unit}]", *_numbers(column, labels)]
         for (name, unit), column in shown.items()
     ]
-    rows = list(zip(["", "", "", *labels], *columns, strict=True))
+    rows = list(zip(["", "", "", *map(one_line, labels)], *columns, strict=True))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return "\n".join(_line(row, widths) for row in rows)
 
@@ -58,4 +59,4 @@ def write_csv(measures: Measures, labels: Sequence[str], path: Path) -> None:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["run", *(f"{name} [{unit}]" for name, unit in measures)])
         for label, values in _rows(measures, labels):
-            writer.writerow([label, *("" if math.isnan(v) else repr(v) for v in values)])
+            writer.writerow([one_line(label), *("" if math.isnan(v) else repr(v) for v in values)])

@@ -11,6 +11,7 @@ from __future__ import annotations
 import logging
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -203,14 +204,21 @@ def readable_interfaces(system: System) -> tuple[dict[str, Interface], list[str]
     return interfaces, unreadable
 
 
-def say_warnings(system: System) -> None:
-    """What is not by the book in the FMUs of a system, in the log, as few lines as will do."""
-    interfaces, _ = readable_interfaces(system)
-    for interface in {i.path: i for i in interfaces.values()}.values():
-        first, count = interface.warnings[:1], len(interface.warnings)
-        more = f", and {count - 1} more (harness check lists them)" if count > 1 else ""
-        for warning in first:
-            _log.warning("%s: %s%s", interface.path.name, warning, more)
+def say_warnings(*systems: System) -> None:
+    """What is not by the book in the FMUs of systems, in the log: a line per FMU that can be
+    read.
+    """
+    for fmu in dict.fromkeys(c.fmu for system in systems for c in system.components):
+        with suppress(FmuError):
+            say_warnings_of(read_interface(fmu))
+
+
+def say_warnings_of(interface: Interface) -> None:
+    """What is not by the book in one FMU, in the log: one line."""
+    first, count = interface.warnings[:1], len(interface.warnings)
+    more = f", and {count - 1} more (harness check lists them)" if count > 1 else ""
+    for warning in first:
+        _log.warning("%s: %s%s", interface.path.name, warning, more)
 
 
 def size_problems(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:

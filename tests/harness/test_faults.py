@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 import itertools
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -277,6 +278,86 @@ def test_every_vice_in_every_phase_of_compare(folder, tmp_path, vice, phase):
     outcome = compare_with(folder, tmp_path / "out", vice, phase, harness)
     judge_compare(folder, tmp_path / "out", outcome, vice, phase)
 
+
+# ---- campaigns
+
+CAMPAIGN = """
+system = "two.ssp"
+patience = 2.0
+[factors]
+"swap.b" = {list = ["good.fmu", "vicious.fmu", "good.fmu"]}
+[metrics]
+end = "b.y[-1]"
+"""
+
+
+def campaign_with(folder, vice, phase, workers=0):
+    """Three runs, one of them with the vice; status and message of each, the ends of b.y."""
+    from harness import campaign
+
+    out = folder / "runs.zarr"
+    shutil.rmtree(out, ignore_errors=True)
+    (folder / "c.toml").write_text(CAMPAIGN)
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in environment(vice, phase, STEPS.get(phase, 0)).items():
+            patch.setenv(name, value)
+        store = campaign(folder / "c.toml", out, workers=workers).store
+    return store.array("status").tolist(), store.array("message").tolist(), store.array("end")
+
+
+def judge_campaign(folder, vice, phase, workers=0):
+    status, message, end = campaign_with(folder, vice, phase, workers)
+    kind = VICES[vice].kind
+    ends_run = kind != QUIET and shows(vice, phase) and phase not in AFTER_THE_RUN
+    assert status == [1, 2 if ends_run else 1, 1], message
+    assert end[[0, 2]].tolist() == [6.0, 6.0]
+    if ends_run:
+        assert message[1].startswith("b: ")
+    if ends_run and kind == CRASH and phase != "load":
+        assert phase in message[1]
+    if ends_run and phase == "fmi2DoStep":
+        assert end[1] == 2.0
+    return message[1]
+
+
+@pytest.mark.parametrize(
+    ("vice", "phase"),
+    [
+        ("segfault", "fmi2DoStep"),
+        ("exit_0", "fmi2EnterInitializationMode"),
+        ("kill_group", "fmi2GetReal"),
+        ("fatal", "fmi2DoStep"),
+        ("double_free", "fmi2FreeInstance"),
+        ("chdir", "fmi2Instantiate"),
+    ],
+)
+def test_a_vice_costs_one_run_of_a_campaign(folder, monkeypatch, vice, phase):
+    monkeypatch.chdir(folder)
+    judge_campaign(folder, vice, phase)
+
+
+@pytest.mark.parametrize("phase", ["fmi2DoStep", "fmi2ExitInitializationMode"])
+def test_an_endless_loop_costs_one_run_of_a_campaign(folder, monkeypatch, phase):
+    monkeypatch.chdir(folder)
+    message = judge_campaign(folder, "endless_loop", phase)
+    assert f"b: {phase} has not returned for 2 s" in message
+
+
+def test_workers_outlive_the_vices_of_a_run(folder, monkeypatch):
+    """Dask would give the block of a lost worker to another one: no message could name the call."""
+    monkeypatch.chdir(folder)
+    message = judge_campaign(folder, "segfault", "fmi2DoStep", workers=2)
+    assert message == ("b: fmi2DoStep crashed (SIGSEGV, segmentation fault) (at t = 2 s)")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("vice", "phase"), CASES)
+def test_every_vice_in_every_phase_of_a_campaign(folder, monkeypatch, vice, phase):
+    monkeypatch.chdir(folder)
+    judge_campaign(folder, vice, phase)
+
+
+# ---- one FMU alone
 
 LINEARIZE = ("linearize", "vicious.fmu", "-o", "model.npz")
 EXPORT = ("export", "two.ssp", "copy.ssp")

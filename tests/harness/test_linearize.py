@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from harness.errors import UsageError
+from harness.errors import RunError, UsageError
 from harness.files import paths
 from harness.studies.linearize import linearize
 
@@ -93,3 +93,8 @@ def test_a_time_off_the_steps_is_refused():
 def test_an_unknown_value_is_refused_with_close_names():
     with pytest.raises(UsageError, match="mass_0"):
         linearize(paths.fmus()["servicer"], values={"mass": 3})
+
+
+def test_differences_that_overflow_are_one_reason(fmus):
+    with pytest.raises(RunError, match=r"gain.*the differences by u overflow: no linear model"):
+        linearize(fmus["gain"], step=1.0, values={"k": 4.5e307})

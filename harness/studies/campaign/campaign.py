@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from harness.errors import UsageError
+from harness.files.signals import held
 from harness.master.changes import Changes
 from harness.ssp.library import find_system
 from harness.studies.campaign.engine import Block, Workers, fly
@@ -19,6 +20,7 @@ from harness.studies.campaign.plan import Layout, Plan, layout, read_plan
 from harness.studies.campaign.store import Store
 from harness.studies.campaign.summary import text
 from harness.studies.campaign.worker import FAILED, Task
+from harness.studies.notes import said_once
 
 ROWS = 200
 """Rows of kept histories, unless the campaign says otherwise."""
@@ -77,8 +79,9 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     Raises UsageError, StructureError with all that is wrong before the first run, and ResultsError.
     A run that fails is a row of the dataset.
     """
-    plan = read_plan(definition if isinstance(definition, Mapping) else Path(definition))
-    path, found = Path(output), layout(plan)
+    with said_once():
+        plan = read_plan(definition if isinstance(definition, Mapping) else Path(definition))
+        path, found = Path(output), layout(plan)
     task = _task(plan, found)
     store = _opened(path, plan) if resume and path.exists() else _created(path, plan, task, found)
     try:
@@ -105,7 +108,8 @@ def _fly(  # noqa: PLR0913, PLR0917 - the arguments of campaign()
     blocks = (_block(plan, store, first) for first in store.pending())
     for first, rows in fly(task, blocks, workers, said):
         earlier = status[first : first + len(rows)]
-        store.write(first, [plan.values(first + k) for k in range(len(rows))], rows)
+        with held():  # a block is written whole
+            store.write(first, [plan.values(first + k) for k in range(len(rows))], rows)
         done += len(rows) - int((earlier != 0).sum())
         failed += sum(row.status == FAILED for row in rows) - int((earlier == FAILED).sum())
         if progress is not None:
@@ -122,7 +126,16 @@ def _task(plan: Plan, found: Layout) -> Task:
     stride = max(1, -(-recorded // int(keep.get("rows", ROWS))))
     rows = -(-recorded // stride)
     return Task(
-        plan.digest, plan.system, plan.folder, plan.every, texts, found.columns, kept, stride, rows
+        plan.digest,
+        plan.system,
+        plan.folder,
+        plan.every,
+        texts,
+        found.columns,
+        kept,
+        stride,
+        rows,
+        plan.patience,
     )
 
 

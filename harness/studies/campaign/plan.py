@@ -27,16 +27,18 @@ from harness.spelling import did_you_mean
 from harness.ssp.library import find_system, load
 from harness.studies.campaign import draws, metrics
 from harness.studies.campaign.factors import Factor, factor
-from harness.system.graph import checked
+from harness.system.graph import checked, say_warnings
 from harness.system.model import System
 from harness.system.tables import read_toml
 
 KEYS = {
     "system", "runs", "seed", "sampler", "every", "fixed", "factors", "seeds", "metrics",
-    "success", "worst", "keep", "expected",
+    "success", "worst", "keep", "expected", "patience",
 }  # fmt: skip
 FIXED = ("params", "set", "swap", "latency", "step", "stop", "algorithm")
 NAMED = ("swap", "latency")
+PATIENCE = 60.0
+"""How long an FMU that is not ours may take for a call unless the campaign says otherwise [s]."""
 KEEP = {"histories", "bands", "rows"}
 
 Values = dict[str, Any]
@@ -76,6 +78,11 @@ class Plan:
     def every(self) -> int:
         """Every N-th macro step is recorded."""
         return int(self.definition.get("every", 1))
+
+    @property
+    def patience(self) -> float:
+        """How long an FMU that is not ours may take for one call [s]."""
+        return float(self.definition.get("patience", PATIENCE))
 
     @property
     def fixed(self) -> Changes:
@@ -221,6 +228,7 @@ class _Draft:
         self._whole("seed", 0)
         self._whole("every", 1)
         self._each("expected", self._bounds)
+        self._positive("patience")
         sampler = self.plan.sampler
         if sampler not in draws.SAMPLERS:
             close = did_you_mean(sampler, draws.SAMPLERS)
@@ -241,6 +249,11 @@ class _Draft:
         given = self.plan.definition.get(name, least)
         if not isinstance(given, int) or isinstance(given, bool) or given < least:
             self.problems.append(f"{name}: must be a whole number of at least {least}, not {given}")
+
+    def _positive(self, name: str) -> None:
+        given = self.plan.definition.get(name, 1)
+        if not isinstance(given, int | float) or isinstance(given, bool) or not given > 0:
+            self.problems.append(f"{name}: must be a number above 0, not {given}")
 
     def _each(self, name: str, make: Callable[[str, Any], Any]) -> dict[str, Any]:
         """What is made of every entry of a table, without those that make no sense."""
@@ -386,6 +399,7 @@ def layout(plan: Plan) -> Layout:
     """Find it out from the structures."""
     with load(plan.system) as system:
         cells = [apply(system, **plan.changes(plan.values(k))) for k in plan.structures()]
+        say_warnings(*cells)
         found = [checked(cell) for cell in cells]
         first = cells[0].experiment
         columns = tuple(slot.name for slot in found[0].graph.slots)

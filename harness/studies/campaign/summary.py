@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.spelling import one_line
 from harness.studies.campaign.store import Store
 from harness.studies.campaign.worker import COMPLETE, FAILED, SUCCESS
 
@@ -141,7 +142,7 @@ def _failures(store: Store, status: Array) -> Iterator[str]:
     found = np.flatnonzero(status == FAILED)
     messages = store.array("message")
     for run in found[:WORST]:
-        yield f"failed: run {run}: {messages[run]}"
+        yield f"failed: run {run}: {one_line(messages[run])}"
     if len(found) > WORST:
         yield f"failed: and {len(found) - WORST} more"
 

@@ -38,7 +38,8 @@ class Task:
     """What all runs of a campaign have in common, as plain data.
 
     metrics: texts by name; kept: variables whose histories are wanted, in rows that are `stride`
-    recorded rows apart, `rows` of them.
+    recorded rows apart, `rows` of them; patience: how long an FMU that is not ours may take for one
+    call [s].
     """
 
     key: str
@@ -50,6 +51,7 @@ class Task:
     kept: tuple[str, ...] = ()
     stride: int = 1
     rows: int = 0
+    patience: float = 60.0
 
 
 class Row(NamedTuple):
@@ -104,7 +106,7 @@ def fly_block(task: Task, block: Sequence[Changes]) -> list[Row]:
 def _fly(pilot: _Pilot, changes: Changes) -> Row:
     task = pilot.task
     try:
-        return _row(pilot, COMPLETE, "", pilot.warm.fly(changes, task.every))
+        return _row(pilot, COMPLETE, "", pilot.warm.fly(changes, task.every, task.patience))
     except InterruptionError as error:  # the user means the campaign, not this run
         raise KeyboardInterrupt from error
     except RunError as error:
