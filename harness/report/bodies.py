@@ -121,6 +121,11 @@ def panels(area: Array, position: Array, normal: Array) -> Iterator[Part]:
             yield {"kind": "panel", "at": _plain(place), "normal": _plain(direction), "edge": edge}
 
 
+def shifted(parts: list[Part], by: Array) -> list[Part]:
+    """The same parts elsewhere."""
+    return [part | {"at": _plain(np.add(part["at"], by))} for part in parts]
+
+
 # ---- thrusters
 
 THRUSTERS = ("thruster_position", "thruster_direction", "thrust_nominal", "centre_of_mass")

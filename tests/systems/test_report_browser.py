@@ -22,6 +22,8 @@ RUNS = {
     "ppc_tracking": {"stop": 60.0},
     "ppc_tracking_navigated": {"stop": 30.0},
     "arch_rendezvous": {"every": 100},
+    "space_robot": {"params": "joint_motion"},
+    "transposition": {},
 }
 SYSTEM = "sync_approach"
 each_system = pytest.mark.parametrize("system", RUNS)
