@@ -155,7 +155,7 @@ function startReplay(scene, array, T) {
     });
     links.forEach((link) => (link.on === undefined ? shape : links[link.on].joint).add(link.joint));
     for (const axis of [0, 1, 2]) {
-      const made = arrow(axis, (data.reach || data.radius) * 1.7, AXES[axis]);
+      const made = arrow(axis, data.radius * 1.7, AXES[axis]);
       shape.add(made);
       shown.axes.push(made);
     }
@@ -257,9 +257,9 @@ function startReplay(scene, array, T) {
     const net = new T.LineSegments(new T.EdgesGeometry(new T.SphereGeometry(1.0004 * scene.planet.radius, 36, 18), 0.1),
       new T.LineBasicMaterial({ color: 0x9cc8ff, transparent: true, opacity: 0.16 }));
     made.add(net);
-    for (const height of [0.003, 0.006, 0.01, 0.015, 0.021, 0.028])
-      made.add(new T.Mesh(new T.SphereGeometry((1 + height) * scene.planet.radius, 160, 100),
-        new T.MeshBasicMaterial({ color: 0x6fb6ff, transparent: true, opacity: 0.05, side: T.BackSide, depthWrite: false })));
+    for (let k = 1; k < 13; k++)
+      made.add(new T.Mesh(new T.SphereGeometry((1 + 0.0012 * k) * scene.planet.radius, 160, 100),
+        new T.MeshBasicMaterial({ color: 0x6fb6ff, transparent: true, opacity: 0.032, side: T.BackSide, depthWrite: false })));
     made.rotation.x = Math.PI / 2;
     const group = new T.Group();
     group.add(made);
@@ -306,7 +306,7 @@ function startReplay(scene, array, T) {
   const world = (body) => body.group.getWorldPosition(new T.Vector3());
   const fit = (radius) => {
     const half = Math.tan((camera.fov * Math.PI) / 360) * Math.min(1, camera.aspect);
-    return (1.12 * radius) / half;
+    return ((bodies.length > 1 ? 1.12 : 0.8) * radius) / half;
   };
   const CAMERAS = {
     overview: { name: "overview", once: true, set() {
@@ -324,7 +324,7 @@ function startReplay(scene, array, T) {
     const size = from.radius * from.shape.scale.x;
     const above = camera.up.clone().addScaledVector(d, -camera.up.dot(d));
     if (above.lengthSq() < 1e-4) above.set(0, 0, 1);
-    aim(a.addScaledVector(d, -5 * size).addScaledVector(above.normalize(), 2.2 * size), b.lerp(world(from), far > 12 * size ? 0 : 0.35));
+    aim(a.addScaledVector(d, -6.5 * size).addScaledVector(above.normalize(), 3.6 * size), b.lerp(world(from), far > 12 * size ? 0 : 0.3));
   } });
   if (bodies.length > 1) {
     CAMERAS.servicer = chase(bodies[0], bodies[1], `from ${bodies[0].name}`);
@@ -497,7 +497,7 @@ function startReplay(scene, array, T) {
     if (scene.range) lines.push(`<b>${unit(scalar(array(scene.range), at), "m")}</b> range`);
     if (scene.speed) lines.push(`<span>${unit(scalar(array(scene.speed), at), "m/s")} relative speed</span>`);
     for (const extra of scene.numbers || [])
-      lines.push(`<span>${(extra.factor * scalar(array(extra.values), at)).toPrecision(4)} ${escaped(extra.unit)} ${escaped(extra.name)}</span>`);
+      lines.push(`<span>${(extra.factor * scalar(array(extra.values), at)).toPrecision(4)} ${extra.unit === "1" ? "" : escaped(extra.unit)} ${escaped(extra.name.replaceAll("_", " "))}</span>`);
     lines.push(`<span>${frame.name}, origin: ${escaped(scene.origin)}</span>`);
     if (scaleText) lines.push(`<span>${scaleText}</span>`);
     part(".readout").innerHTML = lines.join("");
