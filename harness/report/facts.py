@@ -15,6 +15,7 @@ from harness.claims import Verdict
 from harness.claims.case import listed
 from harness.claims.report import OTHER, Judged, judged
 from harness.report.plots import number
+from harness.results import safety
 from harness.results.notes import notes
 from harness.results.result import Result
 from harness.studies.measures import MEASURES, Limits
@@ -22,9 +23,6 @@ from harness.system.names import base
 
 Facts = dict[str, Any]
 
-MONITOR = "monitor"
-RULES = ("keep_out", "corridor", "speed", "passive", "plume", "navigation")
-"""Rules of the safety monitor in the order of its outputs."""
 KINDS = {
     Verdict.REPRODUCED: "good",
     Verdict.PARTLY: "fair",
@@ -59,7 +57,7 @@ def measures(result: Result) -> list[Facts]:
     return [
         {"name": m.name, "value": f"{value:.4g}", "unit": m.unit}
         for m, value in taken
-        if math.isfinite(value)
+        if math.isfinite(value) and m.needs != safety.FOUND
     ]
 
 
@@ -99,27 +97,20 @@ def _paper(each: Judged) -> Facts:
 
 
 def margins(result: Result) -> list[Facts]:
-    """Least margin of every rule of a safety monitor, and when it was first violated."""
-    needs = [f"{MONITOR}.{name}" for name in ("least_margin", "violated", "t_first")]
-    if not (result.holds(*needs) and len(result.time)):
+    """Least margin of every rule of the safety monitor that was in force, and its violation."""
+    if not (result.holds(*safety.FOUND) and len(result.time)):
         return []
-    least, violated, first = (result[name][-1] for name in needs)
     return [
         {
-            "rule": result.description(f"{MONITOR}.{rule}_margin"),
-            "name": f"{rule}_margin",
-            "value": f"{least[k]:.4g}",
-            "unit": result.unit(f"{MONITOR}.{rule}_margin"),
-            "kind": "bad" if violated[k] else "good",
-            "since": f"{first[k]:g}" if violated[k] else "",
+            "name": found.rule.name,
+            "text": result.description(found.rule.history),
+            "value": f"{found.margin:.4g}",
+            "unit": found.rule.unit,
+            "kind": "good" if math.isnan(found.violated) else "bad",
+            "since": "" if math.isnan(found.violated) else f"{found.violated:g}",
         }
-        for k, rule in enumerate(RULES)
-        if abs(least[k]) < RESTING
+        for found in safety.findings(result)
     ]
-
-
-RESTING = 1e9
-"""Margin of a rule that is not in force, and above."""
 
 
 # ---- parameters

@@ -28,6 +28,7 @@ POINTS = (300, 2400)
 """Least and most points of a curve."""
 PER_POINT = 8 * 4 / 3
 """Characters of a point: two numbers of four bytes, four characters for three."""
+SECTIONS = ("margins", "figures", "actuators", "phases")
 ACTUATORS = {
     "force",
     "torque",
@@ -41,6 +42,8 @@ ACTUATORS = {
 """Figures of what the actuators do."""
 PLANES = {"phase_planes", "poincare"}
 """Figures that are phase plots."""
+MARGINS = {"safety_margins"}
+"""Figures of the safety monitor."""
 
 
 def write(source: Result | str | Path, path: str | Path) -> Path:
@@ -93,7 +96,7 @@ def _points(curves: int) -> int:
 def _figures(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
     """The figures of the result in their sections, the first of a name."""
     fitting = {f.name: f for f in reversed(FIGURES) if f.fits(result) and not f.is_empty(result)}
-    sections: dict[str, list[dict[str, Any]]] = {"figures": [], "actuators": [], "phases": []}
+    sections: dict[str, list[dict[str, Any]]] = {name: [] for name in SECTIONS}
     for figure in reversed(fitting.values()):
         found = _drawn(canvas, figure, result)
         if found:
@@ -108,6 +111,8 @@ def _figures(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
 def _section(name: str) -> str:
     if name in ACTUATORS:
         return "actuators"
+    if name in MARGINS:
+        return "margins"
     return "phases" if name in PLANES else "figures"
 
 
