@@ -127,6 +127,11 @@ coverage: build $(LINTERS)
 bench: build
 	$(BIN)/harness bench sync_approach
 
+# sin, cos, atan2, exp, log of the models beside those of the C library
+.PHONY: bench-maths
+bench-maths: build
+	$(BIN)/python -m harness.bench.maths
+
 # FMUs with binaries for linux64, win64, darwin64 and aarch64-darwin in one file
 dist: build
 	$(PIP) ziglang==0.13.0

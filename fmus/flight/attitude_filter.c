@@ -177,7 +177,7 @@ static double update(Estimate *hat, quat q, mat3 R)
 
 static void use_star(const Parameters *p, const Input *u, State *x, double k)
 {
-    double m = nearbyint(u->star_time / p->sample_period);
+    double m = nearest_whole(u->star_time / p->sample_period);
     if (m > k || k - m >= HISTORY || m < x->first) return;
     quat D = turn_since(x, m, k), q_AN = canonical(u->q_AN), q_AS = canonical(p->q_AS);
     quat q = product(product(q_AN, conjugate(q_AS)), D);

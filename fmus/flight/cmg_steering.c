@@ -79,8 +79,8 @@ static Columns columns_at(const double d[GYROS])
 
 static mat3 dither(double t) /* E */
 {
-    double w = 1.5707963267948966 * t;
-    double e1 = 0.01 * sin(w), e2 = 0.01 * cos(w), e3 = -0.01 * sin(w);
+    SineCosine w = sine_and_cosine(1.5707963267948966 * t);
+    double e1 = 0.01 * w.s, e2 = 0.01 * w.c, e3 = -0.01 * w.s;
     return rows(vec(1, e3, e2), vec(e3, 1, e1), vec(e2, e1, 1));
 }
 
@@ -100,7 +100,7 @@ static void null_motion(const Columns *c, mat3 AAt, double m, double rate[GYROS]
 static double largest_rate(const double rate[GYROS])
 {
     double largest = 0;
-    for (int i = 0; i < GYROS; i++) largest = fmax(largest, fabs(rate[i]));
+    for (int i = 0; i < GYROS; i++) largest = larger(largest, fabs(rate[i]));
     return largest;
 }
 

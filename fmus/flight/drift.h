@@ -42,14 +42,14 @@ typedef struct { double margin, entry; } Encounter;
 
 static inline Encounter drift_encounter(const Drift *d, const Margin *m, Pair x)
 {
-    double steps = ceil(d->duration / d->max_step), h = d->duration / steps;
+    double steps = ceiling_of(d->duration / d->max_step), h = d->duration / steps;
     Encounter found = {INFINITY, NEVER};
     Relative before = relative_in_hill(d->planet.mu, &x);
     for (double k = 0; k < steps; k++) {
         rk4(drift_derivative, d, k * h, h, &x.T.r.x, sizeof x / sizeof(double));
         Relative after = relative_in_hill(d->planet.mu, &x);
         Arc arc = hermite(before.p, before.v, after.p, after.v, h);
-        found.margin = fmin(found.margin, least_on(m, &arc));
+        found.margin = smaller(found.margin, least_on(m, &arc));
         if (found.margin < 0 && found.entry == NEVER)
             found.entry = (k + first_below_zero(m, &arc)) * h;
         before = after;

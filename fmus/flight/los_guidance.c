@@ -149,7 +149,7 @@ static Motion panel_axis(const Parameters *p, Motion x, State *held, double *gua
 {
     vec3 chi = unit(p->sun_N);
     Motion w = {cross(chi, x.x), cross(chi, x.d), cross(chi, x.dd)};
-    *guarded = norm(w.x) < sin(p->guard_angle);
+    *guarded = norm(w.x) < sine(p->guard_angle);
     if (*guarded && norm(held->y_N) == 0) held->y_N = some_normal(x.x);
     Motion y = normalised(*guarded ? normal_part(held->y_N, x) : w);
     if (!*guarded) held->y_N = y.x;
@@ -158,8 +158,8 @@ static Motion panel_axis(const Parameters *p, Motion x, State *held, double *gua
 
 static quat continued(quat q, quat last)
 {
-    double cosine = q.w * last.w + q.x * last.x + q.y * last.y + q.z * last.z;
-    return cosine < 0 ? (quat){-q.w, -q.x, -q.y, -q.z} : q;
+    double same = q.w * last.w + q.x * last.x + q.y * last.y + q.z * last.z;
+    return same < 0 ? (quat){-q.w, -q.x, -q.y, -q.z} : q;
 }
 
 static void reference_attitude(const Parameters *p, Motion r, State *held, Output *y)
@@ -179,7 +179,7 @@ static void publish_line_of_sight(const Parameters *p, const Input *u, Motion r,
     y->los_ref = line_of_sight(p->up_axis, neg_motion(ref)).q;
     y->beta_t = angle(neg(r.x), ref.x);
     y->beta_p = angle(dcm_of_quat(canonical(u->S.q)).row[0], r.x);
-    double elevation = fmax(fabs(y->los.x.y), fabs(y->los_ref.x.y));
+    double elevation = larger(fabs(y->los.x.y), fabs(y->los_ref.x.y));
     y->los_guard = elevation > p->elevation_limit || y->range < p->range_limit;
 }
 

@@ -77,6 +77,9 @@ static inline int is_valid(const GateParameters *p, const Track *track, double t
 }
 
 /* place of a sample in a ring of the last HISTORY */
-static inline int place_of(double index) { return (int)(index - HISTORY * floor(index / HISTORY)); }
+static inline int place_of(double index)
+{
+    return (int)(index - HISTORY * floor_of(index / HISTORY));
+}
 
 #endif

@@ -176,7 +176,7 @@ static Estimate estimate_of(PosVel s, double sigma_r, double sigma_v)
 
 static void use_fix(const Parameters *p, const Input *u, State *x, double k)
 {
-    double late = k - nearbyint(u->fix_time / p->sample_period);
+    double late = k - nearest_whole(u->fix_time / p->sample_period);
     if (late < 0 || late >= HISTORY) return;
     PosVel fix = {u->r_fix_N, u->v_fix_N};
     if (late > 0) fix = flown(p, fix, vec(0, 0, 0), late * p->sample_period);

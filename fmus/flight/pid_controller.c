@@ -84,7 +84,7 @@ static vec3 pid(const Gains3 *k, vec3 e, vec3 integral, vec3 de)
 
 static double back_calculation(double excess, double T_aw, double Ki, double period)
 {
-    return Ki > 0 && T_aw > 0 ? fmin(period / T_aw, 1) / Ki * excess : 0;
+    return Ki > 0 && T_aw > 0 ? smaller(period / T_aw, 1) / Ki * excess : 0;
 }
 
 /* I += T e + T (u - sat u)/(Ki T_aw); bounded like an input, so that it stays finite for ever */

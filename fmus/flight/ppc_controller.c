@@ -176,7 +176,7 @@ typedef struct {
 /* (15); outside the funnel the margin speaks */
 static double mapped(double theta, double L, double U)
 {
-    return theta > L && theta < U ? log((theta - L) / (U - theta)) : 0;
+    return theta > L && theta < U ? logarithm((theta - L) / (U - theta)) : 0;
 }
 
 static double power(double law, double r, double rho)
@@ -187,12 +187,12 @@ static double power(double law, double r, double rho)
 static Mapped map(const Channel *c, double law, double rising, double z, double age)
 {
     double L = rising ? -c->delta : -1, U = rising ? 1 : c->delta, width = U - L;
-    double alpha = (c->alpha_0 - c->alpha_inf) * exp(-c->beta * age) + c->alpha_inf;
+    double alpha = (c->alpha_0 - c->alpha_inf) * exponential(-c->beta * age) + c->alpha_inf;
     double theta = z / alpha, inside = clamp(theta, L + 1e-3 * width, U - 1e-3 * width);
     double r = width / ((inside - L) * (U - inside) * alpha);
     double gain = c->k * c->eta * power(law, r, alpha * width / 4);
-    return (Mapped){theta, mapped(inside, L, U),       alpha,
-                    gain,  fmin(theta - L, U - theta), mapped(theta, L, U)};
+    return (Mapped){theta, mapped(inside, L, U),          alpha,
+                    gain,  smaller(theta - L, U - theta), mapped(theta, L, U)};
 }
 
 /* ---- three channels: the control u and its telemetry; its side is decided at the start ---- */
@@ -211,17 +211,17 @@ static vec3 barrier(const Channel *const c[3], double law, Funnel *x, vec3 z, do
     Mapped a = map(c[0], law, x->rising.x, z.x, age), b = map(c[1], law, x->rising.y, z.y, age),
            d = map(c[2], law, x->rising.z, z.z, age);
     double kappa = c[0]->eta * a.s * a.s + c[1]->eta * b.s * b.s + c[2]->eta * d.s * d.s;
-    double inside = fmin(a.margin, fmin(b.margin, d.margin));
+    double inside = smaller(a.margin, smaller(b.margin, d.margin));
     if (first) { /* (18) is judged by theta as it is, not as it is kept inside */
         vec3 s = vec(a.unkept_s, b.unkept_s, d.unkept_s),
              eta = vec(c[0]->eta, c[1]->eta, c[2]->eta);
-        x->margin = fmin(1 - dot(s, times(eta, s)), inside);
+        x->margin = smaller(1 - dot(s, times(eta, s)), inside);
     }
 
     *y = (Telemetry){
-        z,     vec(a.theta, b.theta, d.theta), vec(a.s, b.s, d.s), vec(a.alpha, b.alpha, d.alpha),
-        kappa, fmin(1 - kappa, inside) <= 0,   x->margin};
-    return scale(-1 / (1 - fmin(kappa, 0.98)), vec(a.gain * a.s, b.gain * b.s, d.gain * d.s));
+        z,     vec(a.theta, b.theta, d.theta),  vec(a.s, b.s, d.s), vec(a.alpha, b.alpha, d.alpha),
+        kappa, smaller(1 - kappa, inside) <= 0, x->margin};
+    return scale(-1 / (1 - smaller(kappa, 0.98)), vec(a.gain * a.s, b.gain * b.s, d.gain * d.s));
 }
 
 /* (12) to (19) */

@@ -127,8 +127,9 @@ static void check(const Parameters *p, Problems *problems)
 static vec3 frame_velocity(const Parameters *p, double t)
 {
     if (p->mu == 0) return vec(0, 0, 0);
-    double v = sqrt(p->mu / p->frame_radius), nt = v / p->frame_radius * t;
-    return vec(-v * sin(nt), v * cos(nt), 0);
+    double v = sqrt(p->mu / p->frame_radius);
+    SineCosine nt = sine_and_cosine(v / p->frame_radius * t);
+    return vec(-v * nt.s, v * nt.c, 0);
 }
 
 static vec3 direction(vec3 a, vec3 otherwise) /* unit vector; at zero length the other one */
@@ -155,7 +156,8 @@ static quat two_turns(quat q_SN, vec3 d)
 static quat shortest_arc(quat q_SN, vec3 d)
 {
     vec3 b = mul(dcm_of_quat(q_SN), d);
-    double s = sqrt(b.y * b.y + b.z * b.z), k = sqrt((1 - b.x) / 2), c = sqrt(fmax(0, 1 + b.x) / 2);
+    double s = sqrt(b.y * b.y + b.z * b.z), k = sqrt((1 - b.x) / 2),
+           c = sqrt(larger(0, 1 + b.x) / 2);
     if (b.x >= 0) return canonical((quat){c, 0, -b.z / (2 * c), b.y / (2 * c)});
     return s > 0 ? canonical((quat){s / (2 * k), 0, -b.z / s * k, b.y / s * k})
                  : (quat){0, 0, 1, 0};
@@ -208,7 +210,7 @@ static vec3 advance_mode(const Parameters *p, const Input *u, State *x, vec3 sig
     if (x->mode == ALIGN) {
         d = scale(1 / error, e_v);
         if (dot(d, X) < -0.01) d = neg(d); /* brakes */
-        if (dot(d, X) > cos(p->alpha_fire) && norm(u->S.omega) < p->omega_fire) {
+        if (dot(d, X) > cosine(p->alpha_fire) && norm(u->S.omega) < p->omega_fire) {
             x->mode = BURN;
             x->t_burn = t;
             x->d_burn = d;

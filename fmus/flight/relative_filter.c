@@ -236,7 +236,7 @@ static int use_pose(const Parameters *p, const Input *u, State *x)
 
 static void take_pose(const Parameters *p, const Input *u, State *x, double k)
 {
-    double m = p->use_time_stamp ? nearbyint(u->pose_time / p->sample_period) : k;
+    double m = p->use_time_stamp ? nearest_whole(u->pose_time / p->sample_period) : k;
     if (m < x->anchor_index || m > k) {
         x->late++;
         return;

@@ -106,7 +106,7 @@ static inline Finding plume(const Interval *i)
 static inline Zone passive_zone(const SafetyParameters *p)
 {
     vec3 d = p->keep_out_half;
-    double around = p->keep_out_shape == BOX ? norm(d) : fmax(d.x, fmax(d.y, d.z));
+    double around = p->keep_out_shape == BOX ? norm(d) : larger(d.x, larger(d.y, d.z));
     if (p->keep_out_axes == TARGET_AXES) return (Zone){ELLIPSOID, vec(around, around, around)};
     return (Zone){p->keep_out_shape, d};
 }

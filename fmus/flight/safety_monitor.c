@@ -111,7 +111,7 @@ static void check(const Parameters *p, Problems *problems) { check_safety(p, pro
 static void keep_first(State *x, int rule, Finding f)
 {
     x->margin[rule] = f.margin;
-    x->least[rule] = fmin(x->least[rule], f.margin);
+    x->least[rule] = smaller(x->least[rule], f.margin);
     if (f.t != NEVER && x->t_first[rule] == NOT_YET) x->t_first[rule] = f.t;
 }
 
@@ -148,8 +148,8 @@ static double size_of(const Parameters *p, const Input *u, int rule)
 {
     double range = norm(sub(u->S.r, u->T.r));
     switch (rule) {
-    case CORRIDOR: return fmax(range, TINY_RANGE) * sin(p->corridor_half_angle);
-    case SPEED: return fmax(p->speed_at_zero + p->speed_slope * range, TINY_RANGE);
+    case CORRIDOR: return larger(range, TINY_RANGE) * sine(p->corridor_half_angle);
+    case SPEED: return larger(p->speed_at_zero + p->speed_slope * range, TINY_RANGE);
     case PLUME: return p->plume_range;
     default: return smallest(p->keep_out_half);
     }
@@ -191,7 +191,7 @@ static void decide(const Parameters *p, State *x)
 static vec3 abort_force_S(const Parameters *p, const Input *u, State *x, double period)
 {
     double left = norm(x->dv_N), most = period > 0 ? p->mass * left / period : 0;
-    double F = fmin(p->abort_force, most);
+    double F = smaller(p->abort_force, most);
     vec3 F_N = left > 0 ? scale(F / left, x->dv_N) : x->dv_N;
     x->dv_N = sub(x->dv_N, scale(period / p->mass, F_N));
     return mul(dcm_of_quat(attitude_in(u->S.q)), F_N);

@@ -41,7 +41,7 @@ typedef struct {
     vec3 half;
 } Zone;
 
-static inline double smallest(vec3 a) { return fmin(a.x, fmin(a.y, a.z)); }
+static inline double smallest(vec3 a) { return smaller(a.x, smaller(a.y, a.z)); }
 static inline vec3 over(vec3 a, vec3 b) { return vec(a.x / b.x, a.y / b.y, a.z / b.z); }
 
 /* gradient of |p|_Z; by homogeneity |p|_Z = gradient . p, and |p'|_Z >= gradient . p' everywhere */
@@ -62,7 +62,7 @@ static inline double zone_value(const void *rule, vec3 p, vec3 v)
     return smallest(z->half) * (dot(zone_gradient(z, p), p) - 1);
 }
 
-static inline double least_norm(const vec3 p[4]) { return sqrt(fmax(0, least_square(p))); }
+static inline double least_norm(const vec3 p[4]) { return sqrt(larger(0, least_square(p))); }
 
 static inline double zone_bound(const void *rule, const Arc *part)
 {
@@ -85,9 +85,10 @@ static inline double corridor_value(const void *rule, vec3 p, vec3 v)
     const Corridor *c = rule;
     vec3 q = sub(p, c->apex);
     double a = dot(q, c->axis), d = norm(sub(q, scale(a, c->axis)));
-    double inside = a * sin(c->half_angle) - d * cos(c->half_angle);
+    SineCosine half = sine_and_cosine(c->half_angle);
+    double inside = a * half.s - d * half.c;
     (void)v;
-    return c->length > 0 ? fmax(inside, a - c->length) : inside;
+    return c->length > 0 ? larger(inside, a - c->length) : inside;
 }
 
 static inline double corridor_bound(const void *rule, const Arc *part)
@@ -97,8 +98,8 @@ static inline double corridor_bound(const void *rule, const Arc *part)
     double within = cone.length > 0 ? end : -INFINITY, inside = INFINITY;
     cone.length = 0;
     for (int i = 0; i < 4; i++)
-        inside = fmin(inside, corridor_value(&cone, part->p[i], part->v[0]));
-    return fmax(inside, within);
+        inside = smaller(inside, corridor_value(&cone, part->p[i], part->v[0]));
+    return larger(inside, within);
 }
 
 /* ---- speed: |p| is convex, -|v| concave ---- */
@@ -113,7 +114,7 @@ static inline double speed_value(const void *rule, vec3 p, vec3 v)
 static inline double speed_bound(const void *rule, const Arc *part)
 {
     const SpeedLimit *l = rule;
-    return l->at_zero + l->slope * least_norm(part->p) - fmax(norm(part->v[0]), norm(part->v[1]));
+    return l->at_zero + l->slope * least_norm(part->p) - larger(norm(part->v[0]), norm(part->v[1]));
 }
 
 /* ---- plume: the outside of a cone with an end, convex in both parts ---- */
@@ -126,16 +127,18 @@ static inline double plume_value(const void *rule, vec3 p, vec3 v)
 {
     const Plume *c = rule;
     double a = dot(p, c->force), d = norm(sub(p, scale(a, c->force)));
+    SineCosine half = sine_and_cosine(c->half_angle);
     (void)v;
-    return fmax(d * cos(c->half_angle) - a * sin(c->half_angle), norm(p) - c->range);
+    return larger(d * half.c - a * half.s, norm(p) - c->range);
 }
 
 static inline double plume_bound(const void *rule, const Arc *part)
 {
     const Plume *c = rule;
     vec3 q = middle(part), aside = unit_or_zero(sub(q, scale(dot(q, c->force), c->force)));
-    vec3 plane = sub(scale(cos(c->half_angle), aside), scale(sin(c->half_angle), c->force));
-    return fmax(least_along(part, plane), least_norm(part->p) - c->range);
+    SineCosine half = sine_and_cosine(c->half_angle);
+    vec3 plane = sub(scale(half.c, aside), scale(half.s, c->force));
+    return larger(least_along(part, plane), least_norm(part->p) - c->range);
 }
 
 #endif

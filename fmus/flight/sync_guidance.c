@@ -133,7 +133,7 @@ static void reference_attitude(const Parameters *p, const HillFrame *H, Motion a
                                Output *y)
 {
     Motion i = neg_motion(axis), u = roll_vector(i);
-    y->attitude_guard = norm(u.x) < sin(p->guard_angle);
+    y->attitude_guard = norm(u.x) < sine(p->guard_angle);
     if (y->attitude_guard) u = normal_part(*held, i);
     Motion k = normalised(u);
     publish_attitude(H, i, cross_motion(k, i), k, &y->ref);

@@ -170,7 +170,7 @@ static void expand_position(const Parameters *p, double t, Expansion *x)
     expand(1, diagonal3(per_channel(vec(1, 1, 1), position_R(p))), Q_error, Q_rate, t, x);
 }
 
-static double sin_over(double x) { return fabs(x) < 1e-8 ? 1 : sin(x) / x; }
+static double sin_over(double x) { return fabs(x) < 1e-8 ? 1 : sine(x) / x; }
 
 /* rows 4 to 6 of A: kinematics along the actual motion minus that along the reference, A x = f(x) -
  * f(0) */
@@ -179,13 +179,13 @@ static mat6 kinematic_matrix(const TrackingError *e)
     vec3 d = e->now.q.d, dr = e->ref.q.d;
     double rho = e->now.rho_safe, rho_r = e->ref.rho_safe, ce = e->now.ce_safe,
            ce_r = e->ref.ce_safe;
-    double sum = e->now.q.x.y + e->ref.q.x.y, S = sin_over(e->x1.y), tangent = e->now.se / ce;
-    double closing = -2 * dr.x / rho;
+    SineCosine sum = sine_and_cosine(e->now.q.x.y + e->ref.q.x.y);
+    double S = sin_over(e->x1.y), tangent = e->now.se / ce, closing = -2 * dr.x / rho;
 
     mat6 A = {{{0}}};
     set_block(&A, 3, 0,
-              rows(vec(d.y * d.y + d.z * d.z * ce * ce, -rho_r * dr.z * dr.z * sin(sum) * S, 0),
-                   vec(-closing * dr.y / rho_r, -dr.z * dr.z * cos(sum) * S, 0),
+              rows(vec(d.y * d.y + d.z * d.z * ce * ce, -rho_r * dr.z * dr.z * sum.s * S, 0),
+                   vec(-closing * dr.y / rho_r, -dr.z * dr.z * sum.c * S, 0),
                    vec(-closing * dr.z / rho_r, 2 * dr.y * dr.z * S / (ce * ce_r), 0)));
     set_block(&A, 3, 3,
               rows(vec(0, rho_r * (d.y + dr.y), rho_r * ce * ce * (d.z + dr.z)),
@@ -207,8 +207,8 @@ static vec3 bias(const Parameters *p, const Input *u, const TrackingError *e)
 static void control_position(const Parameters *p, const Input *u, const TrackingError *e,
                              const Expansion *x, double t, Output *y)
 {
-    double age = t - x->t_0, eps_1 = 1 - p->k_1 * exp(-p->l_1 * age),
-           eps_2 = 1 - p->k_2 * exp(-p->l_2 * age);
+    double age = t - x->t_0, eps_1 = 1 - p->k_1 * exponential(-p->l_1 * age),
+           eps_2 = 1 - p->k_2 * exponential(-p->l_2 * age);
     vec3 v = neg(per_channel(costate(x, kinematic_matrix(e), eps_1, eps_2, (Chain){e->x1, e->x2}),
                              position_R(p)));
     vec3 g_inverse = vec(1, e->now.rho_safe, e->now.rho_safe * e->now.ce_safe);
@@ -231,7 +231,7 @@ static void expand_attitude(const Parameters *p, double t, Expansion *x)
     mat3 B = inverse_of(p->J_hat);
     double e = p->attitude.Q_error, w = p->attitude.Q_rate;
     expand(0.5, scaled3(1 / p->attitude.R, matmul_t(B, B)), vec(e, e, e), vec(w, w, w),
-           fmax(t, p->tracking.t_att), x);
+           larger(t, p->tracking.t_att), x);
 }
 
 /* A = [0 (T(q) - I)/2; 0 0] */
@@ -248,7 +248,7 @@ static mat6 attitude_matrix(quat q)
 static void control_attitude(const Parameters *p, const Input *u, const TrackingError *e,
                              const Expansion *x, double t, Output *y)
 {
-    double eps = 1 - p->k_att * exp(-p->l_att * fmax(t - x->t_0, 0));
+    double eps = 1 - p->k_att * exponential(-p->l_att * larger(t - x->t_0, 0));
     vec3 lambda =
         costate(x, attitude_matrix(e->q_SD), eps, eps, (Chain){vector_part(e->q_SD), e->w});
     vec3 momentum = add(mul(p->J_hat, u->S.omega), mul(p->A_hat, u->wheel_speed));

@@ -80,7 +80,7 @@ static const Variable variables[] = {
 
 static int is_multiple(double a, double b)
 {
-    return fabs(a / b - nearbyint(a / b)) <= 1e-9 * fmax(1, a / b);
+    return fabs(a / b - nearest_whole(a / b)) <= 1e-9 * larger(1, a / b);
 }
 
 static void check(const Parameters *p, Problems *problems)
@@ -193,7 +193,7 @@ static int move(const Matrix *A, Iterate *it, const Column *b)
     free_step(A, it, residual(A, *b, it->x), d);
     for (int i = 0; i < THRUSTERS; i++) {
         room[i] = d[i] > 0 ? (1 - it->x[i]) / d[i] : d[i] < 0 ? -it->x[i] / d[i] : 2;
-        part = fmin(part, room[i]);
+        part = smaller(part, room[i]);
     }
     for (int i = 0; i < THRUSTERS; i++) {
         if (it->side[i] != FREE) continue;
@@ -228,7 +228,7 @@ static void allocate_wrench(const Parameters *p, const Input *u, Output *y)
         Column r = residual(&A, target, it.x), met = plus(target, -1, &r);
         int in_reach = product_of(&r, &r, 6) <= IN_REACH * IN_REACH * product_of(&w, &w, 6);
         if (in_reach || !p->keep_direction || cut == CUTS - 1) break;
-        y->scale = fmax(0, product_of(&r, &met, 6) / product_of(&r, &w, 6));
+        y->scale = larger(0, product_of(&r, &met, 6) / product_of(&r, &w, 6));
     }
     memcpy(y->demand, it.x, sizeof it.x);
 }
@@ -250,16 +250,16 @@ static void publish_wrench(const Parameters *p, const Input *u, Output *y)
 static void plan_pulse(double demand, double period, double shortest, double *on, double *carry)
 {
     double due = demand * period + *carry;
-    *on = fmin(floor(due + 1e-5), period); /* demands are met within IN_REACH */
+    *on = smaller(floor_of(due + 1e-5), period); /* demands are met within IN_REACH */
     if (*on < shortest) *on = 0;
-    *carry = fmax(0, due - *on);
+    *carry = larger(0, due - *on);
 }
 
 static void modulate(const Parameters *p, State *x, Output *y, double index)
 {
-    double period = nearbyint(p->pulse_period / p->sample_period);
-    double shortest = ceil(p->min_on_time / p->sample_period - 1e-9);
-    double phase = index - period * floor(index / period);
+    double period = nearest_whole(p->pulse_period / p->sample_period);
+    double shortest = ceiling_of(p->min_on_time / p->sample_period - 1e-9);
+    double phase = index - period * floor_of(index / period);
     for (int i = 0; i < THRUSTERS; i++) {
         if (phase == 0) plan_pulse(y->demand[i], period, shortest, &x->on[i], &x->carry[i]);
         y->throttle[i] = phase < x->on[i];

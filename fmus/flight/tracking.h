@@ -99,7 +99,7 @@ static inline vec3 bounded3(vec3 a) { return vec(bounded(a.x), bounded(a.y), bou
 /* unit quaternion with scalar part >= 0; four zeros are taken for "not turned" */
 static inline quat attitude_in(quat q)
 {
-    double largest = fmax(fmax(fabs(q.w), fabs(q.x)), fmax(fabs(q.y), fabs(q.z)));
+    double largest = larger(larger(fabs(q.w), fabs(q.x)), larger(fabs(q.y), fabs(q.z)));
     if (largest == 0) return (quat){1, 0, 0, 0};
     return canonical((quat){q.w / largest, q.x / largest, q.y / largest, q.z / largest});
 }

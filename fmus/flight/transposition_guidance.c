@@ -97,7 +97,7 @@ static const Variable variables[] = {
 static void check_whole(Problems *problems, const char *name, double value, double low, double high,
                         const char *rule)
 {
-    if (value != nearbyint(value) || value < low || value > high)
+    if (value != nearest_whole(value) || value < low || value > high)
         refuse(problems, name, value, rule);
 }
 
@@ -145,7 +145,7 @@ enum { QUADRATURE = 16 }; /* steps from node to node */
 
 static vec3 impulse_N(const Parameters *p, const State *x, double from, double to)
 {
-    double count = fmax(1, ceil(QUADRATURE * (to - from) / x->history.dt - 1e-6));
+    double count = larger(1, ceiling_of(QUADRATURE * (to - from) / x->history.dt - 1e-6));
     double h = (to - from) / count, off = h / 2 / sqrt(3.0);
     vec3 sum = vec(0, 0, 0);
     for (int i = 0; i < count; i++) {
@@ -171,7 +171,7 @@ static vec3 predicted(const Parameters *p, const State *x, double t)
     const History *y = &x->history;
     if (t <= y->t_0) return p->h_0_S;
     if (t >= window_end(y)) return x->h_end;
-    int k = (int)floor((t - y->t_0) / y->dt);
+    int k = (int)floor_of((t - y->t_0) / y->dt);
     double node = node_time(y, k);
     vec3 H_N = t > node ? add(x->H_N[k], impulse_N(p, x, node, t)) : x->H_N[k];
     return momentum_D(p, x, H_N, t);
@@ -191,7 +191,7 @@ static double predict(const Parameters *p, State *x)
         double from = y->t_0 + (m - 1) * part, to = y->t_0 + m * part;
         H_N = add(H_N, impulse_N(p, x, from, to));
         x->h_end = momentum_D(p, x, H_N, to);
-        largest = fmax(largest, norm(x->h_end));
+        largest = larger(largest, norm(x->h_end));
         if (m % FINE == 0) x->H_N[m / FINE] = H_N;
     }
     return largest;
@@ -225,7 +225,7 @@ static double largest_rotation(const History *y)
 {
     double largest = 0;
     for (int m = 0; m <= FINE * intervals(y); m++)
-        largest = fmax(largest, rotation_of(fine_motion(y, m).x));
+        largest = larger(largest, rotation_of(fine_motion(y, m).x));
     return largest;
 }
 

@@ -64,7 +64,7 @@ static inline Motion history_at(const History *y, double t) /* at rest outside t
 {
     double u = (t - y->t_0) / y->dt;
     if (!(u >= 0 && u < y->n)) return (Motion){vec(0, 0, 0), vec(0, 0, 0), vec(0, 0, 0)};
-    int k = (int)floor(u);
+    int k = (int)floor_of(u);
     return spline_at(y->dt, y->eps, y->curvature, k, u - k);
 }
 
@@ -300,7 +300,7 @@ static inline double largest_momentum(const Task *task, const History *y, const 
 {
     double largest = 0;
     int stride = task->scheme == SCHEME_SPLINE ? 1 : FINE;
-    for (int m = 0; m <= FINE * intervals(y); m += stride) largest = fmax(largest, norm(w->h[m]));
+    for (int m = 0; m <= FINE * intervals(y); m += stride) largest = larger(largest, norm(w->h[m]));
     return largest;
 }
 
@@ -308,7 +308,7 @@ static inline double largest_eps(const History *y) /* of spline and nodes */
 {
     double largest = 0;
     for (int m = 0; m <= FINE * intervals(y); m++)
-        largest = fmax(largest, norm(fine_motion(y, m).x));
+        largest = larger(largest, norm(fine_motion(y, m).x));
     return largest;
 }
 
@@ -371,7 +371,8 @@ static inline Result iterate(const Task *task, History *y, Workspace *w)
     int spline = task->scheme == SCHEME_SPLINE;
     for (;; r.iterations++) {
         double eps = largest_eps(y);
-        r.rotation[r.iterations] = eps < 1 ? 2 * arc(eps, sqrt(1 - eps * eps)) : 2 * arc(1, 0);
+        r.rotation[r.iterations] =
+            eps < 1 ? 2 * arc_tangent(eps, sqrt(1 - eps * eps)) : 2 * arc_tangent(1, 0);
         if (!(r.rotation[r.iterations] <= task->rotation_max))
             return r.status = ROTATION_TOO_LARGE, r;
         (spline ? integrate : patent_history)(task, y, w);

@@ -238,7 +238,7 @@ static void publish(const Parameters *p, const State *x, double t, double inside
     y->omega_SN_S = x->omega;
     y->omega_SH_S = rate_relative_to_H(p, C_So, x->omega);
     y->eps = vector_part(x->q);
-    y->rotation = 2 * arc(norm(y->eps), x->q.w);
+    y->rotation = 2 * arc_tangent(norm(y->eps), x->q.w);
     y->M_gravity_S = torque.gravity;
     y->M_aero_S = torque.aero;
     y->h_total_N = tmul(dcm_of_quat(y->q_SN), add(carried_momentum(&now, x->omega), x->h));
@@ -249,7 +249,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 {
     const Assembly *a = &p->assembly;
     double e = dot(p->eps_0, p->eps_0);
-    x->q = canonical((quat){sqrt(fmax(0, 1 - e)), p->eps_0.x, p->eps_0.y, p->eps_0.z});
+    x->q = canonical((quat){sqrt(larger(0, 1 - e)), p->eps_0.x, p->eps_0.y, p->eps_0.z});
     x->omega = add(mul(dcm_of_quat(x->q), orbital_rate_o(a)), p->omega_SH_S_0);
     for (int i = 0; i < GYROS; i++) x->gimbal_angle[i] = p->gimbal_angle_0[i];
     x->h = p->use_cluster != 0 ? cluster_momentum(p->h_w, x->gimbal_angle) : p->h_0_S;

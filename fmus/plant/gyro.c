@@ -69,8 +69,8 @@ static vec3 quantised(double quantum, vec3 m, vec3 *residue)
 {
     if (quantum == 0) return m;
     vec3 a = add(*residue, m);
-    vec3 whole = scale(
-        quantum, vec(nearbyint(a.x / quantum), nearbyint(a.y / quantum), nearbyint(a.z / quantum)));
+    vec3 whole = scale(quantum, vec(nearest_whole(a.x / quantum), nearest_whole(a.y / quantum),
+                                    nearest_whole(a.z / quantum)));
     *residue = sub(a, whole);
     return whole;
 }

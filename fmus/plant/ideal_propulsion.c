@@ -52,19 +52,19 @@ static void check(const Parameters *p, Problems *problems) { (void)p, (void)prob
 /* integral of F over h for a lag from F towards c without a change of sign */
 static double lag_integral(double F, double c, double tau, double h)
 {
-    return c * h - (F - c) * tau * expm1(-h / tau);
+    return c * h - (F - c) * tau * exponential_less_1(-h / tau);
 }
 
 /* one axis over an internal step: F(t+h) = c + (F-c) exp(-h/tau), and the integral of |F|, split
  * where F crosses zero */
 static void lag(double *F, double *impulse, double c, double tau, double h)
 {
-    double before = *F, after = tau > 0 ? before - (before - c) * -expm1(-h / tau) : c;
+    double before = *F, after = tau > 0 ? before - (before - c) * -exponential_less_1(-h / tau) : c;
     *F = after;
     if (tau == 0) *impulse += fabs(c) * h;
     else if (before * after >= 0) *impulse += fabs(lag_integral(before, c, tau, h));
     else {
-        double zero = tau * log((before - c) / -c);
+        double zero = tau * logarithm((before - c) / -c);
         *impulse +=
             fabs(lag_integral(before, c, tau, zero)) + fabs(lag_integral(0, c, tau, h - zero));
     }

@@ -76,7 +76,7 @@ static void check(const Parameters *p, Problems *problems)
     for (int i = 0; i < THRUSTERS; i++) {
         double kind = p->fault_kind[i], factor = p->fault_factor[i];
         snprintf(name, sizeof name, "fault_kind[%d]", i + 1);
-        if (kind != floor(kind) || kind >= FAULT_KINDS)
+        if (kind != floor_of(kind) || kind >= FAULT_KINDS)
             refuse(problems, name, kind, "must be 0, 1, 2 or 3");
         snprintf(name, sizeof name, "fault_factor[%d]", i + 1);
         if (factor > 1) refuse(problems, name, factor, "must be in [0, 1]");

@@ -163,7 +163,8 @@ RK4(integrate, derivative, Context, State)
 static double wheel_accel(const Parameters *p, double command, double speed, double h)
 {
     double accel = limited(command, p->wheel_accel_max), top = p->wheel_speed_max;
-    return top > 0 ? clamp(accel, fmin(0, (-top - speed) / h), fmax(0, (top - speed) / h)) : accel;
+    return top > 0 ? clamp(accel, smaller(0, (-top - speed) / h), larger(0, (top - speed) / h))
+                   : accel;
 }
 
 static vec3 wheel_accels(const Parameters *p, vec3 command, vec3 speed, double h)

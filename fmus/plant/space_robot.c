@@ -216,24 +216,22 @@ static void obey_lock(const Parameters *p, const Input *u, State *x)
 /* ---- attitude relative to the orbital frame: x outward, y along track, z orbit normal ---- */
 static mat3 orbital_frame(const Parameters *p, vec3 r, vec3 v)
 {
-    const Orbit *o = &p->orbit;
-    vec3 of_elements = vec(sin(o->inc) * sin(o->raan), -sin(o->inc) * cos(o->raan), cos(o->inc));
-    vec3 x = unit(r), z = o->mu > 0 ? unit(cross(r, v)) : of_elements;
+    SineCosine i = sine_and_cosine(p->orbit.inc), O = sine_and_cosine(p->orbit.raan);
+    vec3 of_elements = vec(i.s * O.s, -i.s * O.c, i.c);
+    vec3 x = unit(r), z = p->orbit.mu > 0 ? unit(cross(r, v)) : of_elements;
     return rows(x, cross(z, x), z);
 }
 
 /* C_b,or = Ry(psi) Rz(theta) Rx(vartheta); angles in the order vartheta, psi, theta */
 static mat3 dcm_of_euler(const double angles[3])
 {
-    double cx = cos(angles[0]), sx = sin(angles[0]), cy = cos(angles[1]), sy = sin(angles[1]),
-           cz = cos(angles[2]), sz = sin(angles[2]);
-    mat3 Rx = rows(vec(1, 0, 0), vec(0, cx, sx), vec(0, -sx, cx));
-    mat3 Rz = rows(vec(cz, sz, 0), vec(-sz, cz, 0), vec(0, 0, 1));
-    mat3 Ry = rows(vec(cy, 0, -sy), vec(0, 1, 0), vec(sy, 0, cy));
+    SineCosine x = sine_and_cosine(angles[0]), y = sine_and_cosine(angles[1]),
+               z = sine_and_cosine(angles[2]);
+    mat3 Rx = rows(vec(1, 0, 0), vec(0, x.c, x.s), vec(0, -x.s, x.c));
+    mat3 Rz = rows(vec(z.c, z.s, 0), vec(-z.s, z.c, 0), vec(0, 0, 1));
+    mat3 Ry = rows(vec(y.c, 0, -y.s), vec(0, 1, 0), vec(y.s, 0, y.c));
     return matmul(Ry, matmul(Rz, Rx));
 }
-
-static double angle_of(double y, double x) { return y < 0 ? -arc(-y, x) : arc(y, x); }
 
 /* theta = asin(-C10), vartheta = atan2(C12, C11), psi = atan2(C20, C00); omega relative to the
  * orbital frame, base axes: rates from omega = T_Y [dvartheta; dpsi; dtheta], which is singular at
@@ -241,33 +239,33 @@ static double angle_of(double y, double x) { return y < 0 ? -arc(-y, x) : arc(y,
 static void euler_of_dcm(mat3 C, vec3 w, double angles[3], double rates[3])
 {
     double cz = sqrt(C.row[1].y * C.row[1].y + C.row[1].z * C.row[1].z), sz = -C.row[1].x;
-    angles[0] = angle_of(C.row[1].z, C.row[1].y);
-    angles[1] = angle_of(C.row[2].x, C.row[0].x);
-    angles[2] = angle_of(sz, cz);
-    double cy = cos(angles[1]), sy = sin(angles[1]);
-    rates[0] = (cy * w.x + sy * w.z) / fmax(cz, 1e-9);
+    angles[0] = arc_tangent(C.row[1].z, C.row[1].y);
+    angles[1] = arc_tangent(C.row[2].x, C.row[0].x);
+    angles[2] = arc_tangent(sz, cz);
+    SineCosine y = sine_and_cosine(angles[1]);
+    rates[0] = (y.c * w.x + y.s * w.z) / larger(cz, 1e-9);
     rates[1] = w.y + sz * rates[0];
-    rates[2] = cy * w.z - sy * w.x;
+    rates[2] = y.c * w.z - y.s * w.x;
 }
 
 static vec3 rate_of_euler(const double angles[3], const double rates[3]) /* T_Y rates */
 {
-    double cy = cos(angles[1]), sy = sin(angles[1]), cz = cos(angles[2]), sz = sin(angles[2]);
-    return vec(cy * cz * rates[0] - sy * rates[2], rates[1] - sz * rates[0],
-               sy * cz * rates[0] + cy * rates[2]);
+    SineCosine y = sine_and_cosine(angles[1]), z = sine_and_cosine(angles[2]);
+    return vec(y.c * z.c * rates[0] - y.s * rates[2], rates[1] - z.s * rates[0],
+               y.s * z.c * rates[0] + y.c * rates[2]);
 }
 
 /* the angle of the same direction nearest to an earlier one: counts full turns */
 static double continued(double earlier, double angle)
 {
     double turn = 6.283185307179586476925;
-    return angle + turn * nearbyint((earlier - angle) / turn);
+    return angle + turn * nearest_whole((earlier - angle) / turn);
 }
 
 static double pitch_of(const State *x)
 {
     vec3 a = radial_S(x);
-    return angle_of(-a.y, a.x);
+    return arc_tangent(-a.y, a.x);
 }
 
 /* ---- outputs ---- */

@@ -14,10 +14,6 @@
     result call_##function parameters;                \
     result call_##function parameters { return function arguments; }
 
-/* portable_math.h */
-CALL(double, arc, (double y, double x), (y, x))
-CALL(double, exponential, (double x), (x))
-
 /* vec3.h */
 CALL(vec3, add, (vec3 a, vec3 b), (a, b))
 CALL(vec3, sub, (vec3 a, vec3 b), (a, b))

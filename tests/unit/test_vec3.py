@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""vec3.h and portable_math.h against numpy."""
+"""vec3.h and finite.h against numpy."""
 
 import numpy as np
 import pytest
@@ -67,33 +67,6 @@ def test_limits(core):
     assert [core.limited(x, 2) for x in (-3, -1, 5)] == [-2, -1, 2]
     assert core.limited(-3, 0) == -3, "a limit of 0 is none"
     assert np.array_equal(core.limited3([-3, 4, 5], [2, 0, 6]), [-2, 4, 5])
-
-
-def test_arc_is_atan2_of_a_nonnegative_ordinate(core):
-    rng = np.random.default_rng(1)
-    y, x = np.abs(rng.normal(size=4000)) * 10.0 ** rng.uniform(-9, 9, 4000), rng.normal(size=4000)
-    found = np.array([core.arc(*p) for p in zip(y, x, strict=True)])
-    assert np.all(np.abs(found - np.arctan2(y, x)) <= 2e-15 * np.arctan2(y, x))
-
-
-@pytest.mark.parametrize(
-    ("y", "x", "expected"),
-    [(0, 0, 0), (0, 1, 0), (0, -1, np.pi), (1, 0, np.pi / 2), (1, 1, np.pi / 4)],
-)
-def test_arc_of_special_points(core, y, x, expected):
-    assert core.arc(y, x) == pytest.approx(expected, rel=2e-15, abs=0)
-
-
-def test_exponential_is_exp(core):
-    x = np.concatenate([np.linspace(-699, 699, 4001), np.geomspace(1e-300, 1, 500), [0.0]])
-    found = np.array([core.exponential(v) for v in x])
-    assert np.all(np.abs(found - np.exp(x)) <= 2e-15 * np.exp(x))
-    assert core.exponential(0.0) == 1
-
-
-def test_exponential_beyond_the_range_of_doubles(core):
-    assert [core.exponential(x) for x in (-700.0, -np.inf, 710.0, np.inf)] == [0, 0, np.inf, np.inf]
-    assert np.isnan(core.exponential(np.nan))
 
 
 @pytest.mark.parametrize("count", range(1, 12))

@@ -149,7 +149,7 @@ static double finest_grid(const void *model)
         if (strcmp(v->name, "max_step") && strcmp(v->name, "sample_period") &&
             strcmp(v->name, "T0"))
             continue;
-        if (value > 0) finest = fmin(finest, value);
+        if (value > 0) finest = smaller(finest, value);
     }
     return isfinite(finest) ? finest : 0;
 }

@@ -144,7 +144,7 @@ static bool central_difference(const Instance *instance, const Direction *d, dou
 static double scale_of(Scalar s, double value)
 {
     if (s.row->causality == PARAMETER_ROW && value != 0) return fabs(value);
-    return fmax(1, 1e-6 * fabs(value));
+    return larger(1, 1e-6 * fabs(value));
 }
 
 /* until the first known has moved by 1 % of its scale; 0 for a zero seed */
@@ -154,7 +154,7 @@ static double difference_distance(const Instance *instance, const Direction *d)
     for (size_t i = 0; i < d->knowns; i++) {
         Scalar s = scalar_of(&fmu_model, d->known[i]);
         double scale = scale_of(s, value_of(instance->model, s));
-        if (d->seed[i] != 0) distance = fmin(distance, 0.01 * scale / fabs(d->seed[i]));
+        if (d->seed[i] != 0) distance = smaller(distance, 0.01 * scale / fabs(d->seed[i]));
     }
     return isfinite(distance) ? distance : 0;
 }

@@ -13,7 +13,8 @@
 #ifndef FMU_H
 #define FMU_H
 
-#include <math.h>
+#include "exact.h"
+
 #include <stddef.h>
 #include <stdio.h>
 #include <string.h>

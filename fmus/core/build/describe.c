@@ -129,13 +129,17 @@ static void print_units(void)
     printf("  </UnitDefinitions>\n");
 }
 
+#define ROOT_10 3.1622776601683795
+
 /* the power of ten nearest to the largest start value of a row, where that is far from 1 */
 static double nominal(const Variable *v, const double *values)
 {
     double largest = 0;
-    for (size_t k = 0; k < v->size; k++) largest = fmax(largest, fabs(values[k]));
-    double power = largest > 0 ? nearbyint(log10(largest)) : 0;
-    return fabs(power) > 1 ? pow(10, power) : 1;
+    for (size_t k = 0; k < v->size; k++) largest = larger(largest, fabs(values[k]));
+    double up = 1, down = 1;
+    while (largest > up * ROOT_10) up *= 10;
+    while (largest > 0 && largest * down * ROOT_10 < 1) down *= 10;
+    return up > 10 || down > 10 ? up / down : 1;
 }
 
 static void print_bounds(Rule rule)

@@ -55,8 +55,8 @@ static inline Arc arc_part(const Arc *arc, double a, double b)
 /* least projection of the control points on a direction: no point of the arc is below it */
 static inline double least_along(const Arc *arc, vec3 u)
 {
-    return fmin(fmin(dot(u, arc->p[0]), dot(u, arc->p[1])),
-                fmin(dot(u, arc->p[2]), dot(u, arc->p[3])));
+    return smaller(smaller(dot(u, arc->p[0]), dot(u, arc->p[1])),
+                   smaller(dot(u, arc->p[2]), dot(u, arc->p[3])));
 }
 
 /* no |point|^2 of the arc is below it: the least Bernstein coefficient of that polynomial of degree
@@ -67,7 +67,7 @@ static inline double least_square(const vec3 p[4])
     double c23 = dot(p[2], p[3]), c02 = (2 * dot(p[0], p[2]) + 3 * dot(p[1], p[1])) / 5;
     double c13 = (2 * dot(p[1], p[3]) + 3 * dot(p[2], p[2])) / 5;
     double c03 = (dot(p[0], p[3]) + 9 * dot(p[1], p[2])) / 10;
-    return fmin(fmin(fmin(c00, c01), fmin(c02, c03)), fmin(c13, fmin(c23, c33)));
+    return smaller(smaller(smaller(c00, c01), smaller(c02, c03)), smaller(c13, smaller(c23, c33)));
 }
 
 /* ---- margins along an arc ---- */
@@ -90,7 +90,7 @@ typedef struct { double s, w; } Part;
 static inline Part next_part(Part x)
 {
     double s = x.s + x.w, w = x.w;
-    while (s < 1 && floor(s / (2 * w)) == s / (2 * w)) w *= 2;
+    while (s < 1 && floor_of(s / (2 * w)) == s / (2 * w)) w *= 2;
     return (Part){s, w};
 }
 static inline Part left_half(Part x) { return (Part){x.s, x.w / 2}; }
@@ -99,13 +99,13 @@ static inline Part left_half(Part x) { return (Part){x.s, x.w / 2}; }
 static inline double resolution(const Arc *arc)
 {
     double size = norm(arc->p[0]) + norm(arc->p[1]) + norm(arc->p[2]) + norm(arc->p[3]);
-    return fmax(1e-7, 1e-12 * size);
+    return larger(1e-7, 1e-12 * size);
 }
 
 /* never above the least value on the arc, and below it by no more than the resolution */
 static inline double least_on(const Margin *m, const Arc *arc)
 {
-    double best = fmin(value_at(m, arc, 0), value_at(m, arc, 1)), lowest = best;
+    double best = smaller(value_at(m, arc, 0), value_at(m, arc, 1)), lowest = best;
     double fine = resolution(arc);
     Part x = {0, 1};
     for (int parts = 0; x.s < 1; parts++) {
@@ -114,11 +114,11 @@ static inline double least_on(const Margin *m, const Arc *arc)
         Arc part = arc_part(arc, x.s, x.s + x.w);
         double bound = m->bound(m->rule, &part);
         settled = settled || bound >= best - fine || x.w < SHORTEST_PART;
-        if (settled) lowest = fmin(lowest, bound);
-        else best = fmin(best, value_at(m, arc, x.s + x.w / 2));
+        if (settled) lowest = smaller(lowest, bound);
+        else best = smaller(best, value_at(m, arc, x.s + x.w / 2));
         x = settled ? next_part(x) : left_half(x);
     }
-    return fmin(best, lowest);
+    return smaller(best, lowest);
 }
 
 /* where the value first falls below zero, in 0..1, or NEVER */

@@ -1,35 +1,200 @@
-/* portable_math.h - atan2 and exp from sums, products, quotients and roots alone.
+/* portable_math.h - sin, cos, atan2, exp, log, expm1 from sums, products, quotients, comparisons
+ * and bits alone.
  *
- * Those operations are exact to the last bit on every platform; the C libraries' atan2 and exp are
- * not, and their last bits would travel through a whole simulation. Both are accurate to 2e-15
- * relative. */
+ * Those operations are exact to the last bit on every platform; the C libraries' functions are not,
+ * and their last bits would travel through a whole simulation. Within 1 unit in the last place
+ * everywhere; special values as in Annex F of C99. The parts of a product that are exact say so:
+ * nothing may be contracted to a fused operation (-ffp-contract=off). */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef PORTABLE_MATH_H
 #define PORTABLE_MATH_H
 
-#include <math.h>
+#include "elementary_numbers.h"
+#include "exact.h"
+#include "huge_angle.h"
 
-/* atan2(y, x) for y >= 0, in 0 .. pi; 0 if both vanish. The angle is halved four times, then the
- * series of atan is summed. */
-static inline double arc(double y, double x)
+#define ROUNDER (1.5 * ALL_WHOLE) /* x + ROUNDER - ROUNDER: nearest whole number, |x| < 2^51 */
+
+/* ---- sin and cos ---- */
+/* x less n pi/2, in three parts of which two times n are exact (Cody & Waite 1980); where more than
+ * the third part cancels, by the digits of 2/pi */
+static inline Angle reduced(double x)
 {
-    double r = sqrt(x * x + y * y), t = y / (r + fabs(x)), series = 0;
-    if (r == 0) return 0;
-    for (int i = 0; i < 3; i++) t = t / (1 + sqrt(1 + t * t));
-    for (int n = 15; n > 0; n -= 2) series = 1.0 / n - t * t * series;
-    double angle = 16 * t * series;
-    return x < 0 ? 3.14159265358979323846 - angle : angle;
+    if (fabs(x) <= 0.78539816339744831) return (Angle){x, 0, 0};
+    if (fabs(x) < 1e6) {
+        double n = x * TWO_OVER_PI + ROUNDER - ROUNDER;
+        double a = x - n * HALF_PI_1, b = n * HALF_PI_2, c = n * HALF_PI_3;
+        double d = a - b, back = a - d, lost = (back - b) + (a - (d + back)), hi = d - c;
+        if (fabs(d) > fabs(n) * 0x1p-54) return (Angle){hi, (d - hi - c) + lost, (int)n};
+    }
+    return isfinite(x) ? reduced_by_digits(x) : (Angle){NAN, 0, 0};
 }
 
-/* exp(x) = 2^n exp(r), r = x - n ln 2 in two parts, |r| <= 0.35, series of 18 terms; 0 below the
+static inline double sine_of(Angle r)
+{
+    const double *k = sine_terms, z = r.hi * r.hi, zz = z * z;
+    double sum = (k[0] + z * k[1]) + zz * ((k[2] + z * k[3]) + zz * (k[4] + z * k[5]));
+    return r.hi + (r.hi * z * sum + (r.lo - r.lo * (0.5 * z)));
+}
+
+static inline double cosine_of(Angle r)
+{
+    const double *k = cosine_terms, z = r.hi * r.hi, zz = z * z, half = 0.5 * z, w = 1 - half;
+    double sum = (k[0] + z * k[1]) + zz * ((k[2] + z * k[3]) + zz * (k[4] + z * k[5]));
+    return w + ((1 - w - half) + (zz * sum - r.hi * r.lo));
+}
+
+static inline double sine(double x)
+{
+    if (fabs(x) < 0x1p-27) return x;
+    Angle r = reduced(x);
+    double size = r.quarter & 1 ? cosine_of(r) : sine_of(r);
+    return r.quarter & 2 ? -size : size;
+}
+
+static inline double cosine(double x)
+{
+    Angle r = reduced(x);
+    double size = r.quarter & 1 ? sine_of(r) : cosine_of(r);
+    return (r.quarter + 1) & 2 ? -size : size;
+}
+
+typedef struct { double s, c; } SineCosine;
+static inline SineCosine sine_and_cosine(double x) /* the same bits as the two functions */
+{
+    if (fabs(x) < 0x1p-27) return (SineCosine){x, 1};
+    Angle r = reduced(x);
+    double s = sine_of(r), c = cosine_of(r), sine = r.quarter & 1 ? c : s;
+    double cosine = r.quarter & 1 ? s : c;
+    return (SineCosine){r.quarter & 2 ? -sine : sine, (r.quarter + 1) & 2 ? -cosine : cosine};
+}
+
+/* ---- atan2 ---- */
+/* base +- atan(b/a) for 0 <= b <= a: below 1/8 q = b/a in two parts and a series, from there
+ * atan(c) + atan((b - c a)/(a + c b)) with the nearest c = k/64 */
+static inline double beside(double base, double rest, double sign, double b, double a)
+{
+    double q = b / a, a_1 = head(a), a_2 = a - a_1;
+    if (q < 0.125) {
+        const double *k = arc_terms, z = q * q, zz = z * z;
+        double sum = (k[0] + z * k[1]) + zz * (k[2] + z * k[3]) +
+                     zz * zz * ((k[4] + z * k[5]) + zz * (k[6] + z * k[7]));
+        double q_1 = head(q), q_2 = ((b - q_1 * a_1) - q_1 * a_2) / a;
+        double tail = q_2 + q * z * sum, whole = base + sign * q_1;
+        return whole + (sign * tail + (base - whole + sign * q_1 + rest));
+    }
+    double n = q * 64 + ROUNDER - ROUNDER, c = n * 0.015625;
+    double d = ((b - c * a_1) - c * a_2) / (a + c * b), z = d * d;
+    const double *k = arc_step_terms, *arc = arc_table[(int)n];
+    double tail = arc[1] + (d + d * z * (k[0] + z * (k[1] + z * k[2])));
+    double whole = base + sign * arc[0];
+    return whole + (sign * tail + (base - whole + sign * arc[0] + rest));
+}
+
+/* both vanish, overflow, or one of them is not finite: directions at 0, 45, 90 .. degrees */
+static inline double arc_at_edge(double y, double x, double a)
+{
+    double half = a == 0 ? signbit(x) : x < 0, quarter = a > 0 && fabs(y) == a;
+    if (isnan(x) || isnan(y)) return x + y;
+    if (quarter && fabs(x) == a) return half ? 0.75 * PI_1 : 0.25 * PI_1;
+    return quarter ? 0.5 * PI_1 : half ? PI_1 : 0;
+}
+
+/* the first octant by b <= a, the others by reflection; scaled where products would leave the
  * range of doubles */
+static inline double arc_tangent(double y, double x)
+{
+    double v = fabs(y), u = fabs(x), a = v > u ? v : u, b = v > u ? u : v, size;
+    if (!(a < 0x1p500 && b > 0x1p-400)) {
+        if (!(a > 0 && a <= 0x1.fffffffffffffp+1023 && b >= 0))
+            return copysign(arc_at_edge(y, x, a), y);
+        if (x > 0 && v < 0x1p-60 * u) return y / x;
+        double k = a > 1 ? 0x1p-600 : 0x1p540;
+        a *= k, b *= k;
+    }
+    if (v > u) size = beside(0.5 * PI_1, 0.5 * PI_2, x < 0 ? 1 : -1, b, a);
+    else size = x < 0 ? beside(PI_1, PI_2, -1, b, a) : beside(0, 0, 1, b, a);
+    return copysign(size, y);
+}
+
+/* ---- exp and expm1 ---- */
+/* exp(x) = 2^n (a + a tail): x = (128 n + j) ln 2/128 + r, a (1 + b) = 2^(j/128) from a table,
+ * |r| <= ln 2/256 (Tang 1989) */
+typedef struct {
+    double a, tail;
+    int n;
+} Power;
+
+static inline Power power_of_e(double x)
+{
+    double m = x * STEPS_PER_E + ROUNDER - ROUNDER, r = x - m * STEP_1 - m * STEP_2, rr = r * r;
+    int whole = (int)m, j = (int)((unsigned)whole & 127);
+    const double *k = exponential_terms, *row = power_table[j];
+    double tail = row[1] + (r + rr * ((k[0] + r * k[1]) + rr * (k[2] + r * k[3])));
+    return (Power){row[0], tail, (whole - j) / 128};
+}
+
+/* twice half the power above the range of normal numbers, below it a normal number scaled down */
+static inline double exponential_at_edge(double x)
+{
+    if (isnan(x)) return x;
+    if (x > 709.782712893384) return INFINITY;
+    if (x < -745.13321910194122) return 0;
+    Power p = power_of_e(x);
+    double half = raised(p.a + p.a * p.tail, x > 0 ? p.n - 1 : p.n + 1000);
+    return half * (x > 0 ? 2 : 0x1p-1000);
+}
+
 static inline double exponential(double x)
 {
-    if (!(fabs(x) < 700)) return x < 0 ? 0 : x > 0 ? INFINITY : x;
-    double n = floor(x * 1.4426950408889634 + 0.5), sum = 1;
-    double r = (x - n * 0.693147180369123816490) - n * 1.90821492927058770002e-10;
-    for (int k = 18; k > 0; k--) sum = 1 + r / k * sum;
-    return ldexp(sum, (int)n);
+    if (!(fabs(x) < 708)) return exponential_at_edge(x);
+    Power p = power_of_e(x);
+    double a = raised(p.a, p.n);
+    return a + a * p.tail;
+}
+
+static inline double exponential_less_1(double x) /* exp(x) - 1, exact also near 0 */
+{
+    if (fabs(x) < 0.125) {
+        if (fabs(x) < 0x1p-54) return x;
+        const double *k = expm1_terms, z = x * x, zz = z * z;
+        double sum = (k[0] + x * k[1]) + z * (k[2] + x * k[3]) +
+                     zz * ((k[4] + x * k[5]) + z * (k[6] + x * k[7]) + zz * k[8]);
+        return x + (0.5 * z + x * z * sum);
+    }
+    if (x < -40) return -1;
+    if (!(x < 708)) return exponential_at_edge(x);
+    Power p = power_of_e(x);
+    double a = raised(p.a, p.n), less = a - 1, back = a - less;
+    return less + ((a - (less + back)) + (back - 1) + a * p.tail);
+}
+
+/* ---- log ---- */
+static inline double logarithm_at_edge(double x)
+{
+    return x == 0 ? -INFINITY : x > 0 || isnan(x) ? x : NAN;
+}
+
+#define SMALLEST_NORMAL (UINT64_C(1) << 52)     /* bits of 2^-1022 */
+#define ALL_NORMAL      (UINT64_C(0x7FE) << 52) /* from there to infinity */
+
+/* x = 2^n z, ln z = ln c + ln(1 + r), 1/c in 20 bits from a table: r = z/c - 1 is exact in two
+ * parts (after Tang 1990) */
+static inline double logarithm(double x)
+{
+    int shift = 1022;
+    if (bits_of(x) - SMALLEST_NORMAL >= ALL_NORMAL) {
+        if (!(x > 0 && x < 1)) return logarithm_at_edge(x);
+        x *= 0x1p54, shift += 54;
+    }
+    uint64_t above = bits_of(x) - (LEAST_Z - (UINT64_C(1022) << 52));
+    double n = (int)(above >> 52) - shift;
+    double z = double_of((above & UINT64_C(0xFFFFFFFFFFFFF)) + LEAST_Z);
+    const double *row = log_table[above >> 45 & 127], *k = log_terms;
+    double z_1 = head(z), r_1 = z_1 * row[0] - 1, r_2 = (z - z_1) * row[0], r = r_1 + r_2;
+    double w = n * LN_2_1 + row[1], hi = w + r, rr = r * r;
+    double sum = (k[0] + r * k[1]) + rr * ((k[2] + r * k[3]) + rr * (k[4] + r * k[5]));
+    return hi + ((w - hi + r) + (n * LN_2_2 + row[2] + (r_1 - r + r_2)) + rr * sum);
 }
 
 #endif

@@ -11,7 +11,7 @@
 #ifndef RICCATI_H
 #define RICCATI_H
 
-#include <math.h>
+#include "exact.h"
 
 enum { ORDER = 6, ELEMENTS = ORDER * (ORDER + 1) / 2 };
 
@@ -98,7 +98,7 @@ static inline double largest6(mat6 a)
 {
     double largest = 0;
     for (int i = 0; i < ORDER; i++)
-        for (int j = 0; j < ORDER; j++) largest = fmax(largest, fabs(a.at[i][j]));
+        for (int j = 0; j < ORDER; j++) largest = larger(largest, fabs(a.at[i][j]));
     return largest;
 }
 

@@ -27,7 +27,7 @@ static inline vec3 rotation_vector(quat q)
     quat c = canonical(q);
     vec3 v = vector_part(c);
     double n = norm(v);
-    return scale(n > 0 ? 2 * arc(n, c.w) / n : 2, v);
+    return scale(n > 0 ? 2 * arc_tangent(n, c.w) / n : 2, v);
 }
 
 /* [cos |phi|/2, sin(|phi|/2)/|phi| phi] by series: 1e-16 up to a turn of pi */

@@ -51,7 +51,7 @@ static inline Eigen eigen(mat3 m) /* eight sweeps: quadratic convergence is over
 static inline mat3 pseudo_inverse(mat3 m, double share)
 {
     Eigen e = eigen(m);
-    double floor = share * fmax(e.value.x, fmax(e.value.y, e.value.z));
+    double floor = share * larger(e.value.x, larger(e.value.y, e.value.z));
     double values[3] = {e.value.x, e.value.y, e.value.z};
     mat3 sum = diagonal(0, 0, 0);
     for (int k = 0; k < 3; k++)

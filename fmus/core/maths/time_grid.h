@@ -11,7 +11,7 @@
 #ifndef TIME_GRID_H
 #define TIME_GRID_H
 
-#include <math.h>
+#include "exact.h"
 
 static const double most_grid_steps = 9007199254740992.0; /* 2^53 */
 
@@ -26,7 +26,7 @@ static inline double time_tolerance(double x, double most)
 /* number of the grid point that t stands for, NaN if t is between two */
 static inline double grid_number(double t, double grid)
 {
-    double n = nearbyint(t / grid);
+    double n = nearest_whole(t / grid);
     return fabs(t / grid - n) <= time_tolerance(n, 1e-3) ? n : NAN;
 }
 
@@ -43,7 +43,7 @@ typedef struct {
 static inline GridTime grid_time(double t, double grid)
 {
     double n = grid_number(t, grid);
-    return isnan(n) ? (GridTime){t, floor(t / grid)} : (GridTime){n * grid, n};
+    return isnan(n) ? (GridTime){t, floor_of(t / grid)} : (GridTime){n * grid, n};
 }
 
 static inline Substep substep_at(GridTime now, GridTime end, double grid)
@@ -70,7 +70,7 @@ typedef struct { double t, period, index, left; } Sample; /* period 0: one sampl
 static inline double sample_index(double t, double period) /* of the first sample at or after t */
 {
     double n = grid_number(t, period);
-    return isnan(n) ? ceil(t / period) : n;
+    return isnan(n) ? ceiling_of(t / period) : n;
 }
 static inline Sample first_sample(double t, double h, double period)
 {

@@ -29,11 +29,11 @@ static inline vec3 cross(vec3 a, vec3 b)
 }
 
 /* angle between two directions, exact also near 0 and pi, 0 if one of them vanishes [rad] */
-static inline double angle(vec3 a, vec3 b) { return arc(norm(cross(a, b)), dot(a, b)); }
+static inline double angle(vec3 a, vec3 b) { return arc_tangent(norm(cross(a, b)), dot(a, b)); }
 
 static inline double clamp(double value, double low, double high)
 {
-    return fmin(fmax(value, low), high);
+    return smaller(larger(value, low), high);
 }
 
 /* value within +-limit; a limit of 0 means "no limit" */

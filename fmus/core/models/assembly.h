@@ -41,8 +41,8 @@ typedef struct {
 
 static inline mat3 turn_about_z(double angle) /* A_01 */
 {
-    double c = cos(angle), s = sin(angle);
-    return rows(vec(c, -s, 0), vec(s, c, 0), vec(0, 0, 1));
+    SineCosine a = sine_and_cosine(angle);
+    return rows(vec(a.c, -a.s, 0), vec(a.s, a.c, 0), vec(0, 0, 1));
 }
 
 static inline void place_facets(const Assembly *a, mat3 A_01, vec3 R, Facet facets[FACETS])
@@ -89,8 +89,8 @@ static inline vec3 orbital_rate_o(const Assembly *a) { return vec(0, -orbit_rate
 static inline quat q_oH(void) { return (quat){0.5, -0.5, -0.5, 0.5}; }
 static inline quat q_HN(const Assembly *a, double t)
 {
-    double half = orbit_rate(a) * t / 2;
-    return (quat){cos(half), 0, 0, sin(half)};
+    SineCosine half = sine_and_cosine(orbit_rate(a) * t / 2);
+    return (quat){half.c, 0, 0, half.s};
 }
 static inline quat q_oN(const Assembly *a, double t) { return product(q_HN(a, t), q_oH()); }
 
@@ -166,7 +166,7 @@ static inline Turning turning(const Assembly *a, Motion eps)
 
 static inline double rotation_of(vec3 eps) /* angle of the rotation [rad] */
 {
-    return 2 * arc(norm(eps), sqrt(fmax(0, 1 - dot(eps, eps))));
+    return 2 * arc_tangent(norm(eps), sqrt(larger(0, 1 - dot(eps, eps))));
 }
 
 #endif

@@ -29,11 +29,13 @@ static inline Gyro gyro(int i)
 
 static inline vec3 spin_axis(Gyro a, double d) /* along the wheel's momentum */
 {
-    return add(scale(cos(d), a.s), scale(sin(d), a.t));
+    SineCosine turn = sine_and_cosine(d);
+    return add(scale(turn.c, a.s), scale(turn.s, a.t));
 }
 static inline vec3 torque_axis(Gyro a, double d) /* A_i, derivative of spin_axis */
 {
-    return sub(scale(cos(d), a.t), scale(sin(d), a.s));
+    SineCosine turn = sine_and_cosine(d);
+    return sub(scale(turn.c, a.t), scale(turn.s, a.s));
 }
 
 static inline vec3 cluster_momentum(double h_w, const double d[GYROS])
@@ -63,7 +65,7 @@ static inline mat3 A_A_transposed(const double d[GYROS])
 static inline double
 singularity_measure(const double d[GYROS]) /* m = sqrt(det A A^T), 0: singular */
 {
-    return sqrt(fmax(0, determinant(A_A_transposed(d))));
+    return sqrt(larger(0, determinant(A_A_transposed(d))));
 }
 
 /* largest momentum along the unit vector u: h_w sum sqrt(1 - (g_i.u)^2) */

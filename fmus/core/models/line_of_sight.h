@@ -78,14 +78,15 @@ static inline vec3 los_accelerations(const LineOfSight *los, vec3 a_L)
 static inline LineOfSight line_of_sight(double up, Motion r)
 {
     vec3 a = with_up_as_y(r.x, up);
-    double elevation = atan2(a.y, sqrt(a.x * a.x + a.z * a.z)), azimuth = atan2(-a.z, a.x);
-    double ce = cos(elevation), se = sin(elevation);
+    double elevation = arc_tangent(a.y, sqrt(a.x * a.x + a.z * a.z)),
+           azimuth = arc_tangent(-a.z, a.x);
+    SineCosine e = sine_and_cosine(elevation), b = sine_and_cosine(azimuth);
     LineOfSight los = {.q.x = vec(norm(r.x), elevation, azimuth),
-                       .C_LN = los_axes(up, ce, se, cos(azimuth), sin(azimuth)),
-                       .ce = ce,
-                       .se = se,
-                       .ce_safe = fmax(ce, 1e-3),
-                       .rho_safe = fmax(norm(r.x), 0.1)};
+                       .C_LN = los_axes(up, e.c, e.s, b.c, b.s),
+                       .ce = e.c,
+                       .se = e.s,
+                       .ce_safe = larger(e.c, 1e-3),
+                       .rho_safe = larger(norm(r.x), 0.1)};
     los.q.d = los_rates(&los, mul(los.C_LN, r.d));
     los.q.dd = los_accelerations(&los, mul(los.C_LN, r.dd));
     return los;
@@ -95,7 +96,7 @@ static inline LineOfSight line_of_sight(double up, Motion r)
 static inline double wrapped(double angle)
 {
     const double turn = 6.283185307179586477;
-    return angle - turn * ceil(angle / turn - 0.5);
+    return angle - turn * ceiling_of(angle / turn - 0.5);
 }
 
 /* gravity at r_T + rho minus gravity at r_T, without cancellation (Encke):
@@ -103,7 +104,8 @@ static inline double wrapped(double angle)
  *           q = rho.(rho + 2 r_T)/r^2 */
 static inline vec3 differential_gravity(double mu, vec3 r_T, vec3 rho)
 {
-    double rr = fmax(dot(r_T, r_T), 1), q = fmax(dot(rho, add(rho, scale(2, r_T))) / rr, 1e-12 - 1);
+    double rr = larger(dot(r_T, r_T), 1),
+           q = larger(dot(rho, add(rho, scale(2, r_T))) / rr, 1e-12 - 1);
     double p = (1 + q) * sqrt(1 + q), f = -q * (3 + q * (3 + q)) / (p * (1 + p));
     return scale(-mu / (rr * sqrt(rr)), add(rho, scale(f, add(r_T, rho))));
 }

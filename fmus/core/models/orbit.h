@@ -16,13 +16,13 @@ typedef struct { vec3 r, v; } PosVel; /* N axes */
 /* position and velocity of the osculating ellipse: perifocal, turned by argp, inc, raan */
 static inline PosVel posvel_of_elements(const Orbit *o)
 {
-    double p = o->a * (1 - o->e * o->e), r = p / (1 + o->e * cos(o->nu)), k = sqrt(o->mu / p);
-    double ci = cos(o->inc), si = sin(o->inc), cw = cos(o->argp), sw = sin(o->argp),
-           cO = cos(o->raan), sO = sin(o->raan);
-    vec3 P = vec(cO * cw - sO * sw * ci, sO * cw + cO * sw * ci, sw * si);
-    vec3 Q = vec(-cO * sw - sO * cw * ci, -sO * sw + cO * cw * ci, cw * si);
-    return (PosVel){add(scale(r * cos(o->nu), P), scale(r * sin(o->nu), Q)),
-                    add(scale(-k * sin(o->nu), P), scale(k * (o->e + cos(o->nu)), Q))};
+    SineCosine i = sine_and_cosine(o->inc), w = sine_and_cosine(o->argp);
+    SineCosine O = sine_and_cosine(o->raan), nu = sine_and_cosine(o->nu);
+    double p = o->a * (1 - o->e * o->e), r = p / (1 + o->e * nu.c), k = sqrt(o->mu / p);
+    vec3 P = vec(O.c * w.c - O.s * w.s * i.c, O.s * w.c + O.c * w.s * i.c, w.s * i.s);
+    vec3 Q = vec(-O.c * w.s - O.s * w.c * i.c, -O.s * w.s + O.c * w.c * i.c, w.c * i.s);
+    return (PosVel){add(scale(r * nu.c, P), scale(r * nu.s, Q)),
+                    add(scale(-k * nu.s, P), scale(k * (o->e + nu.c), Q))};
 }
 
 /* A.2: -mu r/r^3 + a_J2 */

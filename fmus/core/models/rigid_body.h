@@ -19,10 +19,10 @@ static inline vec3 gravity_gradient(double mu, vec3 r_B, mat3 J)
  * for roundings. It is used as given; what its unsymmetric part does to the motion is as small. */
 static inline int is_symmetric(mat3 m)
 {
-    double largest = fmax(fabs(m.row[0].x), fmax(fabs(m.row[1].y), fabs(m.row[2].z)));
+    double largest = larger(fabs(m.row[0].x), larger(fabs(m.row[1].y), fabs(m.row[2].z)));
     double xy = fabs(m.row[0].y - m.row[1].x), xz = fabs(m.row[0].z - m.row[2].x),
            yz = fabs(m.row[1].z - m.row[2].y);
-    return fmax(xy, fmax(xz, yz)) <= 1e-9 * largest;
+    return larger(xy, larger(xz, yz)) <= 1e-9 * largest;
 }
 
 static inline void check_positive_definite(Problems *problems, const char *name, mat3 m)
@@ -30,7 +30,7 @@ static inline void check_positive_definite(Problems *problems, const char *name,
     double minor = m.row[0].x * m.row[1].y - m.row[0].y * m.row[1].x;
     if (!is_symmetric(m)) refuse(problems, name, m.row[0].y, "must be symmetric");
     if (m.row[0].x <= 0 || minor <= 0 || determinant(m) <= 0)
-        refuse(problems, name, fmin(m.row[0].x, fmin(m.row[1].y, m.row[2].z)),
+        refuse(problems, name, smaller(m.row[0].x, smaller(m.row[1].y, m.row[2].z)),
                "must be positive definite");
 }
 
@@ -49,7 +49,7 @@ static inline int keeps_triangle_rule(mat3 J)
 
 static inline void check_inertia(Problems *problems, const char *name, mat3 J)
 {
-    double largest = fmax(J.row[0].x, fmax(J.row[1].y, J.row[2].z));
+    double largest = larger(J.row[0].x, larger(J.row[1].y, J.row[2].z));
     check_positive_definite(problems, name, J);
     if (!keeps_triangle_rule(J))
         refuse(problems, name, largest,

@@ -23,7 +23,7 @@ typedef struct {
  * than a sine */
 static inline double wave(double bias, double amplitude, double frequency, double phase, double t)
 {
-    return amplitude == 0 ? bias : bias + amplitude * sin(frequency * t + phase);
+    return amplitude == 0 ? bias : bias + amplitude * sine(frequency * t + phase);
 }
 
 /* `since`: start of the internal step that t lies in, so that the last stage before the start time

@@ -47,7 +47,7 @@ static inline Facet facet(const Surfaces *s, int k)
 static inline double area_in_flow(Facet f, vec3 v)
 {
     double facing = -dot(f.normal, v);
-    return f.area * (f.two_sided != 0 ? fabs(facing) : fmax(0, facing));
+    return f.area * (f.two_sided != 0 ? fabs(facing) : larger(0, facing));
 }
 
 #endif

@@ -28,7 +28,7 @@ static inline void check_random(Problems *problems, const RandomStream *r)
     const double value[] = {r->seed, r->stream};
     const char *const name[] = {"seed", "stream"};
     for (int i = 0; i < 2; i++)
-        if (value[i] != floor(value[i]) || value[i] >= 4294967296.0)
+        if (value[i] != floor_of(value[i]) || value[i] >= 4294967296.0)
             refuse(problems, name[i], value[i], "must be a whole number in [0, 2^32)");
 }
 
@@ -58,18 +58,6 @@ static inline double polynomial(const double *p, int degree, double r) /* Horner
     double sum = p[degree];
     while (degree-- > 0) sum = sum * r + p[degree];
     return sum;
-}
-
-/* ln x = k ln 2 + 2 s (1 + s^2/3 + ... + s^20/21),  x = 2^k m,  s = (m - 1)/(m + 1), ln 2 in two
- * parts */
-static inline double logarithm(double x)
-{
-    int k;
-    double m = frexp(x, &k);
-    if (m < 0.70710678118654752440) m *= 2, k--;
-    double s = (m - 1) / (m + 1), series = 1.0 / 21;
-    for (int n = 19; n > 0; n -= 2) series = 1.0 / n + s * s * series;
-    return k * 1.90821492927058770002e-10 + 2 * s * series + k * 0.693147180369123816490;
 }
 
 /* coefficients of AS 241: numerators A, C, E, denominators B, D, F */
@@ -117,7 +105,7 @@ static inline double normal_quantile(double u)
         double r = 0.180625 - q * q;
         return q * polynomial(quantile_A, 7, r) / polynomial(quantile_B, 7, r);
     }
-    double r = sqrt(-logarithm(fmin(u, 1 - u)));
+    double r = sqrt(-logarithm(smaller(u, 1 - u)));
     double z = r <= 5 ? polynomial(quantile_C, 7, r - 1.6) / polynomial(quantile_D, 7, r - 1.6)
                       : polynomial(quantile_E, 7, r - 5) / polynomial(quantile_F, 7, r - 5);
     return q < 0 ? -z : z;
@@ -130,7 +118,7 @@ typedef struct {
 
 static inline double remainder_of(double x, double divisor) /* in [0, divisor) */
 {
-    return x - divisor * floor(x / divisor);
+    return x - divisor * floor_of(x / divisor);
 }
 
 static inline Draws draws_of_sample(const RandomStream *r, double n)
@@ -138,7 +126,7 @@ static inline Draws draws_of_sample(const RandomStream *r, double n)
     const double word = 4294967296.0;
     return (Draws){{(uint32_t)r->seed, (uint32_t)r->stream},
                    (uint32_t)remainder_of(n, word),
-                   (uint32_t)remainder_of(floor(n / word), word),
+                   (uint32_t)remainder_of(floor_of(n / word), word),
                    0};
 }
 static inline Draws draws_of_run(const RandomStream *r)

@@ -90,9 +90,10 @@ static inline void partial_velocities(Part *b, int k)
 
 static inline Robot robot_in(const Links *p, const double q[JOINTS], const double dq[JOINTS])
 {
+    SineCosine first = sine_and_cosine(q[0]), both = sine_and_cosine(q[0] + q[1]);
     vec3 none = vec(0, 0, 0), joint_1 = vec(p->r[0], 0, 0);
-    vec3 along_0 = vec(1, 0, 0), along_1 = vec(cos(q[0]), sin(q[0]), 0),
-         along_2 = vec(cos(q[0] + q[1]), sin(q[0] + q[1]), 0);
+    vec3 along_0 = vec(1, 0, 0), along_1 = vec(first.c, first.s, 0),
+         along_2 = vec(both.c, both.s, 0);
     Robot robot = {{{.mass = p->mass[0], .rho = none, .inertia = turned_inertia(p, 0, along_0)},
                     {.mass = p->mass[1],
                      .rho = joint_1,

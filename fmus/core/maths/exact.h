@@ -1,0 +1,50 @@
+/* exact.h - roundings, extremes and the bits of a double: exact operations, none of them a call of
+ * a library. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef EXACT_H
+#define EXACT_H
+
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+/* NaN only if both are: the other one if one of them is */
+static inline double smaller(double a, double b) { return a < b || isnan(b) ? a : b; }
+static inline double larger(double a, double b) { return a > b || isnan(b) ? a : b; }
+
+#define ALL_WHOLE 4503599627370496.0 /* 2^52: from here on every double is a whole number */
+
+/* to the nearest whole number, halves to the even one; 2^52 pushes the fraction out */
+static inline double nearest_whole(double x)
+{
+    double size = fabs(x);
+    return size < ALL_WHOLE ? copysign(size + ALL_WHOLE - ALL_WHOLE, x) : x;
+}
+static inline double floor_of(double x)
+{
+    double n = nearest_whole(x);
+    return n > x ? n - 1 : n;
+}
+static inline double ceiling_of(double x) { return -floor_of(-x); }
+
+static inline uint64_t bits_of(double x)
+{
+    uint64_t bits;
+    memcpy(&bits, &x, sizeof bits);
+    return bits;
+}
+static inline double double_of(uint64_t bits)
+{
+    double x;
+    memcpy(&x, &bits, sizeof x);
+    return x;
+}
+
+/* 2^n for -1022 <= n <= 1023; x 2^n for a normal product */
+static inline double power_of_2(int n) { return double_of((uint64_t)(n + 1023) << 52); }
+static inline double raised(double x, int n) { return double_of(bits_of(x) + ((uint64_t)n << 52)); }
+
+/* the upper 26 bits of x: a product with another such number is exact */
+static inline double head(double x) { return double_of(bits_of(x) & UINT64_C(0xFFFFFFFFF8000000)); }
+
+#endif
