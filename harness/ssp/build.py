@@ -32,6 +32,7 @@ from harness.system.wiring import Wiring, split, wire
 KEYS = {
     "": (
         "name",
+        "extends",
         "description",
         "experiment",
         "components",
@@ -281,11 +282,35 @@ def alternative(
     return found
 
 
+def extended(source: Path) -> dict[str, Any]:
+    """Content of a TOML; one that `extends` another of its folder is put over it."""
+    table = read_toml(source)
+    base = table.get("extends")
+    if base is None:
+        return table
+    path = source.with_name(f"{base}.toml")
+    if not path.is_file():
+        known = sorted(other.stem for other in source.parent.glob("*.toml"))
+        raise StructureError([f"extends: there is no {path.name}{did_you_mean(str(base), known)}"])
+    if path == source:
+        raise StructureError(["extends: a system cannot extend itself"])
+    return _over(read_toml(path), table)
+
+
+def _over(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    merged = dict(base)
+    for key, value in own.items():
+        under = base.get(key)
+        both = isinstance(under, Mapping) and isinstance(value, Mapping)
+        merged[key] = _over(under, value) if both else value  # type: ignore[arg-type]
+    return merged
+
+
 def build(source: Path, fmus: Path, output: Path) -> None:
     """Write the .ssp of a TOML with the FMUs of a folder. Raises HarnessError."""
     known = {path.stem: path for path in sorted(fmus.glob("*.fmu"))}
     try:
-        write_ssp(system_of(read_toml(source), known), output)
+        write_ssp(system_of(extended(source), known), output)
     except StructureError as error:
         raise StructureError(
             f"{source.name}: {problem.removeprefix(f'{source}: ')}" for problem in error.problems

@@ -340,6 +340,8 @@ def test_the_build_command_writes_the_file(fmu_folder, tmp_path, capsys):
         ("name = ", 1, r"demo\.toml: not a readable TOML file \(.*\)"),
         (None, 2, r".*demo\.toml: cannot be read \(No such file or directory\)"),
         (TOML.replace("k = 4", "kk = 4"), 1, r"demo\.toml: \[parameters\] shared\.kk: .*"),
+        ('extends = "dem"', 1, r"demo\.toml: extends: there is no dem\.toml \(close: demo\)"),
+        ('extends = "demo"', 1, r"demo\.toml: extends: a system cannot extend itself"),
     ],
 )
 def test_the_build_command_says_in_one_line_what_is_wrong(
@@ -353,6 +355,22 @@ def test_the_build_command_says_in_one_line_what_is_wrong(
     )
     assert re.fullmatch(line + "\n", capsys.readouterr().err)
     assert not (tmp_path / "demo.ssp").exists()
+
+
+def test_a_system_that_extends_another_says_what_is_otherwise(fmus, fmu_folder, tmp_path):
+    (tmp_path / "demo.toml").write_text(TOML)
+    own = 'extends = "demo"\nname = "mine"\n[connections]\n"second.v[2]" = "first.v[1]"\n'
+    (tmp_path / "mine.toml").write_text(own + "[parameters.second]\nM.bias = 2\n")
+    build(tmp_path / "mine.toml", fmu_folder, tmp_path / "mine.ssp")
+    plain = composed(fmus)
+    with ssp.opened(tmp_path / "mine.ssp") as system:
+        assert (system.name, system.description) == ("mine", plain.description)
+        second = dict(system.component("second").parameters)
+        changed = second.pop("M.bias")
+        before = dict(plain.component("second").parameters)
+        assert (changed.value, before.pop("M.bias").value) == (2, 0.125)
+        assert second == before
+        assert Connection(Port("first", "v[1]"), Port("second", "v[2]")) in system.connections
 
 
 def test_build_reports_the_place_it_cannot_write_to(fmu_folder, tmp_path, capsys):

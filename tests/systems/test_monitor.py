@@ -127,3 +127,47 @@ def test_the_controllers_that_the_paper_recommends_keep_all_rules(controller):
         result = flight("ppc_tracking", params, None if "ppc" in controller else controller)
         assert result["monitor.rule_violated"][-1] == 0
         assert abs(least(result, "keep_out") - (range_(result).min() - 17)) < 1e-3
+
+
+# ---- the monitor acts
+
+
+def without(result, component):
+    """The columns of all other components, as bytes by name."""
+    kept = [c for c in result.columns if not c.startswith(f"{component}.")]
+    return {column: result[column].tobytes() for column in kept}
+
+
+@pytest.mark.parametrize("name", ["ppc_tracking", "sync_approach_thrusters"])
+def test_a_guarded_flight_that_keeps_the_rules_is_the_flight_itself_to_the_bit(name):
+    guarded = flight(f"{name}_guarded")
+    assert guarded.parameter("monitor.act") == 1
+    assert not guarded["monitor.abort"].any()
+    assert without(guarded, "monitor") == without(flight(name), "monitor")
+
+
+@pytest.mark.parametrize("params", ["nominal", "manoeuvre"])
+def test_guarded_pid_retreats_instead_of_coming_within_its_7_m(params):
+    """It leaves the corridor at some 110 m, closing at 20 m/s: 45 m/s outwards take 9 s."""
+    result = flight("ppc_tracking_guarded", params, "pid_controller")
+    distance, aborted = range_(result), result["monitor.abort"] > 0
+    began = result.time[aborted][0]
+    assert began - 0.5 <= first(result, "corridor") <= began
+    assert distance.min() > 70
+    assert np.all(np.diff(distance[result.time > began + 10]) > 0)
+    force = result["propulsion.F_S"][(result.time > began + 1) & (result.time < began + 8)]
+    assert np.allclose(np.linalg.norm(force, axis=1), 490)
+    assert not result["propulsion.F_S"][result.time > began + 12].any()
+
+
+def test_guarded_approach_to_a_wrong_distance_ends_before_the_zone():
+    """The guidance is told 2 m instead of 4 m: unguarded it goes there, guarded the drift is
+    foreseen to enter the zone, and the approach ends outside it.
+    """
+    wrong = {"guidance.rho_M": 2.0}
+    free = run("sync_approach_thrusters", set=wrong, stop=600.0, every=10)
+    guarded = run("sync_approach_thrusters_guarded", set=wrong, stop=600.0, every=10)
+    assert range_(free).min() < 2.5
+    assert range_(guarded).min() > 4
+    assert guarded["monitor.rule_violated"][-1] == 4
+    assert range_(guarded)[-1] > 20
