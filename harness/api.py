@@ -58,7 +58,7 @@ def run(
     (same bits); every: record every N-th macro step; progress: show a bar on stderr; in_process:
     run FMUs that are not ours in this process too (docs/robustness.md); changes: what shall be
     otherwise than the system says, see harness.master.changes.Changes (params, set, swap,
-    latency, step, stop, algorithm).
+    latency, step, stop, algorithm, require).
 
     Raises UsageError, ArchiveError, StructureError, FmuError, or RunError, whose `partial` is what
     was recorded so far.
@@ -83,6 +83,7 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     set: Pairs = (),
     step: float | None = None,
     stop: float | None = None,
+    require: Sequence[str] | Mapping[str, str] = (),
     limits: Limits | None = None,
     every: int | None = None,
     progress: Callable[[int], None] | None = None,
@@ -90,8 +91,8 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     """Run every combination of the values given, in parallel, and measure the runs.
 
     params: parameter sets or files; swap: FMUs by component; latency: macro steps by component;
-    vary: values by `component.parameter`; algorithm: names; set, step, stop: as for run(), the
-    same for all. Results and the table comparison.csv go to `folder`. limits: bands and
+    vary: values by `component.parameter`; algorithm: names; set, step, stop, require: as for run(),
+    the same for all. Results and the table comparison.csv go to `folder`. limits: bands and
     keep-out radius; every: record every N-th macro step (default: at most 20 000 rows); progress:
     called with the number of runs that are over.
 
@@ -106,7 +107,7 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     for option, given in (("swap", swap), ("latency", latency), ("set", vary)):
         varied += [(option, text) for text in _texts(given)]
 
-    chosen = combinations({"set": set, "step": step, "stop": stop}, varied)
+    chosen = combinations({"set": set, "step": step, "stop": stop, "require": require}, varied)
     return comparison.compare(
         system, chosen, Path(folder), limits=limits, every=every, progress=progress
     )

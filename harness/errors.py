@@ -10,6 +10,7 @@ for the user.
     ├── RunError             an FMU failed in initialization or in a step; carries the rows so far
     │   └── InterruptionError    the user stopped the run
     ├── ComparisonError      runs of a comparison ended early, a line each; the others are complete
+    ├── RequirementError     requirements are not met, a line each; the results are complete
     └── ResultsError         a results file cannot be written or read
 
 Several problems are several lines of one text.
@@ -95,6 +96,10 @@ class InterruptionError(RunError):
 
 class ComparisonError(HarnessError):
     """Some runs of a comparison ended early; one line each."""
+
+
+class RequirementError(HarnessError):
+    """Requirements are not met or cannot be judged; one line each."""
 
 
 class ResultsError(HarnessError):

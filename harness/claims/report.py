@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import textwrap
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain, repeat, zip_longest
 from typing import NamedTuple
 
 from harness.claims import PAPERS, Claim, Judgement, Paper, Verdict, safety
 from harness.claims.case import listed
 from harness.errors import ResultsError
+from harness.results.requirements import Finding, findings
 from harness.results.result import Result
 
 COLUMNS = (
@@ -34,14 +35,16 @@ OTHER = "not the case of the paper"
 FLOWN = "Flown: "
 
 
-def report(result: Result) -> tuple[str, bool]:
-    """Table of the claims behind a result, and whether the run is complete and every claim could be
-    judged.
+def report(result: Result, require: Mapping[str, str] | None = None) -> tuple[str, bool]:
+    """What was flown, requirements, and the table of the claims behind a result; and whether the
+    run is complete and every claim could be judged.
+
+    require: requirements by name beside those of the system.
 
     An honest "not reproduced" is no failure. Raises ResultsError if no paper belongs to the result.
     """
-    found = judged(result)
-    if not found:
+    found, wanted = judged(result), findings(result, require)
+    if not found and not wanted:
         hint = (
             ""
             if result.parameters
@@ -50,10 +53,21 @@ def report(result: Result) -> tuple[str, bool]:
         raise ResultsError(
             f"{result.system}: there are no claims of a paper about such a result{hint}"
         )
-    parts = (_flown(result), *(_section(result, each) for each in found), safety.section(result))
+    sections = (_section(result, each) for each in found)
+    parts = (_flown(result), _requirements(wanted), *sections, safety.section(result))
     text = "\n\n".join(filter(None, parts))
     verdicts = {judgement.verdict for each in found for _, judgement in each.claims}
     return text, result.complete and Verdict.NOT_JUDGED not in verdicts
+
+
+def _requirements(wanted: Sequence[Finding]) -> str:
+    """One paragraph, if there are any."""
+    lines = [
+        line
+        for each in wanted
+        for line in textwrap.wrap(str(each), WIDTH, initial_indent="  ", subsequent_indent="    ")
+    ]
+    return "\n".join(["Requirements:", *lines]) if lines else ""
 
 
 class Judged(NamedTuple):

@@ -14,10 +14,13 @@ from harness.cli.options import (
     Format,
     FormatOption,
     Look,
+    RequireOption,
     ShownArgument,
+    StrictOption,
     StyleOption,
     SystemArgument,
     figures_of,
+    insist,
     takes_changes,
 )
 from harness.spelling import file_stem, printable
@@ -156,8 +159,10 @@ def report(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="page of HTML with plots and a replay")
     ] = None,
+    require: RequireOption = None,
+    strict: StrictOption = False,
 ) -> None:
-    """Judge a run by the claims of its paper.
+    """Judge a run by its requirements and the claims of its paper.
 
     With -o: one page that opens in any browser, of any run.
     """
@@ -170,10 +175,12 @@ def report(
         typer.echo(write(file, output))
         return
 
-    text, passed = judge(read(file))
+    result, wanted = read(file), require or []
+    text, passed = judge(result, {text: text for text in wanted})
     typer.echo(printable(text))
     if not passed:
         raise typer.Exit(1)
+    insist(result, wanted, strict)
 
 
 @app.command("validate")

@@ -12,6 +12,8 @@ from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
+from harness.errors import RequirementError
+
 Command = TypeVar("Command", bound=Callable[..., None])
 
 
@@ -152,6 +154,15 @@ FormatOption = Annotated[Format, typer.Option("--format", help="of the figures")
 StyleOption = Annotated[
     Look, typer.Option("--style", help="paper: 3.5 or 7 in wide, 8 pt, 300 dpi, line styles")
 ]
+RequireOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--require", metavar="'C.NAME >= 4 m'", help="condition in every row, else status 1"
+    ),
+]
+StrictOption = Annotated[
+    bool, typer.Option("--strict", help="requirements of the system decide on the status too")
+]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="no progress bar, no summary")]
 
 CHANGES: dict[str, Any] = {
@@ -199,6 +210,7 @@ CHANGES: dict[str, Any] = {
     "step": Annotated[float | None, typer.Option(help="macro step [s]")],
     "stop": Annotated[float | None, typer.Option(help="stop time [s]")],
     "algorithm": Annotated[str | None, typer.Option(help="gauss-seidel or jacobi")],
+    "require": RequireOption,
 }
 """The options of harness.master.changes.Changes by name."""
 
@@ -227,3 +239,13 @@ def takes_changes(*names: str) -> Callable[[Command], Command]:
         return with_changes  # type: ignore[return-value]
 
     return decorate
+
+
+def insist(result: Any, required: Iterable[str], strict: bool) -> None:
+    """RequirementError if a requirement of the command line, or if strict any, is not met."""
+    from harness.results.requirements import findings
+
+    found = findings(result, {text: text for text in required})
+    missed = [str(f) for f in found if not f.met and (strict or f.name in required)]
+    if missed:
+        raise RequirementError("\n".join(f"requirement {line}" for line in missed))

@@ -17,10 +17,12 @@ from harness.cli.options import (
     FormatOption,
     Look,
     QuietOption,
+    StrictOption,
     StyleOption,
     SystemArgument,
     completed_systems,
     figures_of,
+    insist,
     takes_changes,
 )
 from harness.errors import ComparisonError, RunError, UsageError
@@ -88,7 +90,7 @@ ResumeOption = Annotated[bool, typer.Option("--resume", help="go on after an int
 
 
 @app.command("run")
-@takes_changes("params", "set", "swap", "on", "latency", "step", "stop", "algorithm")
+@takes_changes("params", "set", "swap", "on", "latency", "step", "stop", "algorithm", "require")
 def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     system: SystemOption = None,
     output: OutputOption = None,
@@ -96,6 +98,7 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     every: RecordOption = None,
     like: LikeOption = None,
     in_process: InProcessOption = False,
+    strict: StrictOption = False,
     quiet: QuietOption = False,
     changes: Any = None,
 ) -> None:
@@ -121,6 +124,7 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
 
         for path in plot(result, figures_of(file.path)):
             typer.echo(path)
+    insist(result, changes.get("require", ()), strict)
 
 
 def _wanted(system: str | None, like: str | None, changes: Any) -> Any:
@@ -173,6 +177,7 @@ def _run(system: str, changes: Any, file: Any, how: dict[str, Any], quiet: bool)
 
 def _report(result: Any, seconds: float, path: Path) -> None:
     from harness.results.notes import notes
+    from harness.results.requirements import findings
 
     typer.echo(
         f"{printable(result.system)}: {result.time[-1]:g} s in {seconds:.2f} s, "
@@ -180,10 +185,12 @@ def _report(result: Any, seconds: float, path: Path) -> None:
     )
     for note in notes(result):
         typer.echo(printable(f"note: {note}"))
+    for finding in findings(result):
+        typer.echo(f"requirement {printable(str(finding))}")
 
 
 @app.command("compare")
-@takes_changes("set", "step", "stop")
+@takes_changes("set", "step", "stop", "require")
 def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     system: SystemArgument,
     params: ParamsOption = None,
@@ -198,6 +205,7 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     ending: FormatOption = Format.PNG,
     style: StyleOption = Look.SCREEN,
     figures: FiguresOption = True,
+    strict: StrictOption = False,
     quiet: QuietOption = False,
     changes: Any = None,
 ) -> None:
@@ -223,6 +231,8 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     typer.echo(f"\nresults{',' if figures else ' and'} comparison.csv{drawn} in {folder}")
     if found.failures:
         raise ComparisonError("\n".join(found.failures))
+    for result in found.results.values():
+        insist(result, changes.get("require", ()), strict)
 
 
 def _overlaid(results: Any, folder: Path, ending: Format, style: Look) -> str:

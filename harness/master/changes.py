@@ -17,6 +17,7 @@ from harness.errors import StructureError, UsageError
 from harness.files.digest import sha256
 from harness.files.paths import is_file
 from harness.remote.places import Place, move, read_place
+from harness.results.requirements import refused
 from harness.spelling import did_you_mean
 from harness.ssp.parameters import read_ssv
 from harness.system.graph import read_interfaces
@@ -41,6 +42,7 @@ class Changes(TypedDict, total=False):
     step: float | None
     stop: float | None
     algorithm: str | None
+    require: Sequence[str] | Mapping[str, str]
 
 
 def apply(  # noqa: PLR0913 - every one is an option of the command line
@@ -54,6 +56,7 @@ def apply(  # noqa: PLR0913 - every one is an option of the command line
     step: float | None = None,
     stop: float | None = None,
     algorithm: str | None = None,
+    require: Sequence[str] | Mapping[str, str] = (),
 ) -> System:
     """Return the system with everything the user wants otherwise; the arguments are those of run().
 
@@ -77,10 +80,20 @@ def apply(  # noqa: PLR0913 - every one is an option of the command line
     given = {"step": step, "stop": stop, "algorithm": algorithm}
     changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     return replace(
-        system,
+        _required(system, require),
         experiment=replace(system.experiment, **changes),
         origin=_origin(base.origin, params, named, set, swap, latency),
     )
+
+
+def _required(system: System, given: Sequence[str] | Mapping[str, str]) -> System:
+    """The system with further requirements, a text alone is its own name; those that it has itself
+    may have lost what they need by a swap.
+    """
+    further = dict(given) if isinstance(given, Mapping) else {text: text for text in given}
+    if found := refused(system, further):
+        raise UsageError("\n".join(f"--require {problem}" for problem in found))
+    return replace(system, requirements={**system.requirements, **further})
 
 
 def _origin(  # noqa: PLR0913, PLR0917 - the changes

@@ -39,8 +39,8 @@ class Provenance:
     the .ssp ("": the system was made in Python); params: named set or file, params_sha256: of the
     file; set: (`component.variable`, value) as given, text or value; swaps: other FMUs; maps:
     (port, port) renamed; latency: (component, macro steps) as given; algorithm, step [s], stop [s],
-    schedule, executor, every: as run; command: command line (None: from Python); date: when the
-    result was taken, UTC; platform: of the host.
+    schedule, executor, every: as run; requirements: (name, text); command: command line (None: from
+    Python); date: when the result was taken, UTC; platform: of the host.
     """
 
     version: str = ""
@@ -57,6 +57,7 @@ class Provenance:
     step: float | None = None
     stop: float | None = None
     schedule: tuple[Slot, ...] = ()
+    requirements: tuple[tuple[str, str], ...] = ()
     executor: str = ""
     every: int = 1
     command: str | None = None
@@ -98,6 +99,7 @@ def flown(system: System, executor: str, every: int) -> Provenance:
         step=experiment.step,
         stop=experiment.stop,
         schedule=tuple(Slot(c.name, c.fmu.stem, c.every, c.latency) for c in system.components),
+        requirements=tuple(system.requirements.items()),
         executor=executor,
         every=every,
         command=command_line(),

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from harness.errors import HarnessError, StructureError, UsageError
+from harness.results import requirements
 from harness.spelling import did_you_mean
 from harness.ssp.writer import write_ssp
 from harness.system import graph
@@ -42,6 +43,7 @@ KEYS = {
         "parameters",
         "sets",
         "alternatives",
+        "requirements",
     ),
     "experiment": ("start", "stop", "step", "algorithm"),
     "schedule": ("every", "latency"),
@@ -50,9 +52,18 @@ KEYS = {
 }
 """Keys that the tables of a system may have."""
 
-TABLES = ("experiment", "components", "schedule", "connections", "open", "parameters", "sets")
+TABLES = (
+    "experiment",
+    "components",
+    "schedule",
+    "connections",
+    "open",
+    "parameters",
+    "sets",
+    "requirements",
+)
 TABLES_OF_TABLES = ("schedule", "parameters", "sets", "alternatives")
-TABLES_OF_TEXTS = ("components", "connections")
+TABLES_OF_TEXTS = ("components", "connections", "requirements")
 
 
 def system_of(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> System:
@@ -157,7 +168,10 @@ class _Builder:
                 for name, table in self.source.get("sets", {}).items()
             ),
             strict=True,
+            requirements=self.source.get("requirements", {}),
         )
+        refused = requirements.refused(system, system.requirements)
+        self.problems += [f"[requirements] {problem}" for problem in refused]
         self._finish(system, wiring)
         return replace(system, alternatives=tuple(self._alternatives(system)))
 

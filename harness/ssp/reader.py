@@ -135,6 +135,9 @@ class _Reader:
             alternatives=tuple(
                 self._alternative(e, components) for e in self._own("run:Alternative")
             ),
+            requirements={
+                e.get("name", ""): e.get("text", "") for e in self._own("run:Requirement")
+            },
             strict=self.run is not None and self.run.get("strict") == "true",
             declared=flat.declared(),
         )

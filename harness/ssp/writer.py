@@ -296,3 +296,5 @@ class _Description:
             )
         for a in self.system.alternatives:
             child(run, "run:Alternative", component=a.component, fmu=a.fmu)
+        for name, text in self.system.requirements.items():
+            child(run, "run:Requirement", name=name, text=text)

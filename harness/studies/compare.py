@@ -27,6 +27,7 @@ from harness.files.command import command_line, work_for
 from harness.master.changes import apply
 from harness.master.child import end_with_parent
 from harness.results.files import ResultFile, read
+from harness.results.requirements import findings
 from harness.results.result import Result
 from harness.ssp.library import load
 from harness.studies import table
@@ -71,7 +72,16 @@ class Comparison:
 
     def text(self) -> str:
         """The table for reading, with the definitions of its columns below."""
-        return "\n".join((table.text(self.measures, self.labels), *self.limits.notes()))
+        parts = table.text(self.measures, self.labels), *self.limits.notes(), *self.findings()
+        return "\n".join(parts)
+
+    def findings(self) -> list[str]:
+        """One line per requirement and run."""
+        return [
+            f"requirement {label}: {finding}"
+            for label, result in self.results.items()
+            for finding in findings(result)
+        ]
 
     @property
     def labels(self) -> list[str]:

@@ -24,15 +24,13 @@ from harness.results.derived import (
     reference_range,
     release_time,
 )
+from harness.results.expressions import STEADY, settling_time, steady_error
 from harness.results.result import Result
 
 Array = NDArray[np.float64]
 
 BAND = 1e-3
 """Default band of the position: this part of the largest range at the start."""
-
-STEADY = 0.2
-"""Last part of a run that counts as steady."""
 
 
 @dataclass(frozen=True)
@@ -99,18 +97,6 @@ def measures(
 
 POSITION = (derived.SERVICER, derived.TARGET, derived.REFERENCE)
 ATTITUDE = (derived.ATTITUDE, derived.REFERENCE_ATTITUDE)
-
-
-def settling_time(time: Array, error: Array, band: float) -> float:
-    """Time [s] after which an error (rows,) stays within a band; NaN if it never does."""
-    outside = np.flatnonzero(error > band)
-    first_inside = outside[-1] + 1 if len(outside) else 0
-    return float(time[first_inside] - time[0]) if first_inside < len(time) else float("nan")
-
-
-def steady_error(time: Array, error: Array) -> float:
-    """Largest error (rows,) in the last fifth of the time."""
-    return float(np.max(error[time >= time[-1] - STEADY * (time[-1] - time[0])]))
 
 
 def _controlled(result: Result) -> tuple[Array, Array]:

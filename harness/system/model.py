@@ -147,7 +147,8 @@ class System:
 
     strict: an input that is neither driven nor given a value is an error (systems of other tools
     rely on start values); declared: units that the file claims for variables of components, to be
-    compared with what the FMUs say; origin: where all this comes from.
+    compared with what the FMUs say; requirements: conditions by name, see
+    harness.results.requirements; origin: where all this comes from.
     """
 
     name: str
@@ -158,6 +159,7 @@ class System:
     sets: tuple[ParameterSet, ...] = ()
     alternatives: tuple[Alternative, ...] = ()
     strict: bool = False
+    requirements: Mapping[str, str] = field(default_factory=dict)
     declared: Mapping[Port, Unit] = field(default_factory=dict, compare=False)
     origin: Origin = field(default_factory=Origin, compare=False)
 

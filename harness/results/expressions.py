@@ -1,0 +1,351 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Expressions over the variables of a result, for metrics of campaigns and for requirements.
+
+An expression names variables as the result does, `norm(servicer.r_SN_N - target.r_TN_N)[-1]`, and
+knows the functions of FUNCTIONS and nothing else. In a comparison a number may have a unit, which
+is converted to that of the other side: `guidance.beta_t <= 2 deg`.
+"""
+
+from __future__ import annotations
+
+import ast
+import operator
+import re
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.results.quantities import convert
+from harness.results.result import Result
+from harness.spelling import did_you_mean
+
+Array = NDArray[np.float64]
+
+STEADY = 0.2
+"""Last part of the time in which an error is steady."""
+
+QUANTITY = re.compile(
+    r"(?<![\w.])(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s+"
+    r"(?!(?:and|or|not|if|else|in|is)\b)(?P<unit>[A-Za-z%][A-Za-z0-9./%^]*(?:-\d[A-Za-z0-9./%^]*)*)"
+)
+"""A number and its unit."""
+
+
+def settling_time(time: Array, error: Array, band: float) -> float:
+    """Time [s] after which an error (rows,) stays within a band; NaN if it never does."""
+    outside = np.flatnonzero(error > band)
+    first_inside = outside[-1] + 1 if len(outside) else 0
+    return float(time[first_inside] - time[0]) if first_inside < len(time) else float("nan")
+
+
+def steady_error(time: Array, error: Array) -> float:
+    """Largest error (rows,) in the last fifth of the time."""
+    return float(np.max(error[time >= time[-1] - STEADY * (time[-1] - time[0])]))
+
+
+def _norm(x: Array) -> Array:
+    """Length of every row."""
+    return np.asarray(np.linalg.norm(x, axis=-1))
+
+
+def _total(x: Array) -> Array:
+    """Sum over the elements of every row."""
+    return np.asarray(np.sum(x, axis=-1))
+
+
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "abs": np.abs,
+    "cos": np.cos,
+    "degrees": np.degrees,
+    "exp": np.exp,
+    "first": lambda x: x[0],
+    "last": lambda x: x[-1],
+    "log": np.log,
+    "max": np.max,
+    "mean": np.mean,
+    "min": np.min,
+    "norm": _norm,
+    "percentile": np.percentile,
+    "rms": lambda x: np.sqrt(np.mean(np.square(x))),
+    "settling_time": settling_time,
+    "sin": np.sin,
+    "sqrt": np.sqrt,
+    "std": np.std,
+    "steady": steady_error,
+    "total": _total,
+}
+"""Functions of an expression; `settling_time` takes time, error, band, `steady` time, error."""
+
+BINARY: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+    ast.BitAnd: np.logical_and,
+    ast.BitOr: np.logical_or,
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+}
+UNARY: dict[type[ast.AST], Callable[[Any], Any]] = {
+    ast.USub: operator.neg,
+    ast.UAdd: operator.pos,
+    ast.Invert: np.logical_not,
+    ast.Not: np.logical_not,
+}
+
+
+def parsed(text: str, others: Sequence[str] = (), kind: str = "") -> ast.expr:
+    """The tree of a text; ValueError if it is no expression. others: names, of such a `kind`, that
+    the user may have meant.
+    """
+    units: list[str] = []
+
+    def mark(match: re.Match[str]) -> str:
+        units.append(match["unit"])
+        return f"quantity({match['number']}, {len(units) - 1})"
+
+    try:
+        marked = ast.parse(QUANTITY.sub(mark, text), mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        names = did_you_mean(text, others)
+        what = f"there is no such {kind}, and " if kind else ""
+        raise ValueError(f"{what}it is no expression{names}") from error
+    tree: ast.expr = _Quantities(units).visit(marked)
+    try:
+        _walk(tree, [], others, kind)
+    except RecursionError:
+        raise ValueError("it is nested too deep") from None
+    return tree
+
+
+class Quantity(float):
+    """A number with its unit, as it was written."""
+
+    unit: str = ""
+
+
+class _Quantities(ast.NodeTransformer):
+    """Numbers with units in the place of their marks."""
+
+    def __init__(self, units: Sequence[str]) -> None:
+        self.units = units
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        if not (isinstance(node.func, ast.Name) and node.func.id == "quantity"):
+            return self.generic_visit(node)
+        match node.args:
+            case [ast.Constant(value=int() | float() as number), ast.Constant(value=int(place))]:
+                if place < len(self.units):
+                    quantity = Quantity(number)
+                    quantity.unit = self.units[place]
+                    return ast.Constant(quantity)
+        raise ValueError("there is no function quantity")
+
+
+def variables(tree: ast.expr) -> list[str]:
+    """Variables that an expression names, `time` too, and `parameter NAME`."""
+    found: list[str] = []
+    _walk(tree, found, (), "")
+    return found
+
+
+def _walk(node: ast.expr, found: list[str], others: Sequence[str], kind: str) -> None:
+    """Collect variables; ValueError at whatever an expression may not hold."""
+    if path := path_of(node):
+        if "." not in path and path != "time":
+            either = f"{kind} or variable" if kind else "variable"
+            raise ValueError(
+                f"there is no such {either}: {path}{did_you_mean(path, [*others, 'time'])}"
+            )
+        found.append(path)
+        return
+    if isinstance(node, ast.Call) and (inner := _parameter(node)):
+        found.append(f"parameter {inner}")
+    for part in _parts(node):
+        _walk(part, found, others, kind)
+
+
+def _parameter(node: ast.Call) -> str:
+    called = isinstance(node.func, ast.Name) and node.func.id == "parameter"
+    return path_of(node.args[0]) if called and len(node.args) == 1 else ""
+
+
+def _parts(node: ast.expr) -> list[ast.expr]:  # noqa: PLR0911 - one per kind
+    """What an expression is made of, if it may be made of that."""
+    match node:
+        case ast.Constant(value=int() | float() | bool()):
+            return []
+        case ast.BinOp(left=a, op=op, right=b) if type(op) in BINARY:
+            return [a, b]
+        case ast.Compare(left=a, ops=[op], comparators=[b]) if type(op) in BINARY:
+            return [a, b]
+        case ast.UnaryOp(op=op, operand=a) if type(op) in UNARY:
+            return [a]
+        case ast.BoolOp(values=values):
+            return values
+        case ast.Call(func=ast.Name(id="parameter"), args=[argument], keywords=[]):
+            if not path_of(argument):
+                raise ValueError("parameter() wants component.name")
+            return []
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
+            if name not in FUNCTIONS:
+                raise ValueError(f"there is no function {name}{did_you_mean(name, FUNCTIONS)}")
+            return arguments
+        case ast.Subscript(value=a, slice=index):
+            _index(index)
+            return [a]
+    raise ValueError(f"an expression cannot hold `{ast.unparse(node)}`")
+
+
+def path_of(node: ast.expr) -> str:
+    """`guidance.los.elevation` of nested attributes, "" of anything else."""
+    if isinstance(node, ast.Name):
+        return node.id
+    if isinstance(node, ast.Attribute):
+        inner = path_of(node.value)
+        return f"{inner}.{node.attr}" if inner else ""
+    return ""
+
+
+def _index(node: ast.expr) -> Any:
+    """Indices and slices of numbers, counted from 0 as in numpy."""
+    match node:
+        case ast.Tuple(elts=elements):
+            return tuple(_index(e) for e in elements)
+        case ast.Slice(lower=a, upper=b, step=c):
+            return slice(*(None if x is None else _index(x) for x in (a, b, c)))
+        case ast.Constant(value=int(number)):
+            return number
+        case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=int(number))):
+            return -number
+    raise ValueError(f"an index must be a whole number, not `{ast.unparse(node)}`")
+
+
+def evaluate(node: ast.expr, look_up: Callable[[str], Any]) -> Any:  # noqa: PLR0911 - one per kind
+    """Value of an expression; look_up: value of `time`, `component.variable` or `parameter
+    component.name`. ValueError where a number has a unit: resolved() first.
+    """
+    if path := path_of(node):
+        return look_up(path)
+    match node:
+        case ast.Constant(value=Quantity() as value):
+            raise ValueError(f"{value:g} {value.unit}: a unit stands in a comparison only")
+        case ast.Constant(value=bool() as value):
+            return value
+        case ast.Constant(value=int() | float() as value):
+            return np.float64(value)  # 9**9**9 is infinite and not endless
+        case ast.BinOp(left=a, op=op, right=b):
+            return BINARY[type(op)](evaluate(a, look_up), evaluate(b, look_up))
+        case ast.Compare(left=a, ops=[op], comparators=[b]):
+            return BINARY[type(op)](evaluate(a, look_up), evaluate(b, look_up))
+        case ast.UnaryOp(op=op, operand=a):
+            return UNARY[type(op)](evaluate(a, look_up))
+        case ast.BoolOp(op=op, values=values):
+            parts = [evaluate(v, look_up) for v in values]
+            both = np.logical_and if isinstance(op, ast.And) else np.logical_or
+            return both.reduce(parts)
+        case ast.Call(func=ast.Name(id="parameter"), args=[argument]):
+            return look_up(f"parameter {path_of(argument)}")
+        case ast.Call(func=ast.Name(id=name), args=arguments):
+            return FUNCTIONS[name](*(evaluate(a, look_up) for a in arguments))
+        case ast.Subscript(value=a, slice=index):
+            return evaluate(a, look_up)[_index(index)]
+    raise AssertionError(ast.dump(node))
+
+
+def history(result: Result, path: str) -> Any:
+    """What a name in an expression stands for in a result; KeyError."""
+    if path == "time":
+        return result.time
+    word, _, parameter = path.partition(" ")
+    return result.parameter(parameter) if word == "parameter" else result[path]
+
+
+# ---- units
+
+KEEPING = (
+    "abs",
+    "first",
+    "last",
+    "max",
+    "mean",
+    "min",
+    "norm",
+    "percentile",
+    "rms",
+    "std",
+    "total",
+)
+"""Functions whose value has the unit of their first argument."""
+
+
+def unit_of(node: ast.expr, unit: Callable[[str], str]) -> str:  # noqa: PLR0911 - one per kind
+    """Unit of the value of an expression, "" if it is not known; unit: that of a name."""
+    if path := path_of(node):
+        return unit(path)
+    match node:
+        case ast.UnaryOp(operand=a) | ast.Subscript(value=a):
+            return unit_of(a, unit)
+        case ast.BinOp(left=a, op=ast.Add() | ast.Sub(), right=b):
+            return unit_of(a, unit) or unit_of(b, unit)
+        case ast.BinOp(left=ast.Constant(), op=ast.Mult(), right=a):
+            return unit_of(a, unit)
+        case ast.BinOp(left=a, op=ast.Mult() | ast.Div(), right=ast.Constant()):
+            return unit_of(a, unit)
+        case ast.Call(func=ast.Name(id="parameter"), args=[argument]):
+            return unit(f"parameter {path_of(argument)}")
+        case ast.Call(func=ast.Name(id="degrees")):
+            return "deg"
+        case ast.Call(func=ast.Name(id="settling_time")):
+            return "s"
+        case ast.Call(func=ast.Name(id="steady"), args=[_, a]):
+            return unit_of(a, unit)
+        case ast.Call(func=ast.Name(id=name), args=[a, *_]) if name in KEEPING:
+            return unit_of(a, unit)
+    return ""
+
+
+def resolved(tree: ast.expr, unit: Callable[[str], str]) -> ast.expr:
+    """The tree with every number with a unit in the unit of the other side of its comparison, its
+    own unit as the `kind` of the constant; ValueError if they do not fit, or that unit is not
+    known.
+    """
+
+    class Resolving(ast.NodeTransformer):
+        def visit_Compare(self, node: ast.Compare) -> ast.AST:
+            a, b = node.left, node.comparators[0]
+            return ast.Compare(_plain(a, b, unit), node.ops, [_plain(b, a, unit)])
+
+    found: ast.expr = Resolving().visit(tree)
+    return found
+
+
+def _plain(node: ast.expr, other: ast.expr, unit: Callable[[str], str]) -> ast.expr:
+    sign = 1.0
+    inner = node
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        sign, inner = -1.0, node.operand
+    if not (isinstance(inner, ast.Constant) and isinstance(inner.value, Quantity)):
+        return node
+    value = inner.value
+    if not (wanted := unit_of(other, unit)):
+        raise ValueError(
+            f"{value:g} {value.unit}: the unit of `{ast.unparse(other)}` is not known, leave it out"
+        )
+    return ast.Constant(sign * convert(float(value), value.unit, wanted), kind=value.unit)
+
+
+def unit_in(result: Result, path: str) -> str:
+    """Unit of a name in an expression; "" if it is not known."""
+    if path == "time":
+        return "s"
+    word, _, parameter = path.partition(" ")
+    table, name = (result.parameters, parameter) if word == "parameter" else (result, path)
+    return table.unit(name) if table is not None and name in table else ""

@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Requirements: conditions with units, judged row by row, with the worst instant."""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+
+import numpy as np
+import pytest
+
+from harness import read, run
+from harness.cli import main
+from harness.errors import StructureError, UsageError
+from harness.files import paths
+from harness.results.quantities import convert, unit
+from harness.results.requirements import finding, findings
+from harness.results.result import Result
+from harness.ssp.build import system_of
+from harness.ssp.library import load
+from harness.ssp.writer import write_ssp
+
+ROWS = 11
+
+
+@pytest.fixture(scope="module")
+def result():
+    """x falls from 10 to 0 m and is 3 m at 7 s; v has its largest element, 4, at 2 s; angle: a
+    ramp to 1 rad.
+    """
+    time = np.arange(ROWS, dtype=float)
+    v = np.zeros((ROWS, 3))
+    v[2] = 1, -2, 4
+    columns = ("a.x", "a.v[1]", "a.v[2]", "a.v[3]", "a.angle", "a.on")
+    values = np.column_stack([10 - time, v, time / 10, time < 5])
+    parameters = Result("demo", time[:1], ("a.limit",), ("m",), np.array([[2.0]]))
+    units = ("m", "m/s", "m/s", "m/s", "rad", "1")
+    return Result("demo", time, columns, units, values, parameters=parameters)
+
+
+@pytest.mark.parametrize(
+    ("text", "met", "value", "unit", "time"),
+    [
+        ("a.x >= 0", True, 0.0, "m", 10),
+        ("a.x > 0", False, 0.0, "m", 10),
+        ("a.x <= 900 cm", False, 1000.0, "cm", 0),
+        ("900 cm >= a.x", False, 1000.0, "cm", 0),
+        ("a.x <= 0.01 km", True, 0.01, "km", 0),
+        ("a.x > -1 m", True, 0.0, "m", 10),
+        ("a.v <= 3 m/s", False, 4.0, "m/s", 2),
+        ("a.v >= -3", True, -2.0, "m/s", 2),
+        ("norm(a.v) <= 300 m/min", True, 60 * math.sqrt(21), "m/min", 2),
+        ("max(a.v) == 4", True, 4.0, "m/s", None),
+        ("a.v[-1] == 0", True, 0.0, "m/s", None),
+        ("a.angle < 57 deg", False, math.degrees(1), "deg", 10),
+        ("degrees(a.angle) < 58", True, math.degrees(1), "deg", 10),
+        ("time < 7 s or a.x <= 3 m", True, 3.0, "m", 7),
+        ("time < 0.1 min or a.x <= 3 m", False, 4.0, "m", 6),
+        ("a.x >= 1 and a.angle <= 2 rad", False, 0.0, "m", 10),
+        ("not a.x < 2", False, 0.0, "m", 10),
+        ("a.x > parameter(a.limit)", False, 0.0, "m", 10),
+        ("(time > 4) | (a.on == 1)", True, 1.0, "1", 0),
+        ("time < 1 h or a.x > 99", True, None, "", None),
+        ("time >= 5 s", False, 0.0, "s", 0),
+        ("settling_time(time, a.x, 2.5) <= 10 s", True, 8.0, "s", None),
+    ],
+)
+def test_a_condition_is_judged_with_its_worst_row(result, text, met, value, unit, time):
+    found = finding(result, "name", text)
+    assert (found.met, found.unit, found.time) == (met, unit, time), found
+    assert found.value == (value if value is None else pytest.approx(value, rel=1e-12))
+
+
+def test_a_value_that_is_no_number_does_not_meet_a_requirement(result):
+    values = result.values.copy()
+    values[4, 0] = np.nan
+    found = finding(Result("demo", result.time, result.columns, result.units, values), "", "a.x<99")
+    assert (found.met, found.time) == (False, 4)
+    assert math.isnan(found.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("a.X > 1", r"a\.X \(close: a\.x"),
+        ("a.x > 1 kg", r"kg \[kg\] cannot be converted to m \[m\]"),
+        ("a.x * a.x > 1 m2", r"the unit of `a\.x \* a\.x` is not known, leave it out"),
+        ("a.x > 1 parsec", "there is no unit parsec"),
+        ("a.x + 1 m > 2", "a unit stands in a comparison only"),
+        ("a.x", "is no condition"),
+        ("a.x >", "it is no expression"),
+        ("__import__('os') == 1", "there is no function __import__"),
+        ("quantity(1, 0) > a.x", "quantity"),
+        ("a.x < 9**9**9**9", ""),
+        ("a.x > 1e999 m", ""),
+        ("(" * 300 + "a.x" + ")" * 300 + " > 1", "it is no expression"),
+    ],
+)
+def test_what_cannot_be_judged_says_why(result, text, reason):
+    found = finding(result, "name", text)
+    if reason:
+        assert found.met is None
+        assert re.search(reason, found.reason)
+    else:
+        assert found.met in (True, False)
+
+
+@pytest.mark.parametrize(
+    ("value", "given", "wanted", "right"),
+    [
+        (1, "deg", "rad", math.pi / 180),
+        (3600, "arcsec", "deg", 1.0),
+        (3.3, "m/min", "m/s", 0.055),
+        (2, "kN", "N", 2000.0),
+        (1, "kg.m/s2", "N", 1.0),
+        (7, "1/(N.m)", "s2/(kg.m2)", 7.0),
+        (1, "N.m.s", "kg.m2/s", 1.0),
+        (50, "%", "1", 0.5),
+        (1, "km^2", "m2", 1e6),
+    ],
+)
+def test_units_convert_by_their_meaning(value, given, wanted, right):
+    assert convert(value, given, wanted) == pytest.approx(right, rel=1e-15)
+
+
+def test_the_units_of_all_fmus_have_a_meaning():
+    from harness.system.interface import read_interface
+
+    for path in paths.fmus().values():
+        for name, base in read_interface(path).units.items():
+            ours = dict(unit(name).base)
+            theirs = {key: value for key, value in base.items() if value or key == "factor"}
+            assert {k: v for k, v in ours.items() if v} == {k: v for k, v in theirs.items() if v}
+
+
+# ---- in systems and on the command line
+
+
+def test_a_system_carries_its_requirements_through_its_ssp(tmp_path):
+    with load("sync_approach") as system:
+        assert system.requirements["distance"] == "guidance.range >= 3.95 m"
+        write_ssp(system, tmp_path / "again.ssp")
+        with load(tmp_path / "again.ssp") as again:
+            assert again.requirements == system.requirements
+
+
+def test_a_run_keeps_and_judges_them(tmp_path, capsys):
+    out = tmp_path / "out.csv"
+    wanted = ["--require", "guidance.range >= 1 km", "--stop", "1"]
+    assert main(["run", "sync_approach", "-o", str(out), *wanted]) == 1
+    text = capsys.readouterr()
+    assert "requirement met: distance (guidance.range >= 3.95 m); worst " in text.out
+    assert "requirement NOT MET: guidance.range >= 1 km; worst 0.01" in text.err
+    found = findings(read(out))
+    assert [f.name for f in found] == ["distance", "tracking", "pointing", "guidance.range >= 1 km"]
+    assert [f.met for f in found] == [True, True, True, False]
+
+
+def test_those_of_the_system_decide_only_if_strict(tmp_path, capsys):
+    out = tmp_path / "out.nc"
+    far = ["--set", "servicer.rho_0_H=[0,3,0]", "--stop", "1", "-o", str(out)]
+    assert main(["run", "sync_approach", *far]) == 0
+    assert "NOT MET: distance" in capsys.readouterr().out
+    assert main(["run", "sync_approach", *far, "--strict", "-q"]) == 1
+    assert "NOT MET: distance" in capsys.readouterr().err
+
+
+def test_report_judges_them_and_others(tmp_path, capsys):
+    out = tmp_path / "out.nc"
+    assert main(["run", "relay_approach", "--stop", "1", "-o", str(out), "-q"]) == 0
+    assert main(["report", str(out), "--require", "guidance.rang > 1"]) == 1
+    text = capsys.readouterr()
+    assert "Requirements:\n  not judged: guidance.rang > 1; guidance.rang (close: " in text.out
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("guidance.rang > 1", r"there is no variable guidance\.rang \(close: guidance\.range"),
+        ("guidance.range > parameter(guidance.rho)", "there is no parameter guidance.rho"),
+        ("guidance.range > 1 kg", "cannot be converted"),
+        ("guidance.range", "is no condition"),
+    ],
+)
+def test_a_senseless_requirement_is_refused_before_the_run(text, problem):
+    with pytest.raises(UsageError, match=problem):
+        run("sync_approach", stop=1.0, require=[text])
+
+
+def test_a_requirement_whose_fmu_was_swapped_is_not_judged():
+    with load("ppc_tracking") as system:
+        assert not system.requirements
+    result = run("sync_approach", stop=1.0, require={"own": "controller.m_hat > 0 kg"})
+    assert findings(result)[-1].met
+    assert findings(result)[-1].name == "own"
+    lost = run("sync_approach", stop=1.0, swap={"controller": "pid_controller"})
+    assert all(f.met is not None for f in findings(lost))
+    assert finding(lost, "own", "controller.m_hat > 0 kg").met is None
+
+
+def test_the_build_reports_senseless_requirements():
+    toml = paths.PACKAGE.parent / "ssp" / "sync_approach.toml"
+    source = tomllib.loads(toml.read_text(encoding="utf-8"))
+    source["requirements"] = {"a": "guidance.rang > 1", "b": "2 > 1 m"}
+    with pytest.raises(StructureError) as refused:
+        system_of(source, paths.fmus())
+    places = [line.partition(":")[0] for line in refused.value.problems]
+    assert places == ["[requirements] a", "[requirements] b"]
