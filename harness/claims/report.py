@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import textwrap
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import chain, repeat, zip_longest
 from typing import NamedTuple
 
@@ -35,15 +35,13 @@ OTHER = "not the case of the paper"
 FLOWN = "Flown: "
 
 
-def report(result: Result, require: Mapping[str, str] | None = None) -> tuple[str, bool]:
+def report(result: Result) -> tuple[str, bool]:
     """What was flown, requirements, and the table of the claims behind a result; and whether the
     run is complete and every claim could be judged.
 
-    require: requirements by name beside those of the system.
-
     An honest "not reproduced" is no failure. Raises ResultsError if no paper belongs to the result.
     """
-    found, wanted = judged(result), findings(result, require)
+    found, wanted = judged(result), findings(result)
     if not found and not wanted:
         hint = (
             ""

@@ -168,15 +168,18 @@ def report(
     """
     from harness.claims.report import report as judge
     from harness.results.files import read
+    from harness.results.requirements import demanding
 
+    wanted = require or []
+    result = demanding(read(file), {text: text for text in wanted})
     if output is not None:
         from harness.report.html import write
 
-        typer.echo(write(file, output))
+        typer.echo(write(result, output))
+        insist(result, wanted, strict)
         return
 
-    result, wanted = read(file), require or []
-    text, passed = judge(result, {text: text for text in wanted})
+    text, passed = judge(result)
     typer.echo(printable(text))
     if not passed:
         raise typer.Exit(1)

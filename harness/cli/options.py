@@ -245,7 +245,6 @@ def insist(result: Any, required: Iterable[str], strict: bool) -> None:
     """RequirementError if a requirement of the command line, or if strict any, is not met."""
     from harness.results.requirements import findings
 
-    found = findings(result, {text: text for text in required})
-    missed = [str(f) for f in found if not f.met and (strict or f.name in required)]
+    missed = [str(f) for f in findings(result) if not f.met and (strict or f.name in required)]
     if missed:
         raise RequirementError("\n".join(f"requirement {line}" for line in missed))

@@ -26,6 +26,7 @@ from harness.results.expressions import (
     unit_of,
     variables,
 )
+from harness.results.provenance import Provenance
 from harness.results.quantities import convert, unit
 from harness.results.result import Result
 from harness.spelling import did_you_mean
@@ -119,10 +120,19 @@ def _check(tree: ast.expr) -> None:
             unit(node.value.unit)
 
 
-def findings(result: Result, further: Mapping[str, str] | None = None) -> list[Finding]:
-    """All requirements of a result, and further ones, as they were met."""
-    own = {} if result.provenance is None else dict(result.provenance.requirements)
-    return [finding(result, name, text) for name, text in {**own, **(further or {})}.items()]
+def demanding(result: Result, further: Mapping[str, str]) -> Result:
+    """The result with further requirements beside those it has, by name."""
+    before = result.provenance or Provenance(system=result.system)
+    both = {**dict(before.requirements), **further}
+    if not further:
+        return result
+    return replace(result, provenance=replace(before, requirements=tuple(both.items())))
+
+
+def findings(result: Result) -> list[Finding]:
+    """All requirements of a result as they were met."""
+    own = () if result.provenance is None else result.provenance.requirements
+    return [finding(result, name, text) for name, text in own]
 
 
 def finding(result: Result, name: str, text: str) -> Finding:
