@@ -90,6 +90,8 @@ def _required(system: System, given: Sequence[str] | Mapping[str, str]) -> Syste
     """The system with further requirements, a text alone is its own name; those that it has itself
     may have lost what they need by a swap.
     """
+    if not given:
+        return system
     further = dict(given) if isinstance(given, Mapping) else {text: text for text in given}
     if found := refused(system, further):
         raise UsageError("\n".join(f"--require {problem}" for problem in found))
