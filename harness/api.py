@@ -17,7 +17,7 @@ from harness.system.graph import say_warnings, say_warnings_of
 from harness.system.interface import read_interface
 from harness.system.model import System
 from harness.system.swap import find_fmu
-from harness.system.values import parse
+from harness.system.values import parse, plain
 
 if TYPE_CHECKING:
     from harness.studies.campaign.campaign import Campaign
@@ -143,7 +143,10 @@ def _texts(given: Several) -> list[str]:
     """Values side by side as the command line writes them."""
     if not isinstance(given, Mapping):
         return list(given)
-    return [f"{name}={','.join(map(str, values))}" for name, values in given.items()]
+    return [
+        f"{name}={','.join(str(plain(value)) for value in values)}"
+        for name, values in given.items()
+    ]
 
 
 def linearize(

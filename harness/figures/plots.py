@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
+from io import BytesIO
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -61,6 +62,29 @@ def plot(
         figures = {name: figure for name, figure in figures.items() if name not in empty}
     drawn = {name: partial(paint, f, result, style) for name, f in figures.items()}
     return _write(directory, ending, style, drawn)
+
+
+def shown(result: Result, names: Sequence[str] = ()) -> Canvas:
+    """A figure for a notebook: that of a name, that of variables, or without names the first one
+    that the result has.
+
+    Raises ResultsError if there is none, UsageError for a name that is neither.
+    """
+    known = {f.name: f for f in FIGURES if f.fits(result) and not f.is_empty(result)}
+    if not names and not known:
+        raise ResultsError("the result holds the variables of no known figure: name some")
+    name = names[0] if names else next(iter(known))
+    figure = known[name] if name in known else figure_of(result, names)
+    with SCREEN.used():
+        canvas = paint(figure, result)
+    canvas._repr_png_ = partial(_png, canvas)  # whether or not pyplot was ever imported
+    return canvas
+
+
+def _png(canvas: Canvas) -> bytes:
+    buffer = BytesIO()
+    canvas.savefig(buffer, format="png")
+    return buffer.getvalue()
 
 
 def overlay(

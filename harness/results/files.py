@@ -18,7 +18,7 @@ import os
 import re
 import tempfile
 import unicodedata
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -33,19 +33,11 @@ from harness.files.signals import held
 from harness.results import sidecar
 from harness.results.provenance import Provenance, flat, from_flat
 from harness.results.result import Result
+from harness.results.variables import ELEMENTS, PROVENANCE, attributes, element_names, variables
 from harness.system.graph import read_interfaces
 from harness.system.model import Port, System
-from harness.system.values import expand
-
-ELEMENTS = "elements"
-"""Attribute with the names of the elements of a vector where they are not counted from 1."""
-
-PROVENANCE = "provenance_"
-"""Begin of the attributes of a .nc that say where it comes from."""
 
 INCOMPLETE = "# incomplete: "
-AXES = {3: "axis"}
-"""Name of the second dimension of a vector by its length; other lengths n are called axis_n."""
 
 
 class ResultFile:
@@ -247,20 +239,16 @@ def _write_nc(result: Result, path: Path) -> None:
     import netCDF4
 
     time = {"units": "s", "long_name": "time"}
-    variables = {
-        name: (axes, data[0], about) for name, axes, data, about in _variables(result.parameters)
+    content = {
+        name: (axes, data[0], about) for name, axes, data, about in variables(result.parameters)
     }
-    variables |= {
-        name: (("time", *axes), data, about) for name, axes, data, about in _variables(result)
+    content |= {
+        name: (("time", *axes), data, about) for name, axes, data, about in variables(result)
     }
     with netCDF4.Dataset(path, "w") as file:
-        file.system, file.message = result.system, result.message
-        file.complete = int(result.complete)
-        if result.provenance is not None:
-            given = flat(result.provenance)
-            file.setncatts({PROVENANCE + name: value for name, value in given.items()})
-        variables["time"] = (("time",), result.time, time)
-        defined = [(_defined(file, name, *each), each[1]) for name, each in variables.items()]
+        file.setncatts(attributes(result))
+        content["time"] = (("time",), result.time, time)
+        defined = [(_defined(file, name, *each), each[1]) for name, each in content.items()]
         for variable, data in defined:
             variable[...] = data
 
@@ -275,32 +263,6 @@ def _defined(
     variable = file.createVariable(name, "f8", axes, fill_value=False)
     variable.setncatts(about)
     return variable
-
-
-def _variables(
-    result: Result | None,
-) -> Iterator[tuple[str, tuple[str, ...], NDArray[np.float64], dict[str, str]]]:
-    """Vectors with an axis, matrices with row and column, the rest as they are: name, axes, (rows,
-    ...), attributes.
-    """
-    if result is None:
-        return
-    whole = {column for columns in result.vectors.values() for column in columns.flat}
-    single = [name for i, name in enumerate(result.columns) if i not in whole]
-    for name in (*result.vectors, *single):
-        values = result[name]
-        attributes = {"units": result.unit(name), "long_name": result.description(name)}
-        if name in result.vectors:
-            given = [result.columns[i] for i in result.vectors[name].flat]
-            if given != _element_names(name, values.shape[1:]):
-                attributes[ELEMENTS] = "\n".join(given)
-        yield name, _dimensions(values.shape[1:]), values, attributes
-
-
-def _dimensions(shape: tuple[int, ...]) -> tuple[str, ...]:
-    if len(shape) == 1:
-        return (AXES.get(shape[0], f"axis_{shape[0]}"),)
-    return tuple(f"{name}_{n}" for name, n in zip(("row", "column", "layer"), shape, strict=False))
 
 
 def _read_nc(path: Path) -> Result:
@@ -337,13 +299,13 @@ def _provenance(about: Mapping[str, Any]) -> Provenance | None:
 def _table(
     system: str,
     time: NDArray[np.float64],
-    variables: Mapping[str, tuple[NDArray[np.float64], Mapping[str, str]]],
+    histories: Mapping[str, tuple[NDArray[np.float64], Mapping[str, str]]],
 ) -> Result:
     """Variables with their attributes as flat columns."""
     columns, blocks, units, descriptions = [], [np.empty((len(time), 0))], [], []
-    for name, (values, about) in variables.items():
+    for name, (values, about) in histories.items():
         given = about.get(ELEMENTS)
-        names = given.split("\n") if given else _element_names(name, values.shape[1:])
+        names = given.split("\n") if given else element_names(name, values.shape[1:])
         columns += names
         blocks.append(values.reshape(len(values), -1))
         units += [about.get("units", "")] * len(names)
@@ -351,10 +313,6 @@ def _table(
     return Result(
         system, time, tuple(columns), tuple(units), np.hstack(blocks), tuple(descriptions)
     )
-
-
-def _element_names(name: str, shape: tuple[int, ...]) -> list[str]:
-    return list(expand(name, np.empty(shape).tolist())) if shape else [name]
 
 
 # ---- .mat
@@ -370,11 +328,11 @@ def _write_mat(result: Result, path: Path) -> None:
     }
     units: dict[str, Any] = {}
     fixed: dict[str, Any] = {}
-    for name, _, values, attributes in _variables(result):
+    for name, _, values, about in variables(result):
         component, variable = _place(content, name)
         content[component][variable] = values
-        units.setdefault(component, {})[variable] = attributes["units"]
-    for name, _, values, _ in _variables(result.parameters):
+        units.setdefault(component, {})[variable] = about["units"]
+    for name, _, values, _ in variables(result.parameters):
         component, variable = _place(fixed, name)
         fixed[component][variable] = values[0]
     content |= {"units": units, "parameters": fixed}

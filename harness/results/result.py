@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.results.provenance import Provenance
+from harness.results.views import Views
 from harness.spelling import did_you_mean
 from harness.system.names import base, grid, index
 
 
-@dataclass(frozen=True)
-class Result:
+@dataclass(frozen=True, repr=False)
+class Result(Views):
     """What a run has left behind.
 
     time: (rows,) [s]; columns: `component.variable[i]`; units, descriptions: per column ("" if

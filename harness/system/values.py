@@ -42,6 +42,8 @@ def plain(value: Any) -> Any:
     """A value of Python as TOML has it: arrays and numbers of numpy, tuples as lists."""
     if hasattr(value, "tolist"):
         return value.tolist()
+    if isinstance(value, Mapping):
+        return {name: plain(each) for name, each in value.items()}
     return [plain(each) for each in value] if isinstance(value, list | tuple) else value
 
 

@@ -30,6 +30,7 @@ from harness.studies.campaign.factors import Factor, factor
 from harness.system.graph import checked, say_warnings
 from harness.system.model import System
 from harness.system.tables import read_toml
+from harness.system.values import plain
 
 KEYS = {
     "system", "runs", "seed", "sampler", "every", "fixed", "factors", "seeds", "metrics",
@@ -200,7 +201,7 @@ def read_plan(definition: Path | Mapping[str, Any]) -> Plan:
     Raises UsageError (no such file or system) or StructureError with all that is wrong.
     """
     path = definition if isinstance(definition, Path) else None
-    table: Mapping[str, Any] = read_toml(path) if path else definition  # type: ignore[assignment]
+    table: Mapping[str, Any] = read_toml(path) if path else plain(definition)
     name = path.name if path else "campaign"
     if not isinstance(table.get("system"), str):
         raise StructureError([f"{name}: wants system, its name or the path of its .ssp"])
