@@ -107,7 +107,8 @@ def test_arrays_are_values_of_a_campaign(tmp_path):
         "system": "sync_approach",
         "fixed": {"stop": 0.1, "set": {"servicer.J_S": np.diag([200.0, 250.0, 151.0])}},
         "factors": {"servicer.mass_0": {"list": np.array([90.0, 110.0])}},
-        "metrics": {"mass": "parameter(servicer.mass_0)", "J": "parameter(servicer.J_S[3,3])"},
+        "metrics": {"mass": "parameter(servicer.mass_0)", "J": "parameter(servicer.J_S)[2,2]"},
     }
     data = campaign(table, tmp_path / "out.zarr", workers=0).data
     assert data["mass"].values.tolist() == [90, 110]
+    assert data["J"].values.tolist() == [151, 151]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""examples/*.ipynb: they run from the first cell to the last, and are kept without their outputs."""
+"""examples/*.ipynb: they run from the first cell to the last and are kept without outputs."""
 
 from __future__ import annotations
 
