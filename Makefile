@@ -22,11 +22,11 @@ SOURCES := $(shell find fmus ssp harness -name '*.py' -o -name '*.[ch]' -o -name
 CODE    := .ci examples fmus harness tests
 C_FILES := $(shell find $(CODE) -name '*.[ch]')
 
-.PHONY: help build demo test test-browser test-long test-interop pil validation sanitize lint warnings format \
-        coverage bench wheel dist clean
+.PHONY: help build demo test test-browser test-long test-interop pil validation gallery sanitize \
+        lint warnings format coverage bench wheel dist clean
 help:
-	@echo "make demo | test | test-browser | test-interop | test-long | pil | validation | lint | warnings |"
-	@echo "     format | coverage | sanitize | bench | wheel | dist | clean"
+	@echo "make demo | test | test-browser | test-interop | test-long | pil | validation | gallery |"
+	@echo "     lint | warnings | format | coverage | sanitize | bench | wheel | dist | clean"
 
 $(TOOLS): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and \
@@ -83,6 +83,10 @@ pil: build
 # numbers by others through the FMUs; writes the page docs/validation.md from the run
 validation: build
 	$(BIN)/harness validate --write docs/validation.md
+
+# flies the systems; writes docs/gallery.md and its pictures from the runs
+gallery: build
+	$(BIN)/python .ci/gallery.py docs
 
 # FMU tests under the address and undefined behaviour sanitizers
 sanitize: build

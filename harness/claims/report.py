@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a paper claims, what a result shows, and the verdict: a table of plain text, 120 columns
-wide at most.
+"""What a paper claims, what a result shows, and the verdict as plain text: a table of 120 columns,
+or claim by claim where there is less room.
 
 Which paper belongs to a result is decided by the variables that the result holds, see
 harness/claims. Below stands what the safety monitor of the run has found.
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import textwrap
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, repeat, zip_longest
 from typing import NamedTuple
 
@@ -35,12 +35,32 @@ OTHER = "not the case of the paper"
 FLOWN = "Flown: "
 
 
-def report(result: Result) -> tuple[str, bool]:
+INDENT = "    "
+NAMED = 12
+"""Width of the names before the cells of a claim, where it has lines of its own."""
+
+
+class Line(NamedTuple):
+    """A line of a report; from column `begin` on it says this verdict on the paper, if any."""
+
+    text: str
+    verdict: Verdict | None = None
+    begin: int = 0
+
+
+def report(result: Result, width: int = WIDTH) -> tuple[str, bool]:
     """What was flown, requirements, and the table of the claims behind a result; and whether the
     run is complete and every claim could be judged.
 
-    An honest "not reproduced" is no failure. Raises ResultsError if no paper belongs to the result.
+    width: of the text. An honest "not reproduced" is no failure. Raises ResultsError if no paper
+    belongs to the result.
     """
+    found, passed = lines(result, width)
+    return "\n".join(line.text for line in found), passed
+
+
+def lines(result: Result, width: int = WIDTH) -> tuple[list[Line], bool]:
+    """The same line by line."""
     found, wanted = judged(result), findings(result)
     if not found and not wanted:
         hint = (
@@ -51,21 +71,25 @@ def report(result: Result) -> tuple[str, bool]:
         raise ResultsError(
             f"{result.system}: there are no claims of a paper about such a result{hint}"
         )
-    sections = (_section(result, each) for each in found)
-    parts = (_flown(result), _requirements(wanted), *sections, safety.section(result))
-    text = "\n\n".join(filter(None, parts))
+    sections = (_section(result, each, width) for each in found)
+    parts = (_requirements(wanted, width), *sections, _safety(result, width))
+    text = _flown(result, width)
+    for part in filter(None, parts):
+        text += [Line(""), *part]
     verdicts = {judgement.verdict for each in found for _, judgement in each.claims}
     return text, result.complete and Verdict.NOT_JUDGED not in verdicts
 
 
-def _requirements(wanted: Sequence[Finding]) -> str:
+def _requirements(wanted: Sequence[Finding], width: int) -> list[Line]:
     """One paragraph, if there are any."""
-    lines = [
-        line
-        for each in wanted
-        for line in textwrap.wrap(str(each), WIDTH, initial_indent="  ", subsequent_indent="    ")
-    ]
-    return "\n".join(["Requirements:", *lines]) if lines else ""
+    each = [line for found in wanted for line in _wrapped(str(found), width, "  ")]
+    return [Line("Requirements:"), *each] if each else []
+
+
+def _safety(result: Result, width: int) -> list[Line]:
+    """What the safety monitor has found, if there was one."""
+    text = safety.section(result).splitlines()
+    return [line for row in text for line in (_wrapped(row, width) or [Line("")])]
 
 
 class Judged(NamedTuple):
@@ -89,60 +113,73 @@ def judged(result: Result) -> list[Judged]:
     ]
 
 
-def _flown(result: Result) -> str:
+def _flown(result: Result, width: int) -> list[Line]:
     """What was flown, at the head of everything."""
     known = result.provenance
-    lines = ["the file does not say"] if known is None else known.lines()
-    return "\n".join(
-        textwrap.fill(line, WIDTH, initial_indent=start, subsequent_indent=" " * len(FLOWN))
-        for start, line in zip(chain([FLOWN], repeat(" " * len(FLOWN))), lines, strict=False)
-    )
-
-
-def _section(result: Result, judged: Judged) -> str:
-    head = [
-        *textwrap.wrap(judged.paper.title, WIDTH),
-        "",
-        *_about(result),
-        *_differences(judged),
-        "",
+    texts = ["the file does not say"] if known is None else known.lines()
+    starts = chain([FLOWN], repeat(" " * len(FLOWN)))
+    return [
+        line
+        for start, text in zip(starts, texts, strict=False)
+        for line in _wrapped(text, width, start)
     ]
+
+
+def _section(result: Result, judged: Judged, width: int) -> list[Line]:
     other = bool(judged.deviations)
-    body = [
-        line for claim, judgement in judged.claims for line in _row(_cells(claim, judgement, other))
+    differences = f"Not the case of the paper: {listed(judged.deviations)}"
+    return [
+        *_wrapped(judged.paper.title, width),
+        Line(""),
+        *_wrapped(_about(result), width),
+        *(_wrapped(differences, width) if other else ()),
+        Line(""),
+        *(_table(judged.claims, other) if width >= WIDTH else _blocks(judged.claims, other, width)),
+        Line(""),
+        *_wrapped(_summary([judgement for _, judgement in judged.claims], other), width),
     ]
-    return "\n".join(
-        [
-            *head,
-            *_heading(),
-            *body,
-            "",
-            _summary([judgement for _, judgement in judged.claims], other),
-        ]
-    )
 
 
-def _about(result: Result) -> list[str]:
+def _wrapped(text: str, width: int, start: str = "") -> list[Line]:
+    """Lines of that width; those after the first begin below the text of the first."""
+    below = " " * len(start)
+    wrapped = textwrap.wrap(text, width, initial_indent=start, subsequent_indent=below)
+    return [Line(line) for line in wrapped]
+
+
+def _about(result: Result) -> str:
     span = (
         f"{result.time[0]:g} to {result.time[-1]:g} s" if len(result.time) else "nothing recorded"
     )
     state = (
         "complete" if result.complete else f"incomplete: {result.message or 'the run ended early'}"
     )
-    return textwrap.wrap(f"Run {result.system}: {span}, {len(result.time)} rows, {state}", WIDTH)
+    return f"Run {result.system}: {span}, {len(result.time)} rows, {state}"
 
 
-def _differences(judged: Judged) -> list[str]:
-    if not judged.deviations:
-        return []
-    return textwrap.wrap(f"Not the case of the paper: {listed(judged.deviations)}", WIDTH)
+def _table(claims: Sequence[tuple[Claim, Judgement]], other: bool) -> Iterator[Line]:
+    """A row for each claim, an empty line after it."""
+    for text in _row(title for title, _ in COLUMNS):
+        yield Line(text)
+    yield Line(GAP.join("-" * width for _, width in COLUMNS))
+    for claim, judgement in claims:
+        for text in _row(_cells(claim, judgement, other)):
+            yield Line(text, None if other else judgement.verdict, WIDTH - COLUMNS[-1][1])
+        yield Line("")
 
 
-def _heading() -> list[str]:
-    return [
-        *_row([title for title, _ in COLUMNS], end=False),
-        GAP.join("-" * width for _, width in COLUMNS),
-    ]
+def _blocks(claims: Sequence[tuple[Claim, Judgement]], other: bool, width: int) -> Iterator[Line]:
+    """Some lines for each claim, an empty line after them."""
+    for claim, judgement in claims:
+        text, *cells = _cells(claim, judgement, other)
+        yield from _wrapped(text, width)
+        for (name, _), cell in zip(COLUMNS[1:-1], cells[:-1], strict=True):
+            yield from _wrapped(cell, width, f"{INDENT}{name:{NAMED}}") if cell else ()
+        for line in _wrapped(cells[-1], width, f"{INDENT}{'verdict':{NAMED}}"):
+            yield line._replace(
+                verdict=None if other else judgement.verdict, begin=len(INDENT) + NAMED
+            )
+        yield Line("")
 
 
 def _cells(claim: Claim, judgement: Judgement, other: bool) -> list[str]:
@@ -156,16 +193,15 @@ def _verdict(judgement: Judgement, other: bool) -> str:
     return judgement.verdict.value + mark
 
 
-def _row(cells: Iterable[str], end: bool = True) -> list[str]:
-    """Lines of one row of the table, wrapped within their columns; an empty line follows."""
+def _row(cells: Iterable[str]) -> list[str]:
+    """Lines of one row of the table, wrapped within their columns."""
     wrapped = [textwrap.wrap(cell, width) for cell, (_, width) in zip(cells, COLUMNS, strict=True)]
-    lines = [
+    return [
         GAP.join(
             part.ljust(width) for part, (_, width) in zip(parts, COLUMNS, strict=True)
         ).rstrip()
         for parts in zip_longest(*wrapped, fillvalue="")
     ]
-    return [*lines, ""] if end else lines
 
 
 def _summary(judgements: Sequence[Judgement], other: bool) -> str:

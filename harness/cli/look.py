@@ -80,19 +80,22 @@ def check(
 
 
 @app.command("draw")
+@takes_changes("swap")
 def draw_command(
     system: SystemArgument,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="picture (default: SYSTEM.svg)")
+        Path | None, typer.Option("--output", "-o", help=".svg, .pdf or .png (default: SYSTEM.svg)")
     ] = None,
+    changes: Any = None,
 ) -> None:
     """Draw the block diagram of a system."""
     from harness.exports.draw import draw
+    from harness.master.changes import apply
     from harness.ssp.library import load
 
     with load(system) as found:
         path = output or Path(f"{file_stem(found.name)}.svg")
-        draw(found, path)
+        draw(apply(found, **changes), path)
     typer.echo(path)
 
 
@@ -166,7 +169,7 @@ def report(
 
     With -o: one page that opens in any browser, of any run.
     """
-    from harness.claims.report import report as judge
+    from harness.cli.verdicts import show
     from harness.results.files import read
     from harness.results.requirements import demanding
 
@@ -179,9 +182,7 @@ def report(
         insist(result, wanted, strict)
         return
 
-    text, passed = judge(result)
-    typer.echo(printable(text))
-    if not passed:
+    if not show(result):
         raise typer.Exit(1)
     insist(result, wanted, strict)
 

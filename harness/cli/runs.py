@@ -53,6 +53,9 @@ SystemOption = Annotated[
         autocompletion=completed_systems,
     ),
 ]
+WatchOption = Annotated[
+    bool, typer.Option("--watch", help="show where the run is: range, errors, speed, phase")
+]
 InProcessOption = Annotated[
     bool, typer.Option("--in-process", help="foreign FMUs in this process too, for debugging")
 ]
@@ -99,6 +102,7 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     like: LikeOption = None,
     in_process: InProcessOption = False,
     strict: StrictOption = False,
+    watch: WatchOption = False,
     quiet: QuietOption = False,
     changes: Any = None,
 ) -> None:
@@ -111,11 +115,16 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     wanted = _wanted(system, like, changes)
     name = f"{Path(wanted.system).stem}{'' if wanted.model is None else '_again'}"
     file = ResultFile(output or Path("results") / f"{name}.nc")
-    how = {
+    how: dict[str, Any] = {
+        "progress": not quiet and sys.stderr.isatty(),
         "executor": executor or wanted.executor,
         "every": wanted.every if every is None else every,
         "in_process": in_process,
     }
+    if watch:
+        from harness.cli.watch import watched
+
+        how["progress"] = watched
     result = _run(wanted.system, wanted.changes, file, how, quiet)
     if wanted.model is not None:
         _say_whether_equal(wanted.model, result)
@@ -162,7 +171,7 @@ def _run(system: str, changes: Any, file: Any, how: dict[str, Any], quiet: bool)
         file.accept(changed)
         with held():  # from here on
             try:
-                result = simulate(changed, progress=not quiet and sys.stderr.isatty(), **how)
+                result = simulate(changed, **how)
             except RunError as error:
                 if error.partial is not None:
                     kept = file.keep(error.partial)

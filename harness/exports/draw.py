@@ -1,87 +1,115 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A system as a block diagram in SVG, without any other program."""
+"""A system as a block diagram: .svg, .pdf or .png by matplotlib."""
 
 from __future__ import annotations
 
+import io
+import textwrap
 from pathlib import Path
+from typing import Any
 
-from lxml import etree
-
-from harness.exports.diagram import LINE, Diagram, Points, Text, lay_out
+from harness.errors import UsageError
+from harness.exports.diagram import CHARACTER, LINE, MARGIN, Diagram, Text, lay_out
 from harness.files.output import written
-from harness.ssp.xml import XmlElement
 from harness.system.model import System
 
-SVG = "http://www.w3.org/2000/svg"
-STYLE = """
-  text { font: 12px 'DejaVu Sans Mono', Menlo, Consolas, monospace; fill: #1b2a3a; }
-  .name { font-size: 14px; font-weight: bold; text-anchor: middle; }
-  .fmu, .title { fill: #5a6b7c; } .fmu { text-anchor: middle; }
-  rect.block { fill: #eef3f8; stroke: #34506b; stroke-width: 1.5; }
-  polyline { fill: none; stroke: #34506b; stroke-width: 1.3; }
-  circle, marker path { fill: #34506b; }
-"""
+FORMATS = ("svg", "pdf", "png")
+INK, PAPER, GREY = "#34506b", "#eef3f8", "#5a6b7c"
+PIXELS = 96.0
+"""Per inch, as of CSS."""
+FONT: Any = {
+    "font.family": "monospace",
+    "font.monospace": ["DejaVu Sans Mono"],
+    "svg.fonttype": "none",
+    "svg.hashsalt": "servicing-fmus",
+    "pdf.fonttype": 42,
+}
 
 
 def draw(system: System, path: Path) -> None:
-    """Write the block diagram of a system as .svg; ResultsError if it cannot be written."""
+    """Write the block diagram of a system; UsageError for an ending that is none of FORMATS,
+    ResultsError if it cannot be written.
+    """
+    ending = path.suffix.removeprefix(".")
+    if ending not in FORMATS:
+        raise UsageError(
+            f"{path}: a diagram is written as .{', .'.join(FORMATS)}, not as '{path.suffix}'"
+        )
     with written(path) as target:
-        target.write_bytes(svg(system))
+        target.write_bytes(_painted(system, ending))
 
 
 def svg(system: System) -> bytes:
     """The block diagram of a system; the same system gives the same bytes."""
+    return _painted(system, "svg")
+
+
+def _painted(system: System, ending: str) -> bytes:
+    import matplotlib as mpl
+
+    file, undated = io.BytesIO(), {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(FONT)
+        canvas = _canvas(system)
+        canvas.savefig(file, format=ending, dpi=2 * PIXELS, metadata=undated.get(ending))
+    return file.getvalue()
+
+
+def _canvas(system: System) -> Any:
+    """A figure of matplotlib whose unit is the pixel of the layout, from the top left."""
+    from matplotlib.figure import Figure
+
     diagram = lay_out(system)
-    size = {"width": f"{diagram.width:.0f}", "height": f"{diagram.height:.0f}"}
-    box = f"0 0 {size['width']} {size['height']}"
-    root = etree.Element(f"{{{SVG}}}svg", {**size, "viewBox": box}, nsmap={None: SVG})
-    etree.SubElement(root, "style").text = STYLE
-    _arrow_head(root)
-    etree.SubElement(root, "rect", size, fill="white")
-    _words(root, 12, 20, f"{system.name}: {system.description}".rstrip(": "), "title")
-    _blocks(root, diagram)
-    for points in diagram.lines:
-        _line(root, points)
-    for points in diagram.arrows:
-        _line(root, points, {"marker-end": "url(#head)"})
-    for x, y in diagram.dots:
-        etree.SubElement(root, "circle", cx=f"{x:.1f}", cy=f"{y:.1f}", r="2.5")
-    for label in diagram.labels:
-        _label(root, label)
-    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
+    title = _title(system, diagram.width)
+    above = LINE * (len(title) - 1)
+    width, height = diagram.width, diagram.height + above
+    canvas = Figure(figsize=(width / PIXELS, height / PIXELS))
+    axes = canvas.add_axes((0, 0, 1, 1), xlim=(0, width), ylim=(diagram.height, -above))
+    axes.set_axis_off()
+    for row, line in enumerate(title):
+        _words(axes, 12, 20 - above + row * LINE, line, color=GREY)
+    _blocks(axes, diagram)
+    _wires(axes, diagram)
+    return canvas
 
 
-def _arrow_head(root: XmlElement) -> None:
-    marker = etree.SubElement(
-        etree.SubElement(root, "defs"), "marker", id="head", viewBox="0 0 10 10", refX="9",
-        refY="5", orient="auto", markerWidth="7", markerHeight="7",
-    )  # fmt: skip
-    etree.SubElement(marker, "path", d="M0 1 L10 5 L0 9 z")
+def _title(system: System, width: float) -> list[str]:
+    """Name and description, in lines that the picture is wide enough for."""
+    words = f"{system.name}: {system.description}".rstrip(": ")
+    return textwrap.wrap(words, int((width - MARGIN) / CHARACTER)) or [words]
 
 
-def _blocks(root: XmlElement, diagram: Diagram) -> None:
+def _blocks(axes: Any, diagram: Diagram) -> None:
+    from matplotlib.patches import FancyBboxPatch
+
     for (x, y, width, height), (name, fmu) in zip(diagram.blocks, diagram.titles, strict=True):
-        box = {"x": f"{x:.1f}", "y": f"{y:.1f}", "width": f"{width:.1f}", "height": f"{height:.1f}"}
-        etree.SubElement(root, "rect", {**box, "rx": "5", "class": "block"})
+        round_ = "round,pad=0,rounding_size=5"
+        axes.add_patch(FancyBboxPatch((x, y), width, height, round_, fc=PAPER, ec=INK, lw=1.1))
         middle = y + height / 2
-        _words(root, x + width / 2, middle - 2, name, "name")
+        _words(axes, x + width / 2, middle - 2, name, ha="center", size=10, weight="bold")
         if fmu != name:
-            _words(root, x + width / 2, middle + LINE, fmu, "fmu")
+            _words(axes, x + width / 2, middle + LINE, fmu, ha="center", color=GREY)
 
 
-def _line(root: XmlElement, points: Points, further: dict[str, str] | None = None) -> None:
-    text = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
-    etree.SubElement(root, "polyline", {"points": text, **(further or {})})
+def _wires(axes: Any, diagram: Diagram) -> None:
+    for points in (*diagram.lines, *diagram.arrows):
+        axes.plot(*zip(*points, strict=True), color=INK, lw=1, solid_joinstyle="miter")
+    for points in diagram.arrows:
+        head = {"arrowstyle": "-|>", "color": INK, "lw": 1, "shrinkA": 0, "shrinkB": 0}
+        axes.annotate("", points[-1], points[-2], arrowprops=head)
+    for x, y in diagram.dots:
+        axes.plot(x, y, "o", color=INK, ms=4)
+    for label in diagram.labels:
+        _label(axes, label)
 
 
-def _label(root: XmlElement, label: Text) -> None:
-    for i, line in enumerate(label.lines):
-        _words(root, label.x, label.y + i * LINE, line).set("text-anchor", label.anchor)
+def _label(axes: Any, label: Text) -> None:
+    side = {"start": "left", "middle": "center", "end": "right"}[label.anchor]
+    clear = {"fc": "white", "ec": "none", "pad": 0.6}  # where a line passes
+    for row, line in enumerate(label.lines):
+        _words(axes, label.x, label.y + row * LINE, line, ha=side, bbox=clear)
 
 
-def _words(root: XmlElement, x: float, y: float, words: str, kind: str = "") -> XmlElement:
-    element = etree.SubElement(root, "text", x=f"{x:.1f}", y=f"{y:.1f}")
-    element.text = words
-    if kind:
-        element.set("class", kind)
-    return element
+def _words(axes: Any, x: float, y: float, words: str, **look: Any) -> None:
+    axes.text(x, y, words, **{"size": 9, "color": "#1b2a3a", "parse_math": False, **look})

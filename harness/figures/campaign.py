@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.figures.style import SCREEN, Style, new_canvas, save
+from harness.figures.style import SCREEN, Style, legend_above, new_canvas, save, time_axis
 
 Array = NDArray[np.float64]
 
-COLUMNS = 4
-"""Panels side by side."""
+COLUMNS, TICKS = 3, 8
+"""Panels side by side; values of a factor up to which each has its tick."""
 
 
 class Place(NamedTuple):
@@ -35,7 +35,7 @@ def histograms(metrics: Mapping[str, Array], to: Place) -> Path:
     """One histogram per metric."""
     canvas, panels = _grid("Metrics of all runs", len(metrics), to)
     for axes, (name, values) in zip(panels, metrics.items(), strict=True):
-        axes.hist(values[np.isfinite(values)], bins="auto", color="C0")
+        axes.hist(values[np.isfinite(values)], bins="auto", color="C0", edgecolor="white")
         axes.set(xlabel=name, ylabel="runs")
     return save(canvas, to.file("campaign_histograms"))
 
@@ -45,7 +45,10 @@ def scatter(metric: str, values: Array, factors: Mapping[str, Array], to: Place)
     canvas, panels = _grid(metric, len(factors), to)
     for axes, (name, x) in zip(panels, factors.items(), strict=True):
         axes.plot(x, values, ".", markersize=3, alpha=0.5)
-        axes.set(xlabel=name, ylabel=metric)
+        axes.set(xlabel=name)
+        axes.sharey(panels[0])
+    for axes in panels[::COLUMNS]:
+        axes.set(ylabel=metric)
     stem = re.sub(r"[^\w.-]+", "_", metric)
     return save(canvas, to.file(f"campaign_{stem}"))
 
@@ -59,6 +62,10 @@ def chart(metric: str, values: Array, factors: Mapping[str, Array], to: Place) -
     canvas, panels = _grid(metric, 1, to)
     mesh = panels[0].pcolormesh(columns, rows, colours, shading="nearest")
     panels[0].set(xlabel=x_name, ylabel=y_name)
+    panels[0].grid(False)
+    for axis, places in ((panels[0].xaxis, columns), (panels[0].yaxis, rows)):
+        if len(places) <= TICKS:
+            axis.set_ticks(places)
     canvas.colorbar(mesh, ax=panels[0], label=metric)
     stem = re.sub(r"[^\w.-]+", "_", metric)
     return save(canvas, to.file(f"campaign_map_{stem}"))
@@ -67,14 +74,16 @@ def chart(metric: str, values: Array, factors: Mapping[str, Array], to: Place) -
 def bands(name: str, time: Array, percentiles: Sequence[float], band: Array, to: Place) -> Path:
     """Percentiles (percentile, time, element) over time, the outermost pairs filled."""
     canvas, panels = _grid(name, band.shape[2], to)
+    clock = time_axis(time)
     for k, axes in enumerate(panels):
         for low in range(len(percentiles) // 2):
             edges = band[low, :, k], band[-1 - low, :, k]
             label = f"{percentiles[low]:g} to {percentiles[-1 - low]:g} %"
-            axes.fill_between(time, *edges, color="C0", alpha=0.25, linewidth=0, label=label)
-        axes.plot(time, band[len(percentiles) // 2, :, k], "C0", label="median")
-        axes.set(xlabel="time [s]", ylabel=f"{name}[{k + 1}]" if band.shape[2] > 1 else name)
-    panels[0].legend()
+            look = {"color": "C0", "alpha": 0.2 * (low + 1), "linewidth": 0, "label": label}
+            axes.fill_between(time / clock.seconds, *edges, **look)
+        axes.plot(time / clock.seconds, band[len(percentiles) // 2, :, k], "C0", label="median")
+        axes.set(xlabel=clock.label, ylabel=f"{name}[{k + 1}]" if band.shape[2] > 1 else name)
+    legend_above(panels[0])
     stem = re.sub(r"[^\w.-]+", "_", name)
     return save(canvas, to.file(f"campaign_band_{stem}"))
 
@@ -83,4 +92,7 @@ def _grid(title: str, count: int, to: Place) -> tuple[Any, list[Any]]:
     columns = min(count, COLUMNS)
     rows = -(-count // columns)
     canvas = new_canvas(title, (1 + 3.4 * columns, 1 + 2.8 * rows), to.style)
-    return canvas, [canvas.add_subplot(rows, columns, k + 1) for k in range(count)]
+    panels = [canvas.add_subplot(rows, columns, k + 1) for k in range(count)]
+    for axes in panels:
+        axes.locator_params(axis="x", nbins=4)
+    return canvas, panels

@@ -37,7 +37,7 @@ BAND = 3
 
 
 def _draw_errors(canvas: Axes, result: Result) -> None:
-    clock = time_axis(result)
+    clock = time_axis(result.time)
     time = result.time[rows(result)[0]] / clock.seconds
     panels = canvas.subplots(4, 1, sharex=True)
     for panel, part in zip(panels, errors(result), strict=True):
@@ -53,7 +53,7 @@ def _draw_errors(canvas: Axes, result: Result) -> None:
 
 
 def _draw_innovations(canvas: Axes, result: Result) -> None:
-    clock = time_axis(result)
+    clock = time_axis(result.time)
     panels = canvas.subplots(3, 1, sharex=True)
     for panel, (label, filter_, name, stamp, degrees) in zip(panels, KINDS, strict=True):
         time, nis = innovations(result, filter_, name, stamp)
@@ -70,7 +70,7 @@ def _draw_innovations(canvas: Axes, result: Result) -> None:
 
 
 def _draw_normalised(canvas: Axes, result: Result) -> None:
-    clock = time_axis(result)
+    clock = time_axis(result.time)
     time = result.time[rows(result)[0]] / clock.seconds
     panels = canvas.subplots(4, 1, sharex=True)
     for panel, part in zip(panels, errors(result), strict=True):
@@ -85,7 +85,7 @@ def _draw_normalised(canvas: Axes, result: Result) -> None:
 
 
 def _draw_availability(canvas: Axes, result: Result) -> None:
-    clock = time_axis(result)
+    clock = time_axis(result.time)
     panel = canvas.subplots()
     names = (*SENSORS, *FIXES)
     time = result.time / clock.seconds
@@ -97,7 +97,7 @@ def _draw_availability(canvas: Axes, result: Result) -> None:
 
 
 def _draw_tracking(canvas: Axes, result: Result) -> None:
-    clock = time_axis(result)
+    clock = time_axis(result.time)
     time = result.time[rows(result)[0]] / clock.seconds
     panel = canvas.subplots()
     for values, label in zip(tracking(result), ("in truth", "on estimates"), strict=True):

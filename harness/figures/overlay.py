@@ -91,7 +91,7 @@ def _planned_momentum(
 ) -> None:
     """Predicted momentum and rotation of the reference over the window, against saturation."""
     momentum, rotation = canvas.subplots(2, 1, sharex=True)
-    clock = time_axis(*results.values())
+    clock = time_axis(*(r.time for r in results.values()))
     for label, result in results.items():
         time = result.time / clock.seconds
         size = np.linalg.norm(result["guidance.h_ref_D"], axis=1)

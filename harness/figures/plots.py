@@ -124,7 +124,7 @@ def paint(figure: Figure | Drawing, result: Result, style: Style = SCREEN) -> Ca
         figure.draw(canvas, result)
         return canvas
     canvas, panels = _panels(figure, [result], style)
-    time, labelled = time_axis(result), [""]
+    time, labelled = time_axis(result.time), [""]
     for axes, panel in panels:
         for curve in panel.held(result):
             _draw_curve(axes, result, panel, curve, time.seconds)
@@ -147,7 +147,7 @@ def _panels(
     title = "\n".join([figure.title] + [f"zero throughout: {', '.join(left)}"] * bool(left))
     canvas = new_canvas(title, (8, 1.2 + 2.2 * len(shown)), style)
     column = canvas.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
-    column[-1].set_xlabel(time_axis(*results).label)
+    column[-1].set_xlabel(time_axis(*(r.time for r in results)).label)
     for axes, panel in zip(column, shown, strict=True):
         axes.set_ylabel(wrapped(panel.ylabel, canvas.get_figheight() / (len(shown) + 0.5)))
         if panel.log:
@@ -238,18 +238,19 @@ def _styles(colours: Mapping[str, Colour]) -> dict[str, Any]:
 def paint_overlay(
     figure: Figure | Overlay,
     results: Mapping[str, Result],
-    colours: Mapping[str, Colour],
+    colours: Mapping[str, Colour] | None = None,
     style: Style = SCREEN,
 ) -> Canvas:
     """The figure of several runs as matplotlib has it: a colour for each by its label, one legend
     or scale of colours for all panels.
     """
+    colours = _colours(list(results)) if colours is None else colours
     if isinstance(figure, Overlay):
         canvas = new_canvas(figure.title, figure.size, style)
         figure.draw(canvas, results, colours)
     else:
         canvas, panels = _panels(figure, list(results.values()), style)
-        seconds = time_axis(*results.values()).seconds
+        seconds = time_axis(*(r.time for r in results.values())).seconds
         for axes, panel in panels:
             _draw_runs(axes, panel, results, colours, seconds)
             _shade(axes, panel, results.values(), seconds)

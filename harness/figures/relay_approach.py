@@ -107,7 +107,7 @@ def _firing_chart(canvas: Axes, result: Result) -> None:
     thrust = result["propulsion.thrust"]
     exist = np.flatnonzero(thrust.any(axis=0))
     names = [_engine(result, int(i)) for i in exist]
-    axes, clock = canvas.add_subplot(), time_axis(result)
+    axes, clock = canvas.add_subplot(), time_axis(result.time)
     if len(exist):
         part = thrust[:, exist] / thrust[:, exist].max(axis=0)
         begin, end = result.time[[0, -1]] / clock.seconds

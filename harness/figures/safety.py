@@ -6,8 +6,12 @@ from __future__ import annotations
 import numpy as np
 
 from harness.figures.figure import Axes, Drawing
+from harness.figures.style import legend_above, time_axis
 from harness.results.result import Result
 from harness.results.safety import FOUND, RESTING, RULES, Rule, findings
+
+LINEAR, DECADE = 0.1, 10.0
+"""Margins up to which the axis is linear; margins beyond this multiple of it need logarithms."""
 
 
 def _draw_margins(canvas: Axes, result: Result) -> None:
@@ -17,17 +21,18 @@ def _draw_margins(canvas: Axes, result: Result) -> None:
     for panel, unit in zip(panels, units, strict=True):
         _draw_panel(panel, result, [rule for rule in rules if rule.unit == unit])
         panel.set_ylabel(f"margin [{unit}]")
-    panels[-1].set_xlabel("time [s]")
+    panels[-1].set_xlabel(time_axis(result.time).label)
 
 
 def _draw_panel(panel: Axes, result: Result, rules: list[Rule]) -> None:
+    time = result.time / time_axis(result.time).seconds
     for rule in rules:
         margin = result[rule.history]
-        panel.plot(result.time, np.where(margin < RESTING, margin, np.nan), lw=0.9, label=rule.name)
+        panel.plot(time, np.where(margin < RESTING, margin, np.nan), lw=0.9, label=rule.name)
     panel.axhline(0, ls="--", lw=0.8, color="k")
-    panel.set_yscale("symlog", linthresh=0.1)
-    panel.legend(fontsize="small")
-    panel.grid(alpha=0.3)
+    if max(map(abs, panel.get_ylim())) > DECADE * LINEAR:
+        panel.set_yscale("symlog", linthresh=LINEAR)
+    legend_above(panel)
 
 
 FIGURES: tuple[Drawing, ...] = (

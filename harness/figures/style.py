@@ -13,9 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from harness.errors import UsageError
 from harness.files.output import written
-from harness.results.result import Result
+
+Array = NDArray[np.float64]
 
 SHEETS = Path(__file__).parent / "styles"
 NARROW, HOURS = 8.0, 7200.0
@@ -110,9 +114,9 @@ class TimeAxis(NamedTuple):
         return f"time [{self.unit}]"
 
 
-def time_axis(*results: Result) -> TimeAxis:
-    """Hours where they suit, for all these runs together."""
-    span = max((r.time[-1] - r.time[0] for r in results if len(r.time)), default=0.0)
+def time_axis(*times: Array) -> TimeAxis:
+    """Hours where they suit, for all these histories together."""
+    span = max((t[-1] - t[0] for t in times if len(t)), default=0.0)
     return TimeAxis("h", 3600.0) if span >= HOURS else TimeAxis("s", 1.0)
 
 

@@ -128,8 +128,11 @@ def _bodies(canvas: Axes, result: Result) -> None:
             ylabel="- normal [m]",
             zlabel="nadir [m]",
         )
-        axes.set_box_aspect(high - low, zoom=0.8)
-        axes.locator_params(nbins=4)
+        axes.set_box_aspect(high - low, zoom=0.85)
+        axes.locator_params(nbins=3)
+        axes.tick_params(pad=-2)
+        for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+            axis.labelpad = -3
         axes.view_init(elev=25, azim=-60)
     axes.legend()
 

@@ -23,7 +23,7 @@ from harness.files.paths import is_ours
 from harness.master import memory
 from harness.master import simulation as here
 from harness.master.child import GRACE_SECONDS, OUTCOME, Child, Send
-from harness.master.progress import progress_bar
+from harness.master.progress import Watch, shown
 from harness.master.simulation import Simulation
 from harness.results.result import Result
 from harness.system.model import System
@@ -41,7 +41,7 @@ def simulate(
     *,
     executor: str = "c",
     every: int = 1,
-    progress: bool = False,
+    progress: bool | Watch = False,
     in_process: bool = False,
 ) -> Result:
     """Run a system as it is, with foreign FMUs in a child process unless in_process; the arguments
@@ -120,11 +120,11 @@ class _Run:
     def __exit__(self, *_: object) -> None:
         self.child.__exit__()
 
-    def result(self, progress: bool) -> Result:
+    def result(self, progress: bool | Watch) -> Result:
         """The rows when the child has ended; RunError with the rows so far, FmuError."""
         simulation = self.simulation
         try:
-            with progress_bar(simulation.system.name, simulation.steps, progress) as show:
+            with shown(simulation, progress) as show:
                 self._follow(show)
         except KeyboardInterrupt:
             self._interrupt()
@@ -142,7 +142,7 @@ class _Run:
             elif kind == OUTCOME:
                 self.error = self.error or content[0]
                 self.over = self.closed = True
-            if show is not None:
+            if show is not None and self.calls is not None:
                 show(self.simulation.step)
             signals.check()
             if self.watch.is_stuck((self.simulation.recorder.marks.tobytes(), self.child.place)):

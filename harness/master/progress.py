@@ -1,15 +1,46 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The bar that a long run or comparison shows on a terminal."""
+"""What a long run or comparison shows of itself: nothing, a bar on a terminal, or what is asked."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from typing import Protocol
+
+from harness.results.result import Result
+from harness.system.model import System
+
+
+class Running(Protocol):
+    """A run as those who watch it see it."""
+
+    system: System
+    steps: int
+
+    def result(self) -> Result:
+        """Everything recorded so far."""
+
+
+Show = Callable[[int], None]
+"""Called now and then with the number of complete steps."""
+Watch = Callable[[Running], AbstractContextManager[Show]]
+"""What is shown of a run as long as it lasts."""
 
 
 @contextmanager
-def progress_bar(title: str, total: int, wanted: bool) -> Iterator[Callable[[int], None] | None]:
+def shown(run: Running, progress: bool | Watch) -> Iterator[Show | None]:
+    """What a run shows: a bar (True), nothing (False), or what a Watch makes of it."""
+    if callable(progress):
+        with progress(run) as show:
+            yield show
+    else:
+        with progress_bar(run.system.name, run.steps, progress) as show:
+            yield show
+
+
+@contextmanager
+def progress_bar(title: str, total: int, wanted: bool) -> Iterator[Show | None]:
     """A bar on stderr that vanishes at the end, as a function of the number of steps done; None if
     unwanted.
     """

@@ -20,7 +20,7 @@ from harness.master import messages
 from harness.master.changes import Changes, apply
 from harness.master.executors import EXECUTORS, Clock
 from harness.master.fmu import Instance
-from harness.master.progress import progress_bar
+from harness.master.progress import Watch, shown
 from harness.master.recorder import Recorder
 from harness.results.provenance import flown
 from harness.results.result import Result
@@ -406,10 +406,10 @@ def _columns(slots: Sequence[Slot]) -> tuple[tuple[str, ...], tuple[str, ...], t
 
 
 def simulate(
-    system: System, *, executor: str = "c", every: int = 1, progress: bool = False
+    system: System, *, executor: str = "c", every: int = 1, progress: bool | Watch = False
 ) -> Result:
     """Run a system as it is; executor, every, progress: as for run()."""
     with Simulation(system, executor=executor, every=every) as simulation:
-        with progress_bar(system.name, simulation.steps, progress) as show:
+        with shown(simulation, progress) as show:
             simulation.advance(progress=show)
         return simulation.result()

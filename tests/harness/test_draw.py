@@ -5,10 +5,13 @@ block.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from lxml import etree
 
 from harness.cli.app import main
+from harness.errors import UsageError
 from harness.exports.diagram import CHARACTER, Net, lay_out, nets
 from harness.exports.draw import draw, svg
 
@@ -64,3 +67,36 @@ def test_the_command_writes_a_picture_beside(make, tmp_path, monkeypatch, capsys
     name = arguments[-1] if arguments else "test.svg"
     assert capsys.readouterr().out == f"{name}\n"
     assert (tmp_path / name).read_bytes().startswith(b"<?xml")
+
+
+@pytest.mark.parametrize(("ending", "head"), [("pdf", b"%PDF"), ("png", b"\x89PNG")])
+def test_the_ending_says_the_format(make, tmp_path, ending, head):
+    path = tmp_path / f"x.{ending}"
+    draw(make(*LOOP), path)
+    assert path.read_bytes().startswith(head)
+
+
+@pytest.mark.parametrize("name", ["x.jpg", "x"])
+def test_another_ending_is_one_line_and_no_file(make, tmp_path, name):
+    with pytest.raises(UsageError, match=r"as \.svg, \.pdf, \.png, not as"):
+        draw(make(*LOOP), tmp_path / name)
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_long_title_goes_on_in_lines_within_the_picture(make):
+    system = replace(make({"a": "counter"}), description="many words " * 20)
+    root = etree.fromstring(svg(system))
+    width = float(root.get("viewBox").split()[2]) * 96 / 72  # points to pixels
+    lines = [e.text for e in root.iter("{*}text")][:-2]
+    assert " ".join(lines) == f"test: {'many words ' * 20}".strip()
+    assert max(map(len, lines)) * CHARACTER < width
+
+
+def test_another_fmu_is_drawn_in_its_place(tmp_path):
+    path = tmp_path / "x.svg"
+    swap = ["--swap", "controller=pid_controller"]
+    assert main(["draw", "sync_approach", *swap, "-o", str(path)]) == 0
+    words = {e.text for e in etree.fromstring(path.read_bytes()).iter("{*}text")}
+    assert "pid_controller" in words
+    assert "adaptive_controller" not in words
+    assert main(["draw", "sync_approach", "--swap", "nobody=pid_controller"]) != 0

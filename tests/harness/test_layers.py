@@ -37,7 +37,7 @@ ONLY = {
     "lxml": {"ssp", "exports", "remote", "rules", "files"},
     "ctypes": {"master", "bench", "validation"},
     "fmpy": {"master", "ssp", "remote", "system", "studies", "rules", "bench", "validation"},
-    "matplotlib": {"figures"},
+    "matplotlib": {"figures", "exports"},
     "typer": {"cli"},
     "jinja2": {"report"},
     "plotly": {"report"},

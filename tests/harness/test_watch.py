@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""`harness run --watch`: what it shows on a terminal and elsewhere; the run stays the same."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from harness import read, run
+from harness.cli import watch
+from harness.cli.app import main
+from harness.master.simulation import Simulation
+from harness.results.derived import attitude_error, position_error, range_
+from harness.ssp.library import load
+from harness.ssp.writer import write_ssp
+
+ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
+
+
+def looked(system, done, **changes):
+    """What the watcher sees after so many macro steps, and the whole run."""
+    with load(system) as found, Simulation(found, **changes) as simulation:
+        simulation.advance(done)
+        look = watch.Watcher(simulation).look(done)
+        simulation.advance()
+        return look, simulation.result()
+
+
+def test_it_shows_the_errors_of_the_row_before_last_as_the_result_has_them():
+    """The reference of the last row stands in the row after it, which is not there yet."""
+    look, result = looked("sync_approach", 500, stop=100.0)
+    values = dict(look.values)
+    assert (look.time, look.stop, look.part) == (50.0, 100.0, 0.5)
+    assert values["range"] == f"{range_(result)[500]:.4g} m"
+    assert values["position error"] == f"{position_error(result)[499]:.4g} m"
+    assert values["attitude error"] == f"{np.degrees(attitude_error(result)[499]):.4g} deg"
+    assert values["attitude"] == "frozen until 1200 s"
+
+
+def test_modes_have_the_names_of_their_description():
+    look, result = looked("relay_approach", 20, stop=10.0)
+    names = ("coast", "align", "burn")
+    assert dict(look.values)["mode"] == names[int(result["guidance.mode"][20])]
+    assert watch._name("phase: 1 to 3 with thrust, 4 passive", 3.0) == ""
+
+
+def test_a_system_without_gauges_shows_its_first_variables(make):
+    with Simulation(make({"first": "counter", "second": "gain"}, ["first.n > second.u"])) as run_:
+        run_.advance(3)
+        look = watch.Watcher(run_).look(3)
+        result = run_.result()
+    assert [name for name, _ in look.values] == list(result.columns[: watch.OTHERS])
+    numbers = [float(text.split()[0]) for _, text in look.values]
+    assert numbers == result.values[-1][: watch.OTHERS].tolist()
+    assert dict(look.values)["first.n"] == "3"
+
+
+def test_without_a_terminal_it_is_plain_lines_and_the_same_bits(tmp_path, capsys):
+    file = tmp_path / "x.nc"
+    assert main(["run", "sync_approach", "--stop", "60", "--watch", "-o", str(file)]) == 0
+    out = capsys.readouterr().out
+    assert "\x1b" not in out
+    *lines, summary = out.splitlines()[: out.count("sync_approach ") + 1]
+    assert re.match(r"sync_approach +0 %: time 0\.1 of 60 s, real time x .*, range 20", lines[0])
+    assert lines[-1].startswith("sync_approach 100 %: time 60 of 60 s")
+    assert summary.startswith("sync_approach: 60 s in ")
+    assert read(file).values.tobytes() == run("sync_approach", stop=60.0).values.tobytes()
+
+
+def test_an_fmu_that_is_not_ours_is_watched_from_outside(make, tmp_path, capsys):
+    write_ssp(make({"first": "counter"}, stop=200.0), tmp_path / "x.ssp")
+    assert main(["run", str(tmp_path / "x.ssp"), "--watch", "-o", str(tmp_path / "x.csv")]) == 0
+    out = capsys.readouterr().out
+    assert re.search(r"^test 100 %: time 200 of 200 s.*first\.n \d+", out, re.MULTILINE)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals of POSIX")
+def test_on_a_terminal_of_70_columns_it_is_a_table_that_is_renewed(tmp_path):
+    import fcntl
+    import pty
+    import struct
+    import termios
+
+    ours, theirs = pty.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 70, 0, 0))
+    command = ["run", "sync_approach", "--stop", "60", "--watch", "-o", str(tmp_path / "x.nc")]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "harness", *command],
+        stdout=theirs,
+        stderr=theirs,
+        env=os.environ | {"TERM": "xterm", "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
+    )
+    os.close(theirs)
+    text = _all_of(ours)
+    assert process.wait() == 0
+    assert "\x1b[?25h" in text.rpartition("\x1b[?25l")[2]  # the cursor is back
+    plain = [line.rstrip() for line in ESCAPES.sub("", text).replace("\r", "\n").split("\n")]
+    assert {"time            60 of 60 s", "attitude        frozen until 1200 s"} <= set(plain)
+    table = [line for line in plain if not line.startswith("sync_approach: 60 s in")]
+    assert max(map(len, table)) <= 70
+
+
+def _all_of(terminal):
+    """What a terminal shows until nobody writes to it any more."""
+    parts = []
+    while True:
+        try:
+            part = os.read(terminal, 65536)
+        except OSError:  # the other end is closed
+            part = b""
+        if not part:
+            os.close(terminal)
+            return b"".join(parts).decode()
+        parts.append(part)
