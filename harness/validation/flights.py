@@ -182,6 +182,24 @@ def thrust_along_velocity(case: Case, library: Library) -> list[Quantities]:
     return answer
 
 
+def steady_filter(case: Case, library: Library) -> list[Quantities]:
+    """A body at rest with a star in every sample: standard deviations after the last one, and of
+    the attitude before it, since information adds: 1/before^2 = 1/after^2 - 1/star^2.
+    """
+    unit = library.unit(case.fmu, case.setup["parameters"])
+    star, step = np.array(case.setup["parameters"]["sigma_A"]), case.setup["stars_every"]
+    unit.set({"gyro_valid": [1], "star_valid": [1], "q_AN": [1, 0, 0, 0], "dtheta_S": [0, 0, 0]})
+    answer = []
+    for row in case.rows:
+        for _ in advance(unit, row["t"], step):
+            unit.set({"star_time": [unit.time], "gyro_time": [unit.time]})
+        after = unit.get("sigma_theta_S")
+        before = 1 / np.sqrt(1 / after**2 - 1 / star**2)
+        bias = unit.get("sigma_bias_S")
+        answer.append({"sigma_before": before, "sigma_after": after, "sigma_bias": bias})
+    return answer
+
+
 FLIGHTS: dict[str, Flight] = {
     "held_inputs": held_inputs,
     "start": start,
@@ -190,6 +208,7 @@ FLIGHTS: dict[str, Flight] = {
     "relative_start": relative_start,
     "formation": formation,
     "motor_torque": motor_torque,
+    "steady_filter": steady_filter,
     "thrust_along_velocity": thrust_along_velocity,
     "rendezvous": rendezvous,
 }
