@@ -62,8 +62,6 @@ static inline double zone_value(const void *rule, vec3 p, vec3 v)
     return smallest(z->half) * (dot(zone_gradient(z, p), p) - 1);
 }
 
-static inline double least_norm(const vec3 p[4]) { return sqrt(larger(0, least_square(p))); }
-
 static inline double zone_bound(const void *rule, const Arc *part)
 {
     const Zone *z = rule;
@@ -102,7 +100,7 @@ static inline double corridor_bound(const void *rule, const Arc *part)
     return larger(inside, within);
 }
 
-/* ---- speed: |p| is convex, -|v| concave ---- */
+/* ---- speed ---- */
 typedef struct { double at_zero, slope; } SpeedLimit;
 
 static inline double speed_value(const void *rule, vec3 p, vec3 v)
@@ -111,10 +109,19 @@ static inline double speed_value(const void *rule, vec3 p, vec3 v)
     return l->at_zero + l->slope * norm(p) - norm(v);
 }
 
+/* on the arc |p| lies above the chord of the root, (p^2 + lo hi)/(lo + hi), and |v| below that of its
+ * ends; the difference of both chords is a polynomial again */
 static inline double speed_bound(const void *rule, const Arc *part)
 {
     const SpeedLimit *l = rule;
-    return l->at_zero + l->slope * least_norm(part->p) - larger(norm(part->v[0]), norm(part->v[1]));
+    Square q = square_along(part->p);
+    double lo = sqrt(larger(0, q.least)), hi = sqrt(q.most), least = INFINITY;
+    double v0 = norm(part->v[0]), v1 = norm(part->v[1]);
+    for (int i = 0; i < SQUARE; i++) {
+        double range = hi > 0 ? (q.c[i] + lo * hi) / (lo + hi) : 0;
+        least = smaller(least, l->slope * range - (v0 + i * (v1 - v0) / (SQUARE - 1)));
+    }
+    return l->at_zero + least;
 }
 
 /* ---- plume: the outside of a cone with an end, convex in both parts ---- */

@@ -326,10 +326,14 @@ def test_random_arcs_against_the_least_of_a_hermite_spline(fmu, rng):
     d = np.array((2.0, 1.0, 3.0))
     p = DEEP | {"use_corridor": 1, "corridor_half_angle": 0.7, "corridor_apex": (0.5, 2, 0)}
     p |= {"use_plume": 1, "plume_half_angle": 0.5, "plume_range": 6, "corridor_length": 3}
+    p |= {"use_speed_limit": 1, "speed_at_zero": 0.5, "speed_slope": 0.3}
     apex = np.array((0.5, 2, 0))
 
     def corridor(p):
         return max(cone(p - apex, np.array((0, 1, 0)), 0.7), p[1] - apex[1] - 3)
+
+    def spare_speed(p, v, s):
+        return 0.5 + 0.3 * np.linalg.norm(p) - np.linalg.norm(v[0] + s * (v[1] - v[0]))
 
     for shape, norm in ((1, ellipsoid), (2, box)):
         unit = fmu("safety_monitor", OFF | p | {"keep_out_shape": shape, "keep_out_half": d})
@@ -338,10 +342,12 @@ def test_random_arcs_against_the_least_of_a_hermite_spline(fmu, rng):
             unit.step(1, states(k, knots[0][k], knots[1][k], 0) | {"F_cmd_S": (0, 0, 1)})
             if k == 0:
                 continue
-            path = CubicHermiteSpline([0, 1], knots[0][k - 1 : k + 1], knots[1][k - 1 : k + 1])
+            ends, rates = (x[k - 1 : k + 1] for x in knots)
+            path = CubicHermiteSpline([0, 1], ends, rates)
             for name, f in (
                 ("keep_out_margin", lambda s, path=path, norm=norm: norm(path(s), d)),
                 ("corridor_margin", lambda s, path=path: corridor(path(s))),
+                ("speed_margin", lambda s, path=path, v=rates: spare_speed(path(s), v, s)),
                 (
                     "plume_margin",
                     lambda s, path=path: max(-cone(path(s), Z, 0.5), np.linalg.norm(path(s)) - 6),
@@ -614,6 +620,28 @@ def test_abort_manoeuvre_spends_the_velocity_increment_and_no_more(fmu, dv_H, ax
     expected = C_NH @ dv_H if np.any(dv_H) else out
     assert np.max(np.abs(impulse / 80 - expected)) < 1e-12
     assert np.linalg.norm(unit.get("dv_left_N")) < 1e-12
+
+
+def test_the_command_passes_between_the_samples_too_and_ends_with_the_abort(fmu):
+    unit = fmu("safety_monitor", SPHERE | {"sample_period": 1, "act": 1, "abort_force": 0})
+    for k in range(16):
+        y = 20.0 if k < 8 else 1.0
+        F = (1.0, k, -k)
+        unit.step(0.25, states(0.25 * k, (0, y, 0), (0, 0, 0)) | {"F_cmd_S": F})
+        assert unit.get("F_safe_S").tolist() == ([1, k, -k] if k < 8 else [0, 0, 0])
+
+
+@pytest.mark.parametrize("period", [0, 5])
+def test_drift_is_predicted_at_its_own_period(fmu, period):
+    """Straight flight in deep space with a velocity that turns towards the zone."""
+    unit = fmu("safety_monitor", DRIFT | DEEP | {"passive_period": period})
+    margins = []
+    for k in range(12):
+        drho = (0.1, -0.002 * k, 0)
+        unit.step(1, states(k, (-20 + 0.1 * k, 8, 0), drho, 0))
+        margins.append(unit.get("passive_margin"))
+    changes = 1 + np.flatnonzero(np.diff(margins))
+    assert changes.tolist() == (list(range(1, 12)) if period == 0 else [5, 10])
 
 
 def test_without_act_the_command_passes_unchanged(fmu):

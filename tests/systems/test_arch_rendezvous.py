@@ -13,11 +13,14 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from harness import campaign as campaign_of
 from harness import run
 from harness.claims import Verdict
 from harness.claims.arch_comp_spre import PAPERS
 from harness.claims.report import report
-from harness.validation.rendezvous import INSTANCES, NEVER, campaign
+from harness.files import paths
+from harness.system.tables import read_toml
+from harness.validation.rendezvous import INSTANCES, NEVER, START, campaign
 
 N = np.sqrt(3.986e14 * 3600 / 42164e3**3)
 FREE = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [3 * N**2, 0, 0, 2 * N], [0, 0, -2 * N, 0]])
@@ -135,6 +138,16 @@ def test_campaign_over_starts_and_abort_times(instance):
     worst = min(flights, key=lambda f: min(f.margins))
     assert len(flights) == 50
     assert worst.safe == instance.safe, worst
+
+
+def test_study_finds_the_published_verdict_of_every_instance_from_a_start_of_the_box(tmp_path):
+    definition = read_toml(paths.campaigns()["arch_rendezvous"]) | {"runs": 1}
+    found = campaign_of(definition, tmp_path / "x.zarr", workers=1).data
+    unsafe = dict(zip(found["params"].values, found["violated"].values, strict=True))
+    assert unsafe == {i.name: float(not i.safe) for i in INSTANCES}
+    assert np.all(np.isnan(found["at"].values) == (found["violated"].values == 0))
+    for k, (low, high) in enumerate(START, start=1):
+        assert low < found[f"servicer.rho_0_H[{k}]"].values[0] < high
 
 
 def test_campaign_begins_with_the_corners_and_finds_the_unsafe_instance():

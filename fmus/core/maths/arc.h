@@ -59,16 +59,27 @@ static inline double least_along(const Arc *arc, vec3 u)
                    smaller(dot(u, arc->p[2]), dot(u, arc->p[3])));
 }
 
-/* no |point|^2 of the arc is below it: the least Bernstein coefficient of that polynomial of degree
- * 6, exact where the distance rises or falls all the way, close where it hardly changes */
-static inline double least_square(const vec3 p[4])
+/* |point|^2 along the arc, a polynomial of degree 6, by its Bernstein coefficients: it stays between
+ * the least and the largest, which are exact where the distance rises or falls all the way, and
+ * close where it hardly changes */
+enum { SQUARE = 7 };
+typedef struct { double c[SQUARE], least, most; } Square;
+
+static inline Square square_along(const vec3 p[4])
 {
-    double c00 = dot(p[0], p[0]), c33 = dot(p[3], p[3]), c01 = dot(p[0], p[1]);
-    double c23 = dot(p[2], p[3]), c02 = (2 * dot(p[0], p[2]) + 3 * dot(p[1], p[1])) / 5;
-    double c13 = (2 * dot(p[1], p[3]) + 3 * dot(p[2], p[2])) / 5;
-    double c03 = (dot(p[0], p[3]) + 9 * dot(p[1], p[2])) / 10;
-    return smaller(smaller(smaller(c00, c01), smaller(c02, c03)), smaller(c13, smaller(c23, c33)));
+    Square q = {{dot(p[0], p[0]), dot(p[0], p[1]), (2 * dot(p[0], p[2]) + 3 * dot(p[1], p[1])) / 5,
+                 (dot(p[0], p[3]) + 9 * dot(p[1], p[2])) / 10,
+                 (2 * dot(p[1], p[3]) + 3 * dot(p[2], p[2])) / 5, dot(p[2], p[3]), dot(p[3], p[3])},
+                INFINITY,
+                0};
+    for (int i = 0; i < SQUARE; i++) {
+        q.least = smaller(q.least, q.c[i]);
+        q.most = larger(q.most, q.c[i]);
+    }
+    return q;
 }
+
+static inline double least_norm(const vec3 p[4]) { return sqrt(larger(0, square_along(p).least)); }
 
 /* ---- margins along an arc ---- */
 typedef double MarginValue(const void *rule, vec3 p, vec3 v);
