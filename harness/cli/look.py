@@ -21,6 +21,7 @@ from harness.cli.options import (
     SystemArgument,
     figures_of,
     insist,
+    size_of,
     takes_changes,
 )
 from harness.spelling import file_stem, printable
@@ -185,6 +186,32 @@ def report(
     if not show(result):
         raise typer.Exit(1)
     insist(result, wanted, strict)
+
+
+@app.command("convert")
+def convert_command(
+    file: FileArgument,
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output", "-o", help=".nc, .csv, .mat, .parquet, or bodies: .oem, .aem, .czml"
+        ),
+    ],
+    body: Annotated[
+        str | None, typer.Option(metavar="COMPONENT", help="whose ephemeris (default: servicer)")
+    ] = None,
+    epoch: Annotated[
+        str, typer.Option(metavar="DATE", help="UTC of t = 0")
+    ] = "2000-01-01T12:00:00",
+) -> None:
+    """Write a result into a file of another kind.
+
+    Ephemerides of CCSDS and CZML take N as EME2000 about the Earth.
+    """
+    from harness.exchange.convert import convert
+
+    path = convert(file, output, body, epoch)
+    typer.echo(f"{path}{size_of(path)}")
 
 
 @app.command("validate")

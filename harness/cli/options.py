@@ -147,9 +147,7 @@ ShownArgument = Annotated[
         autocompletion=lambda incomplete: _completed(lambda: _shown(incomplete))(incomplete),
     ),
 ]
-FileArgument = Annotated[
-    Path, typer.Argument(metavar="FILE", help="results of `harness run`, .csv or .nc")
-]
+FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="results of `harness run`")]
 FormatOption = Annotated[Format, typer.Option("--format", help="of the figures")]
 StyleOption = Annotated[
     Look, typer.Option("--style", help="paper: 3.5 or 7 in wide, 8 pt, 300 dpi, line styles")
@@ -248,3 +246,11 @@ def insist(result: Any, required: Iterable[str], strict: bool) -> None:
     missed = [str(f) for f in findings(result) if not f.met and (strict or f.name in required)]
     if missed:
         raise RequirementError("\n".join(f"requirement {line}" for line in missed))
+
+
+def size_of(path: Path) -> str:
+    """Size of a file as the end of a line, nothing for a pipe or device."""
+    if not path.is_file():
+        return ""
+    size = path.stat().st_size
+    return f" ({size / 1e6:.1f} MB)" if size >= 1e5 else f" ({size / 1e3:.1f} kB)"

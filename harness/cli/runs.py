@@ -23,6 +23,7 @@ from harness.cli.options import (
     completed_systems,
     figures_of,
     insist,
+    size_of,
     takes_changes,
 )
 from harness.errors import ComparisonError, RunError, UsageError
@@ -32,7 +33,7 @@ app = typer.Typer()
 
 
 OutputOption = Annotated[
-    Path | None, typer.Option("--output", "-o", help="results: .csv, .nc or .mat")
+    Path | None, typer.Option("--output", "-o", help="results: .nc, .csv, .mat or .parquet")
 ]
 ExecutorOption = Annotated[
     str | None, typer.Option(help="c or python (the same bits, for debugging)")
@@ -55,6 +56,13 @@ SystemOption = Annotated[
 ]
 WatchOption = Annotated[
     bool, typer.Option("--watch", help="show where the run is: range, errors, speed, phase")
+]
+StartOption = Annotated[
+    list[str] | None,
+    typer.Option(metavar="C=FILE", help="start of a body: OEM of CCSDS or two-line elements"),
+]
+EpochOption = Annotated[
+    str | None, typer.Option(metavar="DATE", help="UTC at which --start takes its files")
 ]
 InProcessOption = Annotated[
     bool, typer.Option("--in-process", help="foreign FMUs in this process too, for debugging")
@@ -101,6 +109,8 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     every: RecordOption = None,
     like: LikeOption = None,
     in_process: InProcessOption = False,
+    start: StartOption = None,
+    epoch: EpochOption = None,
     strict: StrictOption = False,
     watch: WatchOption = False,
     quiet: QuietOption = False,
@@ -112,7 +122,7 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     """
     from harness.results.files import ResultFile
 
-    wanted = _wanted(system, like, changes)
+    wanted = _wanted(system, like, _started(system, start, epoch, changes))
     name = f"{Path(wanted.system).stem}{'' if wanted.model is None else '_again'}"
     file = ResultFile(output or Path("results") / f"{name}.nc")
     how: dict[str, Any] = {
@@ -134,6 +144,27 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
         for path in plot(result, figures_of(file.path)):
             typer.echo(path)
     insist(result, changes.get("require", ()), strict)
+
+
+def _started(
+    system: str | None, start: list[str] | None, epoch: str | None, changes: Any
+) -> dict[str, Any]:
+    """The changes with start values from files below those of --set."""
+    if not start:
+        if epoch is not None:
+            raise UsageError("--epoch: there are no files of --start")
+        return dict(changes)
+    from harness.exchange.start import start_values
+    from harness.master.changes import pairs
+    from harness.ssp.library import load
+
+    if system is None:
+        raise UsageError("--start: SYSTEM is missing")
+    with load(system) as found:
+        begun = start_values(found, dict(pairs("--start", start)), epoch, **changes)
+    for note in begun.notes:
+        typer.echo(printable(f"note: {note}"))
+    return {**changes, "set": {**begun.values, **dict(pairs("--set", changes.get("set", ())))}}
 
 
 def _wanted(system: str | None, like: str | None, changes: Any) -> Any:
@@ -190,7 +221,7 @@ def _report(result: Any, seconds: float, path: Path) -> None:
 
     typer.echo(
         f"{printable(result.system)}: {result.time[-1]:g} s in {seconds:.2f} s, "
-        f"{len(result.time)} rows in {path}"
+        f"{len(result.time)} rows in {path}{size_of(path)}"
     )
     for note in notes(result):
         typer.echo(printable(f"note: {note}"))

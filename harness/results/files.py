@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Results files: .csv (flat columns), .nc (netCDF4: vectors, units, long names) and .mat (one
-struct per component).
+"""Results files: .csv and .parquet (flat columns), .nc (netCDF4: vectors, units, long names) and
+.mat (one struct per component).
 
 All keep the parameters of the run and its provenance too. A .nc: as variables without time, and as
 attributes; a .mat: in the structs `parameters` and `provenance`; a .csv, which stays a bare table
@@ -14,6 +14,7 @@ What cannot be written there is kept elsewhere.
 from __future__ import annotations
 
 import csv
+import json
 import os
 import re
 import tempfile
@@ -27,7 +28,8 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import ResultsError, UsageError
+from harness.errors import HarnessError, ResultsError, UsageError
+from harness.files.libraries import library
 from harness.files.output import new_beside, written
 from harness.files.signals import held
 from harness.results import sidecar
@@ -38,6 +40,8 @@ from harness.system.graph import read_interfaces
 from harness.system.model import Port, System
 
 INCOMPLETE = "# incomplete: "
+PACKED = 1000
+"""Values from which a variable of a .nc is compressed, without loss."""
 
 
 class ResultFile:
@@ -131,6 +135,10 @@ class ResultFile:
                 WRITERS[path.suffix](result, target)
             if path.suffix == ".csv" and not self._special:
                 sidecar.write(result, path)
+        except HarnessError as error:
+            if not isinstance(error, ResultsError):  # a library is missing
+                raise
+            raise ResultsError(_failure(error, self.path)) from error
         except Exception as error:  # OSError, or what the libraries behind xarray and scipy raise
             raise ResultsError(_failure(error, self.path)) from error
 
@@ -171,16 +179,18 @@ _NETCDF_NAME = re.compile(r"[\w\u0080-\U0010ffff][^/\x00-\x1f\x7f]*(?<! )")
 
 
 def read(file: str | Path) -> Result:
-    """Read a .csv or .nc written by the harness; ResultsError if it cannot be read.
+    """Read a results file written by the harness; ResultsError if it cannot be read.
 
     A .csv without the .toml beside it knows neither units nor parameters nor the name of the
     system, which is then the stem of the file.
     """
     path = Path(file)
     if path.suffix not in READERS:
-        raise UsageError(f"{path}: only {' and '.join(READERS)} can be read back")
+        raise UsageError(f"{path}: only {', '.join(READERS)} can be read back")
     try:
         return READERS[path.suffix](path)
+    except HarnessError:  # a library is missing
+        raise
     except Exception as error:  # OSError, or what the libraries behind xarray and numpy raise
         reason = getattr(error, "strerror", None) or " ".join(str(error).split())
         raise ResultsError(f"{path}: cannot be read ({reason})") from error
@@ -260,7 +270,8 @@ def _defined(
     for axis, size in zip(axes, data.shape, strict=True):
         if axis not in file.dimensions:
             file.createDimension(axis, size)
-    variable = file.createVariable(name, "f8", axes, fill_value=False)
+    packed = {"zlib": True, "complevel": 1, "shuffle": True} if data.size > PACKED else {}
+    variable = file.createVariable(name, "f8", axes, fill_value=False, **packed)
     variable.setncatts(about)
     return variable
 
@@ -325,25 +336,72 @@ def _write_mat(result: Result, path: Path) -> None:
         "time": result.time,
         "system": result.system,
         "complete": float(result.complete),
+        "message": result.message,
     }
-    units: dict[str, Any] = {}
+    told: dict[str, Any] = {name: {} for name in (*TOLD, *(f"parameter_{n}" for n in TOLD))}
     fixed: dict[str, Any] = {}
-    for name, _, values, about in variables(result):
-        component, variable = _place(content, name)
-        content[component][variable] = values
-        units.setdefault(component, {})[variable] = about["units"]
-    for name, _, values, _ in variables(result.parameters):
-        component, variable = _place(fixed, name)
-        fixed[component][variable] = values[0]
-    content |= {"units": units, "parameters": fixed}
+    for table, place, prefix in ((result, content, ""), (result.parameters, fixed, "parameter_")):
+        for name, _, values, about in variables(table):
+            component, variable = _place(place, name)
+            place[component][variable] = values if table is result else values[0]
+            columns = about.get(ELEMENTS) or "\n".join(element_names(name, values.shape[1:]))
+            for kind, text in zip(TOLD, (about["units"], about["long_name"], columns), strict=True):
+                told[prefix + kind].setdefault(component, {})[variable] = text
+    content |= told | {"parameters": fixed}
     if result.provenance is not None:
         content["provenance"] = flat(result.provenance)
-    scipy.io.savemat(
-        path,
-        content,
-        long_field_names=True,
-        oned_as="column",
+    scipy.io.savemat(path, content, long_field_names=True, oned_as="column", do_compression=True)
+
+
+TOLD = ("units", "descriptions", "columns")
+"""Structs of a .mat with texts about its variables; those of parameters begin with `parameter_`."""
+
+
+def _read_mat(path: Path) -> Result:
+    import scipy.io
+
+    with path.open("rb") as file:
+        content = scipy.io.loadmat(file, simplify_cells=True)
+    time = np.atleast_1d(np.asarray(content["time"], dtype=np.float64))
+    histories = {n: v for n, v in content.items() if n not in RESERVED and isinstance(v, dict)}
+    system = str(content["system"])
+    fixed, origin = content.get("parameters") or {}, content.get("provenance")
+    parameters = _told(system, time[:1], fixed, content, "parameter_") if len(fixed) else None
+    return replace(
+        _told(system, time, histories, content, ""),
+        complete=bool(content.get("complete", 1)),
+        message=_text(content.get("message", "")),
+        parameters=parameters,
+        provenance=None if origin is None else from_flat(origin),
     )
+
+
+def _told(
+    system: str,
+    time: NDArray[np.float64],
+    structs: Mapping[str, Mapping[str, Any]],
+    content: Mapping[str, Any],
+    prefix: str,
+) -> Result:
+    """Structs of components with what is told about their fields."""
+    found: dict[str, tuple[NDArray[np.float64], dict[str, str]]] = {}
+    units, descriptions, columns = (content.get(prefix + kind, {}) for kind in TOLD)
+    for component, fields in structs.items():
+        for field, values in fields.items():
+            array = np.asarray(values, dtype=np.float64).reshape(len(time), -1)
+            name = f"{component}.{field}"
+            about = {
+                "units": _text(units.get(component, {}).get(field, "")),
+                "long_name": _text(descriptions.get(component, {}).get(field, "")),
+                ELEMENTS: _text(columns.get(component, {}).get(field, "")),
+            }
+            found[name] = (array if about[ELEMENTS] or array.shape[1] > 1 else array[:, 0], about)
+    return _table(system, time, found)
+
+
+def _text(value: Any) -> str:
+    """A text of a .mat, where an empty one is an empty array."""
+    return value if isinstance(value, str) else ""
 
 
 def _place(content: dict[str, Any], name: str) -> tuple[str, str]:
@@ -353,7 +411,11 @@ def _place(content: dict[str, Any], name: str) -> tuple[str, str]:
     return component, _legal(variable, content.setdefault(component, {}))
 
 
-RESERVED = ("time", "system", "complete", "units", "parameters", "provenance")
+RESERVED = (
+    *("time", "system", "complete", "message", "parameters", "provenance"),
+    *TOLD,
+    *(f"parameter_{name}" for name in TOLD),
+)
 """Names in a .mat that are no component."""
 
 
@@ -369,5 +431,45 @@ def _legal(name: str, taken: Collection[str]) -> str:
     return legal
 
 
-WRITERS = {".csv": _write_csv, ".nc": _write_nc, ".mat": _write_mat}
-READERS = {".csv": _read_csv, ".nc": _read_nc}
+# ---- .parquet
+
+ABOUT = b"servicing-fmus"
+"""Key of the metadata of a .parquet with what is no column."""
+
+
+def _write_parquet(result: Result, path: Path) -> None:
+    arrow, parquet = library("pyarrow", "exchange"), library("pyarrow.parquet", "exchange")
+    fields = [arrow.field("time", arrow.float64(), metadata={"units": "s"})]
+    descriptions = result.descriptions or ("",) * len(result.columns)
+    for name, unit, text in zip(result.columns, result.units, descriptions, strict=True):
+        about = {"units": unit, "long_name": text}
+        fields.append(arrow.field(name, arrow.float64(), metadata=about))
+    whole = json.dumps(sidecar.content(result))
+    schema = arrow.schema(fields, metadata={ABOUT: whole.encode()})
+    columns = [arrow.array(column) for column in (result.time, *result.values.T)]
+    parquet.write_table(arrow.table(columns, schema=schema), path, compression="zstd")
+
+
+def _read_parquet(path: Path) -> Result:
+    with path.open("rb") as file:
+        table = library("pyarrow.parquet", "exchange").read_table(file)
+    names = tuple(table.column_names)
+    if names[:1] != ("time",):
+        raise ValueError("it does not begin with a column named time")
+    values = np.column_stack([table.column(i).to_numpy() for i in range(len(names))])
+    units = ("",) * (len(names) - 1)
+    result = Result(path.stem, values[:, 0], names[1:], units, np.ascontiguousarray(values[:, 1:]))
+    about = json.loads((table.schema.metadata or {}).get(ABOUT, b"null"))
+    if about is None:
+        return result
+    complete, message = about.get("complete", True), about.get("message", "")
+    return replace(sidecar.told(result, about), complete=complete, message=message)
+
+
+WRITERS = {
+    ".csv": _write_csv,
+    ".nc": _write_nc,
+    ".mat": _write_mat,
+    ".parquet": _write_parquet,
+}
+READERS = {".csv": _read_csv, ".nc": _read_nc, ".mat": _read_mat, ".parquet": _read_parquet}

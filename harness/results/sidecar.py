@@ -33,14 +33,23 @@ def write(result: Result, csv: Path) -> None:
     """Write the file beside a .csv that is complete; OSError or ResultsError."""
     import tomli_w
 
-    content: dict[str, Any] = {"system": result.system, "sha256": sha256(csv)}
-    if result.provenance is not None:
-        content["provenance"] = provenance.table(result.provenance)
-    if result.parameters is not None:
-        content["parameters"] = _values(result.parameters) | _texts(result.parameters)
-    content["columns"] = _texts(result)
+    about = {"sha256": sha256(csv), **content(result)}
     with written(place(csv)) as path:
-        path.write_text(tomli_w.dumps(content), encoding="utf-8")
+        path.write_text(tomli_w.dumps(about), encoding="utf-8")
+
+
+def content(result: Result) -> dict[str, Any]:
+    """All that is no number of the table, as TOML and JSON have it."""
+    about: dict[str, Any] = {
+        "system": result.system,
+        "complete": result.complete,
+        "message": result.message,
+    }
+    if result.provenance is not None:
+        about["provenance"] = provenance.table(result.provenance)
+    if result.parameters is not None:
+        about["parameters"] = _values(result.parameters) | _texts(result.parameters)
+    return {**about, "columns": _texts(result)}
 
 
 def _values(parameters: Result) -> dict[str, Any]:
@@ -61,20 +70,25 @@ def completed(result: Result, csv: Path) -> Result:
     table.
     """
     try:
-        content = tomllib.loads(place(csv).read_text(encoding="utf-8"))
+        about = tomllib.loads(place(csv).read_text(encoding="utf-8"))
     except FileNotFoundError:
         return result
     except (OSError, ValueError) as error:
         _log.warning("%s: cannot be read (%s)", place(csv).name, error)
         return result
-    if content.get("sha256") != sha256(csv):
+    if about.get("sha256") != sha256(csv):
         _log.warning("%s: is of another %s, it is not used", place(csv).name, csv.name)
         return result
-    origin = content.get("provenance")
+    return told(result, about)
+
+
+def told(result: Result, about: dict[str, Any]) -> Result:
+    """A bare table with what content() said of it."""
+    origin = about.get("provenance")
     return replace(
-        _named(result, content.get("columns", {})),
-        system=content.get("system", result.system),
-        parameters=_parameters(result, content.get("parameters")),
+        _named(result, about.get("columns", {})),
+        system=about.get("system", result.system),
+        parameters=_parameters(result, about.get("parameters")),
         provenance=None if origin is None else provenance.from_table(origin),
     )
 

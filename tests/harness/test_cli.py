@@ -122,7 +122,7 @@ def test_help_names_every_command(command):
         (["run", "dmo"], "dmo: there is no such system (close: demo)"),
         (
             ["run", "demo", "-o", "x.txt"],
-            "x.txt: results are written as .csv, .nc, .mat, not as '.txt'",
+            "x.txt: results are written as .csv, .nc, .mat, .parquet, not as '.txt'",
         ),
         (
             ["run", "demo", "--set", "twice.kk=1"],

@@ -19,7 +19,7 @@ LAYERS = (
     ("cli",),
     ("api",),
     ("authoring", "report"),
-    ("studies", "exports", "bench", "validation", "figures", "claims"),
+    ("studies", "exchange", "exports", "bench", "validation", "figures", "claims"),
     ("master",),
     ("ssp",),
     ("results",),

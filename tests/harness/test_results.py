@@ -231,7 +231,11 @@ def test_a_missing_folder_is_made(result, tmp_path):
 @pytest.mark.parametrize(
     ("path", "error", "problem"),
     [
-        ("x.txt", UsageError, r"results are written as \.csv, \.nc, \.mat, not as '\.txt'"),
+        (
+            "x.txt",
+            UsageError,
+            r"results are written as \.csv, \.nc, \.mat, \.parquet, not as '\.txt'",
+        ),
         ("x", UsageError, "not as 'x'"),
         ("folder.csv", ResultsError, "cannot be written, it is a folder"),
         ("file/x.csv", ResultsError, r"cannot be written \(.*file is not a folder\)"),
@@ -299,7 +303,8 @@ def test_a_file_that_is_no_result_is_one_line(tmp_path, name, content, problem):
 
 
 def test_other_endings_and_missing_files_cannot_be_read_back(tmp_path):
-    with pytest.raises(UsageError, match=r"only \.csv and \.nc can be read back"):
-        read(tmp_path / "x.mat")
-    with pytest.raises(ResultsError, match="No such file"):
-        read(tmp_path / "gone.csv")
+    with pytest.raises(UsageError, match=r"only \.csv, \.nc, \.mat, \.parquet can be read back"):
+        read(tmp_path / "x.txt")
+    for ending in (".csv", ".nc", ".mat", ".parquet"):
+        with pytest.raises(ResultsError, match="No such file"):
+            read(tmp_path / f"gone{ending}")

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Orbit and attitude ephemeris messages as key-value text: CCSDS 502.0-B-2 (OEM 2.0) and 504.0-B-1
+(AEM 1.0).
+
+Positions in km, all digits of the doubles; the quaternion turns EME2000 into the body axes, scalar
+last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import ResultsError, UsageError
+from harness.exchange.bodies import Body, bodies, instants
+from harness.files.output import written
+from harness.results.result import Result
+
+Array = NDArray[np.float64]
+
+ORIGINATOR = "SERVICING-FMUS"
+ASSUMED = "N of the simulation is taken as EME2000, its t = 0 as the epoch given or J2000"
+
+
+def write_oem(result: Result, path: Path, body: str | None, epoch: str) -> None:
+    """Ephemeris of one body (default: the first); UsageError or ResultsError."""
+    one = bodies(result, body)[0]
+    data = np.hstack((one.r_N, one.v_N)) / 1000
+    meta = _meta(one.name, result, epoch) | {"INTERPOLATION": "HERMITE", "INTERPOLATION_DEGREE": 3}
+    order = {"CENTER_NAME": "EARTH", "REF_FRAME": "EME2000", "TIME_SYSTEM": "UTC"}
+    _write(path, result, "OEM_VERS = 2.0", _ordered(meta, order), _rows(result, epoch, data))
+
+
+def write_aem(result: Result, path: Path, body: str | None, epoch: str) -> None:
+    """Attitude of one body (default: the first that has one); UsageError or ResultsError."""
+    one = _with_attitude(bodies(result, body))
+    assert one.q is not None
+    order = {
+        "CENTER_NAME": "EARTH",
+        "REF_FRAME_A": "EME2000",
+        "REF_FRAME_B": "SC_BODY_1",
+        "ATTITUDE_DIR": "A2B",
+        "TIME_SYSTEM": "UTC",
+    }
+    kind = {"ATTITUDE_TYPE": "QUATERNION", "QUATERNION_TYPE": "LAST"}
+    meta = _ordered(_meta(one.name, result, epoch) | kind, order)
+    rows = ["DATA_START", *_rows(result, epoch, one.q[:, [1, 2, 3, 0]]), "DATA_STOP"]
+    _write(path, result, "AEM_VERS = 1.0", meta, iter(rows))
+
+
+def _with_attitude(found: list[Body]) -> Body:
+    chosen = next((body for body in found if body.q is not None), None)
+    if chosen is None:
+        raise UsageError(f"{found[0].name}: the result does not hold its attitude")
+    return chosen
+
+
+def _meta(name: str, result: Result, epoch: str) -> dict[str, object]:
+    times = _texts(instants(result, epoch))
+    if len(times) < 2:
+        raise ResultsError(f"{result.system}: an ephemeris needs two rows at least")
+    return {
+        "OBJECT_NAME": name.upper(),
+        "OBJECT_ID": "UNKNOWN",
+        "START_TIME": times[0],
+        "STOP_TIME": times[-1],
+    }
+
+
+def _ordered(meta: dict[str, object], frames: Mapping[str, object]) -> dict[str, object]:
+    """Frames and time system stand between the object and its span."""
+    items = list(meta.items())
+    return dict([*items[:2], *frames.items(), *items[2:]])
+
+
+def _rows(result: Result, epoch: str, data: Array) -> Iterator[str]:
+    for time, row in zip(_texts(instants(result, epoch)), data.tolist(), strict=True):
+        yield f"{time} {' '.join(map(repr, row))}"
+
+
+def _texts(times: NDArray[np.datetime64]) -> list[str]:
+    """Instants to the microsecond where that says it all, as every reader takes them."""
+    return [str(text) for text in np.datetime_as_string(times.astype("datetime64[us]"))]
+
+
+def _write(
+    path: Path, result: Result, kind: str, meta: Mapping[str, object], rows: Iterator[str]
+) -> None:
+    flown = result.provenance
+    created = flown.date.removesuffix("Z") if flown else ""
+    head = [
+        f"CCSDS_{kind}",
+        *(f"COMMENT {line}" for line in [ASSUMED, *(flown.lines() if flown else [])]),
+        f"CREATION_DATE = {created or datetime.now(UTC).strftime('%Y-%m-%dT%H:%M:%S')}",
+        f"ORIGINATOR = {ORIGINATOR}",
+        "META_START",
+        *(f"{name} = {value}" for name, value in meta.items()),
+        "META_STOP",
+    ]
+    with written(path) as target, target.open("w", encoding="utf-8", newline="\n") as file:
+        file.writelines(f"{line}\n" for line in head)
+        file.writelines(f"{line}\n" for line in rows)

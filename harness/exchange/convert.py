@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A results file as a file of another kind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from harness.errors import UsageError
+from harness.exchange.bodies import EPOCH
+from harness.exchange.ccsds import write_aem, write_oem
+from harness.exchange.czml import write_czml
+from harness.results.files import WRITERS, read
+from harness.results.result import Result
+
+Export = Callable[[Result, Path, str | None, str], None]
+
+EXPORTS: Mapping[str, Export] = {".oem": write_oem, ".aem": write_aem, ".czml": write_czml}
+"""Files that hold bodies, not the whole result."""
+
+
+def convert(
+    source: str | Path, target: str | Path, body: str | None = None, epoch: str = EPOCH
+) -> Path:
+    """Write a result into another file by its ending; returns where it is.
+
+    body: component whose ephemeris is wanted (default: servicer, for CZML all); epoch: t = 0 in
+    UTC. Raises UsageError, ResultsError, HarnessError if a library is missing.
+    """
+    path = Path(target)
+    if path.suffix not in (*WRITERS, *EXPORTS):
+        raise UsageError(
+            f"{path}: results are converted to {', '.join((*WRITERS, *EXPORTS))}, not to "
+            f"'{path.suffix or path.name}'"
+        )
+    result = read(source)
+    if path.suffix in WRITERS:
+        return result.save(path)
+    EXPORTS[path.suffix](result, path, body, epoch)
+    return path

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Bodies of a result as CZML, which Cesium shows about the Earth.
+
+Positions are inertial (Cesium takes them as ICRF, 23 mas from EME2000). Orientations are relative
+to the Earth-fixed axes, as CZML wants them: turned by the IAU 2006/2000A matrix of every instant,
+with UT1 = UTC and no polar motion, which is below 0.005 deg.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.exchange.bodies import Body, bodies, instants
+from harness.files.libraries import library
+from harness.files.output import written
+from harness.results.result import Result
+
+Array = NDArray[np.float64]
+
+ROWS = 5000
+"""Rows that Cesium interpolates between; more are thinned to this number."""
+COLOURS = ([0, 114, 178, 255], [213, 94, 0, 255], [0, 158, 115, 255])
+"""Of Okabe & Ito: blue, vermilion, green."""
+LEAP_SECONDS = 37.0
+"""TAI - UTC since 2017 [s]; the matrix turns by less than 0.01 arcsec per second of it."""
+
+
+def write_czml(result: Result, path: Path, body: str | None, epoch: str) -> None:
+    """All bodies, or the named one; UsageError or ResultsError."""
+    stride = -(-len(result.time) // ROWS)
+    times = instants(result, epoch)[::stride]
+    seconds = result.time[::stride] - result.time[0]
+    span = f"{_text(times[0])}/{_text(times[-1])}"
+    clock = {"interval": span, "currentTime": _text(times[0]), "multiplier": 10}
+    head = {"id": "document", "name": result.system, "version": "1.0", "clock": clock}
+    packets = [
+        _packet(each, colour, times, seconds, stride, span)
+        for each, colour in zip(bodies(result, body), COLOURS, strict=False)
+    ]
+    with written(path) as target:
+        target.write_text(json.dumps([head, *packets]), encoding="utf-8")
+
+
+def _packet(  # noqa: PLR0913, PLR0917 - one body in time
+    body: Body, colour: list[int], times: Any, seconds: Array, stride: int, span: str
+) -> dict[str, Any]:
+    rgba = {"solidColor": {"color": {"rgba": colour}}}
+    sampled = {"epoch": _text(times[0]), "interpolationAlgorithm": "LAGRANGE"}
+    packet: dict[str, Any] = {
+        "id": body.name,
+        "name": body.name,
+        "availability": span,
+        "position": {
+            **sampled,
+            "interpolationDegree": 5,
+            "referenceFrame": "INERTIAL",
+            "cartesian": _listed(seconds, body.r_N[::stride]),
+        },
+        "point": {"color": {"rgba": colour}, "pixelSize": 8},
+        "path": {"material": rgba, "width": 2, "resolution": 60},
+        "label": {"text": body.name, "pixelOffset": {"cartesian2": [0, -16]}},
+    }
+    if body.q is not None:
+        fixed = _fixed(body.q[::stride], times)
+        packet["orientation"] = {
+            **sampled,
+            "interpolationDegree": 1,
+            "unitQuaternion": _listed(seconds, fixed),
+        }
+    return packet
+
+
+def _listed(seconds: Array, values: Array) -> list[float]:
+    flat: list[float] = np.column_stack((seconds, values)).ravel().tolist()
+    return flat
+
+
+def _fixed(q: Array, times: Any) -> Array:
+    """Attitudes relative to the Earth-fixed axes, scalar last, without jumps of sign."""
+    from scipy.spatial.transform import Rotation
+
+    turned = Rotation.from_matrix(earth(times)) * Rotation.from_quat(q[:, [1, 2, 3, 0]])
+    found = turned.as_quat()
+    jumps = np.sum(found[1:] * found[:-1], axis=1) < 0
+    return np.asarray(found * np.where(np.cumsum([False, *jumps]) % 2, -1.0, 1.0)[:, None])
+
+
+def earth(times: NDArray[np.datetime64]) -> Array:
+    """Matrices from inertial to Earth-fixed components, (rows, 3, 3)."""
+    erfa = library("erfa", "exchange")
+    days = (times - np.datetime64("2000-01-01T12:00:00", "ns")) / np.timedelta64(1, "D")
+    terrestrial = days + (LEAP_SECONDS + 32.184) / 86400
+    return np.asarray(erfa.c2t06a(2451545.0, terrestrial, 2451545.0, days, 0.0, 0.0))
+
+
+def _text(time: np.datetime64) -> str:
+    return f"{np.datetime_as_string(time.astype('datetime64[ms]'))}Z"

@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Start values from files of the field: orbit ephemeris messages (OEM) and two-line elements.
+
+Axes of a file become those of N: EME2000, GCRF and ICRF as they are (23 mas between them), TEME of
+two-line elements by the IAU models with UT1 = UTC, which cancels. A body that starts beside the
+target, and for which no file is given, goes along with it.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple, Unpack
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import UsageError
+from harness.exchange.czml import earth
+from harness.files.libraries import library
+from harness.master.changes import Changes
+from harness.master.simulation import Simulation
+from harness.results.result import Result
+from harness.spelling import did_you_mean
+from harness.system.model import System
+
+Array = NDArray[np.float64]
+
+SAME_AXES = ("EME2000", "J2000", "GCRF", "GCRS", "ICRF")
+EXACT = 1e-6
+"""An instant of an ephemeris this close is taken as it is, not interpolated [s]."""
+
+
+class State(NamedTuple):
+    """Position [m] and velocity [m/s], components of N."""
+
+    r: Array
+    v: Array
+
+
+@dataclass(frozen=True)
+class Source:
+    """A file: first instant that it knows, axes in words, and the state at an instant."""
+
+    path: Path
+    first: np.datetime64
+    axes: str
+    state: Callable[[np.datetime64], State]
+
+
+@dataclass(frozen=True)
+class Start:
+    """Values of parameters by name, for `set` of run(), and what was assumed, one line each."""
+
+    values: Mapping[str, Any]
+    notes: tuple[str, ...]
+
+
+def start_values(
+    system: System,
+    files: Mapping[str, str | Path],
+    epoch: str | None = None,
+    **changes: Unpack[Changes],
+) -> Start:
+    """Start values of components from files, for the system with these changes.
+
+    files: OEM or two-line elements by component; epoch: t = 0 in UTC (default: the first instant
+    that all files know). Raises UsageError (no such component, no such file, an epoch outside), and
+    HarnessError if a library of the extra `exchange` is missing.
+    """
+    parameters = Simulation(system, **changes).parameters()
+    for component in files:
+        _check(component, system, parameters)
+    sources = {component: _source(component, Path(file)) for component, file in files.items()}
+    instant = max(s.first for s in sources.values()) if epoch is None else _instant(epoch)
+    states = {component: _state(component, s, instant) for component, s in sources.items()}
+    states |= _beside(parameters, states)
+    values: dict[str, Any] = {}
+    for component, state in states.items():
+        values |= {
+            f"{component}.a": 0.0,  # then r_0_N and v_0_N count
+            f"{component}.r_0_N": state.r.tolist(),
+            f"{component}.v_0_N": state.v.tolist(),
+        }
+    return Start(values, tuple(_notes(sources, instant)))
+
+
+def _state(component: str, source: Source, instant: np.datetime64) -> State:
+    try:
+        with _undated():
+            return source.state(instant)
+    except ValueError as error:
+        reason = " ".join(str(error).split())
+        raise UsageError(f"--start {component}: {source.path}: {reason}") from error
+
+
+@contextmanager
+def _undated() -> Iterator[None]:
+    """Without the warnings of erfa, which knows no leap seconds of years to come."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
+
+
+def _notes(sources: Mapping[str, Source], instant: np.datetime64) -> list[str]:
+    text = np.datetime_as_string(instant.astype("datetime64[us]"))
+    axes = [f"{component}: {s.path.name}, {s.axes}" for component, s in sources.items()]
+    return [f"t = 0 is {text} UTC", *axes]
+
+
+def _check(component: str, system: System, parameters: Result) -> None:
+    known = [c.name for c in system.components]
+    if component not in known:
+        raise UsageError(
+            f"--start {component}: {system.name} has no such component"
+            f"{did_you_mean(component, known)}"
+        )
+    for name in ("a", "mu", "r_0_N", "v_0_N"):
+        if f"{component}.{name}" not in parameters:
+            raise UsageError(f"--start {component}: it has no parameter {name}")
+
+
+def _instant(epoch: str) -> np.datetime64:
+    try:
+        return np.datetime64(epoch.removesuffix("Z"), "ns")
+    except ValueError as error:
+        raise UsageError(f"--epoch {epoch}: expected a date as 2026-01-31T12:00:00") from error
+
+
+def _beside(parameters: Result, states: Mapping[str, State]) -> dict[str, State]:
+    """Bodies that start in the Hill frame of a target for which a file is given."""
+    target = next((c for c in states if f"{c}.rho_0_H" not in parameters), None)
+    if target is None:
+        return {}
+    others = {name.partition(".")[0] for name in parameters.vectors if name.endswith(".rho_0_H")}
+    return {
+        component: _in_hill_frame(states[target], *_relative(parameters, component))
+        for component in sorted(others - states.keys())
+        if parameters[f"{component}.a"][0] > 0
+    }
+
+
+def _relative(parameters: Result, component: str) -> tuple[Array, Array]:
+    return parameters[f"{component}.rho_0_H"][0], parameters[f"{component}.drho_0_H"][0]
+
+
+def _in_hill_frame(orbit: State, rho: Array, drho: Array) -> State:
+    """State r = r_o + C_HN^T rho, v = v_o + C_HN^T (drho + w_H x rho); x radial, z normal."""
+    h = np.cross(orbit.r, orbit.v)
+    x, z = orbit.r / np.linalg.norm(orbit.r), h / np.linalg.norm(h)
+    axes = np.stack((x, np.cross(z, x), z))
+    rate = np.array([0, 0, np.linalg.norm(h) / (orbit.r @ orbit.r)])
+    return State(orbit.r + rho @ axes, orbit.v + (drho + np.cross(rate, rho)) @ axes)
+
+
+# ---- files
+
+
+def _source(component: str, path: Path) -> Source:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "it is no text"
+        raise UsageError(f"--start {component}: {path}: cannot be read ({reason})") from error
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    elements = [line for line in lines if line[:2] in ("1 ", "2 ") and len(line) >= 68]
+    try:
+        if "CCSDS_OEM_VERS" in text or "<oem" in text:
+            with _undated():
+                return _ephemeris(path)
+        if [line[0] for line in elements] == ["1", "2"]:
+            return _elements(path, *elements)
+    except (ValueError, KeyError, IndexError) as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise UsageError(f"--start {component}: {path}: {reason}") from error
+    raise UsageError(
+        f"--start {component}: {path}: neither an OEM nor one set of two-line elements"
+    )
+
+
+def _ephemeris(path: Path) -> Source:
+    message = library("oem", "exchange").OrbitEphemerisMessage.open(str(path))
+    frames = {segment.metadata["REF_FRAME"].upper() for segment in message}
+    centres = {segment.metadata["CENTER_NAME"].upper() for segment in message}
+    if centres != {"EARTH"}:
+        raise ValueError(f"its centre is {' and '.join(sorted(centres))}, not the EARTH")
+    if len(frames) != 1 or not frames <= {*SAME_AXES, "TEME"}:
+        raise ValueError(
+            f"its axes are {' and '.join(sorted(frames))}, expected {', '.join(SAME_AXES)} or TEME"
+        )
+    frame = frames.pop()
+    first = message.states[0].epoch.utc.to_value("datetime64").astype("datetime64[ns]")
+    return Source(path, first, f"{frame} taken as N", partial(_interpolated, message, frame))
+
+
+def _interpolated(message: Any, frame: str, instant: np.datetime64) -> State:
+    time = library("astropy.time", "exchange").Time(instant, scale="utc")
+    near = min(message.states, key=lambda state: abs((state.epoch - time).sec))
+    state = near if abs((near.epoch - time).sec) < EXACT else message(time)
+    found = State(1e3 * np.asarray(state.position), 1e3 * np.asarray(state.velocity))
+    return _out_of_teme(found, instant) if frame == "TEME" else found
+
+
+def _elements(path: Path, first: str, second: str) -> Source:
+    api = library("sgp4.api", "exchange")
+    library("sgp4.io", "exchange").verify_checksum(first, second)
+    satellite = api.Satrec.twoline2rv(first, second)
+    day, part = satellite.jdsatepoch - 2451545.0, satellite.jdsatepochF
+    nanoseconds = round((day + part) * 86400e6) * 1000  # the format has 1e-8 days, 0.9 ms
+    epoch = np.datetime64("2000-01-01T12:00:00", "ns") + np.timedelta64(nanoseconds, "ns")
+    return Source(path, epoch, "SGP4, TEME turned into N", partial(_propagated, api, satellite))
+
+
+def _propagated(api: Any, satellite: Any, instant: np.datetime64) -> State:
+    days = (instant - np.datetime64("2000-01-01T12:00:00", "ns")) / np.timedelta64(1, "D")
+    error, r, v = satellite.sgp4(2451545.0, float(days))
+    if error:
+        raise ValueError(f"SGP4: {api.SGP4_ERRORS[error]}")
+    return _out_of_teme(State(1e3 * np.array(r), 1e3 * np.array(v)), instant)
+
+
+def _out_of_teme(state: State, instant: np.datetime64) -> State:
+    """By the Earth-fixed axes: with GMST 1982 into them, with the IAU 2006/2000A matrix out."""
+    erfa = library("erfa", "exchange")
+    days = (instant - np.datetime64("2000-01-01T12:00:00", "ns")) / np.timedelta64(1, "D")
+    turn = erfa.rz(erfa.gmst82(2451545.0, float(days)), np.eye(3))
+    matrix = earth(np.array([instant]))[0].T @ turn
+    return State(matrix @ state.r, matrix @ state.v)

@@ -1,0 +1,345 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The field's files: what others read of our results, and what we take from theirs."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import erfa
+import numpy as np
+import pyarrow.parquet
+import pytest
+import scipy.io
+from astropy import units
+from astropy.coordinates import GCRS, TEME, CartesianDifferential, CartesianRepresentation
+from astropy.time import Time
+from astropy.utils import iers
+from oem import OrbitEphemerisMessage
+from scipy.spatial.transform import Rotation
+
+from harness import read, run
+from harness.cli import main
+from harness.errors import HarnessError, ResultsError, UsageError
+from harness.exchange.convert import convert
+from harness.exchange.czml import ROWS, earth
+from harness.exchange.start import start_values
+from harness.results.result import Result
+from harness.ssp.library import load
+
+EPOCH = "2026-03-01T06:00:00"
+ISS = (
+    "1 25544U 98067A   20194.88612269 -.00002218  00000-0 -31515-4 0  9992\n"
+    "2 25544  51.6461 221.2784 0001413  89.1723 280.4612 15.49507896236008\n"
+)
+
+
+@pytest.fixture(scope="module")
+def result():
+    return run("sync_approach", set={"servicer.t_att": 0}, stop=20.0, params="robust")
+
+
+@pytest.fixture
+def out(result, tmp_path):
+    return result.save(tmp_path / "out.nc")
+
+
+# ---- whole results
+
+
+@pytest.mark.parametrize("ending", [".mat", ".parquet", ".nc", ".csv"])
+def test_every_bit_comes_back_from_every_file(result, tmp_path, ending):
+    back = read(result.save(tmp_path / f"out{ending}"))
+    assert set(back.columns) == set(result.columns)
+    assert back.time.tobytes() == result.time.tobytes()
+    for name in result.vectors:
+        assert back[name].tobytes() == result[name].tobytes()
+        assert (back.unit(name), back.description(name)) == (
+            result.unit(name),
+            result.description(name),
+        )
+    for name in result.parameters.vectors:
+        assert back.parameter(name).tolist() == result.parameter(name).tolist()
+        assert back.parameters.unit(name) == result.parameters.unit(name)
+    assert back.provenance == result.provenance
+    assert (back.system, back.complete, back.message) == ("sync_approach", True, "")
+
+
+@pytest.mark.parametrize("ending", [".mat", ".parquet"])
+def test_a_result_that_ended_early_says_so_when_it_is_read(result, tmp_path, ending):
+    ended = replace(result, complete=False, message="a.b: the reason")
+    back = read(ended.save(tmp_path / f"out{ending}"))
+    assert (back.complete, back.message) == (False, "a.b: the reason")
+
+
+def test_odd_names_and_one_row_come_back_from_a_mat(tmp_path):
+    names = ("a.b.c", "a.b_c", "time.x", "a.v[0]", "a.v[1]", "a.lone[2]", "a.one[1]")
+    odd = Result("x", np.zeros(1), names, ("m",) * 7, np.arange(7.0)[None], names)
+    back = read(odd.save(tmp_path / "odd.mat"))
+    assert {name: back[name].tolist() for name in names} == {
+        name: [float(i)] for i, name in enumerate(names)
+    }
+    assert back["a.v"].tolist() == [[3.0, 4.0]]
+
+
+def test_a_mat_of_an_earlier_version_is_read(tmp_path):
+    content = {
+        "time": np.arange(3.0)[:, None],
+        "system": "old",
+        "complete": 1.0,
+        "units": {"a": {"r": "m"}},
+        "a": {"r": np.ones((3, 3)), "s": np.arange(3.0)[:, None]},
+    }
+    scipy.io.savemat(tmp_path / "old.mat", content)
+    back = read(tmp_path / "old.mat")
+    assert (back["a.r"].shape, back["a.s"].tolist()) == ((3, 3), [0, 1, 2])
+    assert back.provenance is None
+
+
+def test_a_parquet_is_a_table_with_units_for_everybody(result, tmp_path):
+    table = pyarrow.parquet.read_table(result.save(tmp_path / "out.parquet"))
+    column = table.column("servicer.r_SN_N[2]").to_numpy()
+    assert column.tolist() == result["servicer.r_SN_N[2]"].tolist()
+    assert table.field("guidance.range").metadata[b"units"] == b"m"
+
+
+def test_histories_of_a_nc_are_compressed_and_the_size_is_said(tmp_path, capsys):
+    out = tmp_path / "out.nc"
+    assert main(["run", "sync_approach", "--stop", "300", "-o", str(out)]) == 0
+    assert f"rows in {out} ({out.stat().st_size / 1e6:.1f} MB)" in capsys.readouterr().out
+    back = read(out)
+    assert out.stat().st_size < 0.7 * back.values.nbytes
+
+
+# ---- ephemerides
+
+
+def test_another_reader_finds_every_digit_of_an_oem(result, out, tmp_path):
+    for body, letter in (("servicer", "S"), ("target", "T")):
+        path = convert(out, tmp_path / f"{body}.oem", body, EPOCH)
+        message = OrbitEphemerisMessage.open(str(path))
+        meta = message.segments[0].metadata
+        assert (meta["OBJECT_NAME"], meta["REF_FRAME"]) == (body.upper(), "EME2000")
+        assert (meta["CENTER_NAME"], meta["TIME_SYSTEM"]) == ("EARTH", "UTC")
+        states = message.states
+        position = np.array([state.position for state in states])
+        velocity = np.array([state.velocity for state in states])
+        assert np.array_equal(position, result[f"{body}.r_{letter}N_N"] / 1000)
+        assert np.array_equal(velocity, result[f"{body}.v_{letter}N_N"] / 1000)
+        since = [(state.epoch - Time(EPOCH, scale="utc")).sec for state in states]
+        assert since == pytest.approx(result.time.tolist(), abs=1e-6)
+
+
+def test_an_aem_turns_inertial_into_body_axes(result, out, tmp_path):
+    text = convert(out, tmp_path / "out.aem", "target", EPOCH).read_text(encoding="utf-8")
+    head, _, body = text.partition("DATA_START\n")
+    meta = dict(line.split(" = ") for line in head.splitlines() if " = " in line)
+    assert meta["REF_FRAME_A"] == "EME2000"
+    assert (meta["ATTITUDE_DIR"], meta["QUATERNION_TYPE"]) == ("A2B", "LAST")
+    rows = [line.split() for line in body.partition("DATA_STOP")[0].splitlines()]
+    assert rows[1][0] == "2026-03-01T06:00:00.100000"
+    q = np.array([[float(x) for x in row[1:]] for row in rows])
+    # frame A turned by q is frame B: an axis of B in components of A is q e q*
+    axis_N = Rotation.from_quat(q).apply([1.0, 0.0, 0.0])
+    w, x, y, z = result["target.q_TN"].T
+    by_hand = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=1)
+    assert np.allclose(axis_N, by_hand, atol=1e-15)
+    # the attitude moves as its angular velocity says
+    omega = result["target.omega_TN_T"][10]
+    step = Rotation.from_quat(q[10]).inv() * Rotation.from_quat(q[11])
+    assert np.allclose(step.as_rotvec() / 0.1, omega, atol=1e-5)
+
+
+def test_czml_holds_positions_and_earth_fixed_orientations(result, out, tmp_path):
+    document, *packets = json.loads(convert(out, tmp_path / "out.czml", None, EPOCH).read_text())
+    assert document["version"] == "1.0"
+    assert [packet["id"] for packet in packets] == ["servicer", "target"]
+    position = np.reshape(packets[0]["position"]["cartesian"], (-1, 4))
+    assert packets[0]["position"]["referenceFrame"] == "INERTIAL"
+    assert np.array_equal(position[:, 1:], result["servicer.r_SN_N"])
+    turned = np.reshape(packets[1]["orientation"]["unitQuaternion"], (-1, 5))
+    assert np.array_equal(turned[:, 0], result.time)
+    moments = np.datetime64(EPOCH, "ns") + np.array([0, 20_000_000_000], dtype="timedelta64[ns]")
+    inertial = Rotation.from_quat(turned[[0, -1], 1:]).as_matrix()
+    back = np.transpose(earth(moments), (0, 2, 1)) @ inertial
+    expected = Rotation.from_quat(result["target.q_TN"][[0, -1]][:, [1, 2, 3, 0]]).as_matrix()
+    assert np.allclose(back, expected, atol=1e-12)
+    assert (np.sum(turned[1:, 1:] * turned[:-1, 1:], axis=1) > 0).all()
+
+
+def test_the_earth_turns_by_its_rotation_angle():
+    """Beside precession and nutation, 0.4 deg in 2026: the Earth rotation angle of UT1 = UTC."""
+    moment = np.datetime64("2026-03-01T06:00:00", "ns")
+    x = earth(np.array([moment]))[0] @ np.array([1.0, 0, 0])
+    days = float((moment - np.datetime64("2000-01-01T12:00:00", "ns")) / np.timedelta64(1, "D"))
+    angle = 2 * np.pi * (0.7790572732640 + 1.00273781191135448 * days)
+    assert np.angle(np.exp(1j * (np.arctan2(x[1], x[0]) + angle))) == pytest.approx(0, abs=0.01)
+
+
+def test_long_runs_are_thinned_for_cesium(result, tmp_path):
+    many = np.repeat(np.arange(len(result.time)), 60)
+    long = replace(result, time=np.arange(len(many)) * 0.1, values=result.values[many])
+    out = long.save(tmp_path / "long.nc")
+    packets = json.loads(convert(out, tmp_path / "long.czml").read_text())
+    assert ROWS / 2 < len(packets[1]["position"]["cartesian"]) / 4 <= ROWS
+
+
+@pytest.mark.parametrize(
+    ("body", "epoch", "ending", "problem"),
+    [
+        (
+            "serviser",
+            EPOCH,
+            ".oem",
+            r"--body serviser: sync_approach has no such body \(close: ",
+        ),
+        (None, "yesterday", ".oem", "--epoch yesterday: expected a date"),
+        (None, EPOCH, ".xyz", "are converted to .*, not to '.xyz'"),
+    ],
+)
+def test_a_wrong_conversion_is_one_line(out, tmp_path, body, epoch, ending, problem):
+    with pytest.raises(UsageError, match=problem):
+        convert(out, tmp_path / f"x{ending}", body, epoch)
+
+
+def test_bodies_that_do_not_circle_the_earth_have_no_ephemeris(tmp_path):
+    out = run("relay_approach", stop=1.0).save(tmp_path / "out.nc")
+    with pytest.raises(ResultsError, match="servicer: does not move in an orbit about the Earth"):
+        convert(out, tmp_path / "x.oem")
+
+
+def test_convert_prints_where_it_is(out, tmp_path, capsys):
+    target = tmp_path / "x.oem"
+    assert main(["convert", str(out), "-o", str(target), "--epoch", EPOCH]) == 0
+    assert capsys.readouterr().out.startswith(f"{target} (")
+
+
+# ---- start values
+
+
+def test_an_ephemeris_of_a_run_starts_the_same_run(result, out, tmp_path):
+    files = {b: convert(out, tmp_path / f"{b}.oem", b, EPOCH) for b in ("servicer", "target")}
+    with load("sync_approach") as system:
+        start = start_values(system, files)
+    assert start.notes[0] == "t = 0 is 2026-03-01T06:00:00.000000 UTC"
+    again = run("sync_approach", set={**start.values, "servicer.t_att": 0}, stop=20.0)
+    for name in ("servicer.r_SN_N", "target.r_TN_N"):
+        assert np.allclose(again[name][:2], result[name][:2], rtol=1e-15)
+
+
+def test_a_servicer_without_a_file_goes_along_with_the_target(result, out, tmp_path):
+    """Started 10 s later, it stands again at rho_0_H in the Hill frame of then."""
+    target = convert(out, tmp_path / "target.oem", "target", EPOCH)
+    with load("sync_approach") as system:
+        start = start_values(system, {"target": target}, "2026-03-01T06:00:10")
+    r, v = (np.array(start.values[f"target.{name}"]) for name in ("r_0_N", "v_0_N"))
+    assert np.allclose(r, result["target.r_TN_N"][100], rtol=1e-15)
+    beside = np.array(start.values["servicer.r_0_N"]) - r
+    along = np.cross(np.cross(r, v), r)
+    assert np.linalg.norm(beside) == pytest.approx(20)
+    assert beside @ along == pytest.approx(20 * np.linalg.norm(along))
+    again = run("sync_approach", set=start.values, stop=1.0)
+    assert again["guidance.rho_H"][0] == pytest.approx([0, 20, 0], abs=1e-6)
+
+
+def test_between_its_instants_an_ephemeris_is_interpolated(tmp_path):
+    """Rows 10 s apart, wanted in the middle: to a millimetre of the run."""
+    fine = run("sync_approach", stop=200.0)
+    coarse = run("sync_approach", stop=200.0, every=100).save(tmp_path / "coarse.nc")
+    oem = convert(coarse, tmp_path / "target.oem", "target", EPOCH)
+    with load("sync_approach") as system:
+        values = start_values(system, {"target": oem}, "2026-03-01T06:01:45").values
+    right = fine["target.r_TN_N"][1050]
+    assert np.linalg.norm(np.array(values["target.r_0_N"]) - right) < 1e-3
+
+
+def test_two_line_elements_start_in_inertial_axes(tmp_path):
+    """SGP4 by its own library, TEME to GCRS by astropy."""
+    from sgp4.api import Satrec
+
+    file = tmp_path / "iss.tle"
+    file.write_text(f"ISS\n{ISS}", encoding="utf-8")
+    with load("sync_approach") as system:
+        start = start_values(system, {"target": file}, "2020-07-13T00:00:00")
+    moment = Time("2020-07-13T00:00:00", scale="utc")
+    error, r, v = Satrec.twoline2rv(*ISS.splitlines()).sgp4(moment.jd1, moment.jd2)
+    assert error == 0
+    velocity = CartesianDifferential(np.array(v) * units.km / units.s)
+    state = CartesianRepresentation(np.array(r) * units.km, differentials=velocity)
+    with iers.conf.set_temp("auto_download", False):
+        found = TEME(state, obstime=moment).transform_to(GCRS(obstime=moment)).cartesian
+    assert np.linalg.norm(start.values["target.r_0_N"] - found.xyz.to_value("m")) < 0.5
+    rate = found.differentials["s"].d_xyz.to_value("m/s")
+    assert np.linalg.norm(start.values["target.v_0_N"] - rate) < 1e-3
+
+
+def test_their_own_epoch_is_the_start_unless_another_is_given(tmp_path):
+    file = tmp_path / "iss.tle"
+    file.write_text(ISS, encoding="utf-8")
+    with load("sync_approach") as system:
+        notes = start_values(system, {"target": file}).notes
+    day = 0.88612269 * 86400
+    assert notes[0].startswith(f"t = 0 is 2020-07-12T21:16:{day % 60:09.6f}"[:33])
+    assert notes[1] == "target: iss.tle, SGP4, TEME turned into N"
+
+
+@pytest.mark.parametrize(
+    ("component", "text", "problem"),
+    [
+        ("targe", ISS, r"--start targe: sync_approach has no such component \(close: target"),
+        ("guidance", ISS, r"--start guidance: it has no parameter"),
+        ("target", "nonsense", "neither an OEM nor one set of two-line elements"),
+        ("target", ISS.replace("9992", "9993"), "checksum"),
+        ("target", ISS + ISS, "neither an OEM nor one set"),
+        ("target", "CCSDS_OEM_VERS = 2.0\nCREATION_DATE = x\n", "target: "),
+    ],
+)
+def test_a_file_that_is_no_start_is_one_line(tmp_path, component, text, problem):
+    file = tmp_path / "start.txt"
+    file.write_text(text, encoding="utf-8")
+    with load("sync_approach") as system, pytest.raises(UsageError, match=problem) as refused:
+        start_values(system, {component: file})
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        ("CENTER_NAME = EARTH", "CENTER_NAME = MARS", "its centre is MARS, not the EARTH"),
+        ("REF_FRAME = EME2000", "REF_FRAME = ITRF-97", "its axes are ITRF-97, expected EME2000"),
+    ],
+)
+def test_axes_that_are_not_inertial_are_refused(out, tmp_path, old, new, problem):
+    path = convert(out, tmp_path / "target.oem", "target", EPOCH)
+    path.write_text(path.read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
+    with load("sync_approach") as system, pytest.raises(UsageError, match=problem):
+        start_values(system, {"target": path})
+
+
+def test_an_instant_outside_of_the_file_is_one_line(out, tmp_path):
+    path = convert(out, tmp_path / "target.oem", "target", EPOCH)
+    with load("sync_approach") as system, pytest.raises(UsageError, match="target") as refused:
+        start_values(system, {"target": path}, "2030-01-01T00:00:00")
+    assert "\n" not in str(refused.value)
+
+
+def test_start_on_the_command_line(out, tmp_path, capsys):
+    path = convert(out, tmp_path / "target.oem", "target", EPOCH)
+    again = tmp_path / "again.nc"
+    start = ["--start", f"target={path}", "--stop", "1", "-o", str(again)]
+    assert main(["run", "sync_approach", *start, "--epoch", "2026-03-01T06:00:05"]) == 0
+    assert "note: t = 0 is 2026-03-01T06:00:05.000000 UTC" in capsys.readouterr().out
+    assert ("target.a", 0.0) in read(again).provenance.set
+    assert main(["run", "sync_approach", "--epoch", EPOCH, "-o", str(again)]) == 2
+
+
+def test_a_missing_library_names_its_extra(monkeypatch, result, tmp_path):
+    from harness.files import libraries
+
+    def missing(name):
+        raise ImportError(name)
+
+    monkeypatch.setattr(libraries, "import_module", missing)
+    with pytest.raises(HarnessError, match=r"pyarrow: pip install 'servicing-fmus\[exchange\]'"):
+        result.save(tmp_path / "x.parquet")
+    assert erfa.__name__ == "erfa"
