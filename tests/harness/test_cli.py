@@ -51,7 +51,9 @@ def command(folder, capsys):
 def test_run_writes_the_results_and_says_so_in_one_line(command, folder):
     status, out, err = command("run", "demo", "-o", "x.csv")
     assert (status, err) == (0, [])
-    assert re.fullmatch(r"demo: 6 s in \d+\.\d+ s, 7 rows in x\.csv", "\n".join(out))
+    size = (folder / "x.csv").stat().st_size / 1000
+    said = rf"demo: 6 s in \d+\.\d+ s, 7 rows in x\.csv \({size:.1f} kB\)"
+    assert re.fullmatch(said, "\n".join(out))
     assert (folder / "x.csv").read_text().splitlines()[
         0
     ] == "time,count.n,count.t_last,count.h_last,twice.y,bad.y"
