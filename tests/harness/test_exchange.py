@@ -240,6 +240,7 @@ def test_a_servicer_without_a_file_goes_along_with_the_target(result, out, tmp_p
     assert beside @ along == pytest.approx(20 * np.linalg.norm(along))
     again = run("sync_approach", set=start.values, stop=1.0)
     assert again["guidance.rho_H"][0] == pytest.approx([0, 20, 0], abs=1e-6)
+    assert again["guidance.drho_H"][0] == pytest.approx([0, 0, 0], abs=1e-9)
 
 
 def test_between_its_instants_an_ephemeris_is_interpolated(tmp_path):

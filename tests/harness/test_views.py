@@ -35,6 +35,9 @@ def test_a_page_lists_every_variable_with_its_unit(result):
     for name in result.vectors:
         assert f"<td>{name}</td>" in page
     assert "<td>guidance.range</td><td>scalar</td><td>m</td>" in page
+    assert "<td>servicer.q_SN</td><td>4</td>" in page
+    shown = ", ".join(f"{x:.4g}" for x in result["servicer.q_SN"][0])
+    assert f"<td>[{shown}]</td>" in page
     assert "sha256 " + result.provenance.sha256[:12] in page
 
 
