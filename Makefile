@@ -22,8 +22,8 @@ SOURCES := $(shell find fmus ssp harness -name '*.py' -o -name '*.[ch]' -o -name
 CODE    := .ci examples fmus harness tests
 C_FILES := $(shell find $(CODE) -name '*.[ch]')
 
-.PHONY: help build demo test test-browser test-long test-interop pil validation gallery sanitize \
-        lint warnings format coverage bench wheel dist clean
+.PHONY: help build demo test test-browser test-long test-interop pil targets validation gallery \
+        sanitize lint warnings format coverage bench wheel dist clean
 help:
 	@echo "make demo | test | test-browser | test-interop | test-long | pil | validation | gallery |"
 	@echo "     lint | warnings | format | coverage | sanitize | bench | wheel | dist | clean"
@@ -79,6 +79,11 @@ pil: build
 	   command -v apt-get > /dev/null && $$(test "$$(id -u)" = 0 || echo sudo) \
 	     apt-get install -y --no-install-recommends $(PIL_PACKAGES); }
 	$(BIN)/pytest -rs -m "pil or not pil" tests/link
+
+# what every flight FMU takes of every processor; writes the page docs/targets.md from the runs
+FLIGHT := $(basename $(notdir $(wildcard fmus/flight/*.c)))
+targets: build
+	$(BIN)/harness target $(FLIGHT) --write docs/targets.md
 
 # numbers by others through the FMUs; writes the page docs/validation.md from the run
 validation: build

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Systems and FMUs for other purposes: `harness export | linearize | bench | serve`."""
+"""Systems and FMUs for other purposes: `harness export | linearize | bench | serve | target`."""
 
 from __future__ import annotations
 
@@ -64,6 +64,43 @@ def bench(system: SystemArgument) -> None:
     from harness.bench.bench import bench as measure
 
     typer.echo(measure(system))
+
+
+@app.command("target")
+def target_command(  # noqa: PLR0913, PLR0917 - one argument per option
+    fmus: Annotated[
+        list[str], typer.Argument(metavar="FMU...", help="names of FMUs, or paths of .fmu files")
+    ],
+    on: Annotated[
+        list[str] | None, typer.Option(metavar="PROCESSOR", help="default: all that are known")
+    ] = None,
+    place: Annotated[
+        str | None,
+        typer.Option("--as", metavar="SYSTEM.COMPONENT", help="what it flies as"),
+    ] = None,
+    stop: Annotated[float | None, typer.Option(help="stop time [s]")] = None,
+    clock: Annotated[float | None, typer.Option(help="of the processor [Hz]")] = None,
+    write: Annotated[Path | None, typer.Option(help="write the page to this Markdown file")] = None,
+) -> None:
+    """Show what FMUs take of a flight processor.
+
+    Code, constants, data, stack, instructions of a step, and whether the bits are equal.
+    """
+    from harness.studies import target
+
+    rows = target.measure(
+        fmus,
+        on or target.known_targets(),
+        place=place,
+        stop=stop,
+        clock=clock,
+        said=lambda row: typer.echo(f"{row.fmu} on {row.target}", err=True),
+    )
+    typer.echo(target.table(rows))
+    if write is not None:
+        target.write(write, rows, stop)
+    if any(row.difference for row in rows):
+        raise typer.Exit(1)
 
 
 @app.command("serve")

@@ -82,7 +82,7 @@ def apply(  # noqa: PLR0913 - every one is an option of the command line
     return replace(
         _required(system, require),
         experiment=replace(system.experiment, **changes),
-        origin=_origin(base.origin, params, named, set, swap, latency),
+        origin=_origin(base.origin, params, named, set, swap, on, latency),
     )
 
 
@@ -99,7 +99,13 @@ def _required(system: System, given: Sequence[str] | Mapping[str, str]) -> Syste
 
 
 def _origin(  # noqa: PLR0913, PLR0917 - the changes
-    before: Origin, params: str | Path | None, named: bool, set: Pairs, swap: Pairs, latency: Pairs
+    before: Origin,
+    params: str | Path | None,
+    named: bool,
+    set: Pairs,
+    swap: Pairs,
+    on: Pairs,
+    latency: Pairs,
 ) -> Origin:
     """Where a system comes from that was changed in this way."""
     swaps = {c: Swap(c, str(fmu), sha256(find_fmu(fmu))) for c, fmu in pairs("--swap", swap)}
@@ -111,6 +117,7 @@ def _origin(  # noqa: PLR0913, PLR0917 - the changes
         before,
         set={**before.set, **dict(pairs("--set", set))},
         swaps={**before.swaps, **swaps},
+        on={**before.on, **{c: str(place) for c, place in pairs("--on", on)}},
         latency={**before.latency, **late},
     )
 

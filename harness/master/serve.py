@@ -48,6 +48,7 @@ class _Slot(ctypes.Structure):
         ("first", ctypes.c_uint32),
         ("last", ctypes.c_uint32),
         ("described", ctypes.c_bool),
+        ("memory", ctypes.c_uint32),
         ("steps", ctypes.c_uint64),
         ("total", ctypes.c_uint64),
         ("largest", ctypes.c_uint64),

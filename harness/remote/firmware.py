@@ -64,6 +64,25 @@ class Part(NamedTuple):
     fmu: Path
 
 
+class Sizes(NamedTuple):
+    """Bytes of an FMU in the image: code, constants, variables; library: code of the C and
+    mathematical libraries in the whole firmware.
+    """
+
+    code: int
+    constants: int
+    data: int
+    library: int
+
+
+KINDS = {
+    "text": "code",
+    **dict.fromkeys(("rodata", "srodata"), "constants"),
+    **dict.fromkeys(("data", "sdata", "bss", "sbss"), "data"),
+}
+"""What the sections of an image hold, by their first names."""
+
+
 def functions(interface: Interface) -> dict[str, str]:
     """The functions of an FMU that a board calls, by the member of struct Software."""
     model = interface.model.coSimulation
@@ -78,22 +97,47 @@ def build(parts: Sequence[Part], target: Target) -> bytes:
     Raises FmuError (no sources, or they do not compile for this processor).
     """
     with TemporaryDirectory(prefix="harness-firmware-") as place:
-        folder = Path(place)
-        objects = [_component(i, part, target, folder) for i, part in enumerate(parts)]
-        (folder / "components.c").write_text(_table(parts, target), encoding="utf-8")
-        board = [*(link_sources() / name for name in BOARD), folder / "components.c"]
-        elf = folder / "firmware.elf"
-        include = [f"-I{link_sources()}", f"-isystem{_headers()}"]
-        link = [
-            LIBRARY,
-            *_memory(target),
-            "--oslib=semihost",
-            "--crt0=semihost",
-            "-Wl,--gc-sections",
-        ]
-        command = [*_compiler(target), *include, *board, *objects, *link, "-lm", "-o", elf]
-        _run(command, f"the firmware for {target.name} cannot be linked")
-        return elf.read_bytes()
+        return _linked(parts, target, Path(place)).read_bytes()
+
+
+def sizes(fmu: Path, target: Target) -> Sizes:
+    """What an FMU takes in the firmware, without the board's end of the protocol; raises what
+    build() raises.
+    """
+    with TemporaryDirectory(prefix="harness-firmware-") as place:
+        linked = _linked([Part("component", fmu)], target, Path(place))
+        return _sizes(linked.with_suffix(".map").read_text(encoding="utf-8"))
+
+
+def _linked(parts: Sequence[Part], target: Target, folder: Path) -> Path:
+    """Path of firmware.elf in the folder, beside the map of the linker."""
+    objects = [_component(i, part, target, folder) for i, part in enumerate(parts)]
+    (folder / "components.c").write_text(_table(parts, target), encoding="utf-8")
+    board = [*(link_sources() / name for name in BOARD), folder / "components.c"]
+    elf = folder / "firmware.elf"
+    include = [f"-I{link_sources()}", f"-isystem{_headers()}"]
+    link = [LIBRARY, *_memory(target), "--oslib=semihost", "--crt0=semihost", "-Wl,--gc-sections"]
+    out = [f"-Wl,-Map={elf.with_suffix('.map')}", "-lm", "-o", elf]
+    command = [*_compiler(target), *include, *board, *objects, *link, *out]
+    _run(command, f"the firmware for {target.name} cannot be linked")
+    return elf
+
+
+_PLACED = re.compile(r"^ (\.\S+)\n? +0x[0-9a-f]+\s+(0x[0-9a-f]+) (\S+)$", re.MULTILINE)
+"""A section in the map of GNU ld: its name, its size, the file that it comes from."""
+
+
+def _sizes(text: str) -> Sizes:
+    """Sums over the sections of the FMU, and of the libraries that the firmware needs, by kind."""
+    placed = text[text.index("Linker script and memory map") :]
+    found = dict.fromkeys(Sizes._fields, 0)
+    for section, size, file in _PLACED.findall(placed):
+        kind = KINDS.get(section.split(".")[1], "")
+        if kind and "component0.o" in file:
+            found[kind] += int(size, 16)
+        elif kind == "code" and ".a(" in file:
+            found["library"] += int(size, 16)
+    return Sizes(**found)
 
 
 def _headers() -> Path:

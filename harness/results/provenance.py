@@ -37,10 +37,11 @@ class Provenance:
 
     version: of this package; system: its name; source: name or path as the user gave it; sha256: of
     the .ssp ("": the system was made in Python); params: named set or file, params_sha256: of the
-    file; set: (`component.variable`, value) as given, text or value; swaps: other FMUs; maps:
-    (port, port) renamed; latency: (component, macro steps) as given; algorithm, step [s], stop [s],
-    schedule, executor, every: as run; requirements: (name, text); command: command line (None: from
-    Python); date: when the result was taken, UTC; platform: of the host.
+    file; set: (`component.variable`, value) as given, text or value; swaps: other FMUs; on:
+    (component, place) on other processors; maps: (port, port) renamed; latency: (component, macro
+    steps) as given; algorithm, step [s], stop [s], schedule, executor, every: as run; requirements:
+    (name, text); command: command line (None: from Python); date: when the result was taken, UTC;
+    platform: of the host.
     """
 
     version: str = ""
@@ -51,6 +52,7 @@ class Provenance:
     params_sha256: str = ""
     set: tuple[tuple[str, Any], ...] = ()
     swaps: tuple[Swap, ...] = ()
+    on: tuple[tuple[str, str], ...] = ()
     maps: tuple[tuple[str, str], ...] = ()
     latency: tuple[tuple[str, int], ...] = ()
     algorithm: str = ""
@@ -70,6 +72,7 @@ class Provenance:
             "params": self.params,
             "set": dict(self.set),
             "swap": {swap.component: swap.fmu for swap in self.swaps},
+            "on": dict(self.on),
             "latency": dict(self.latency),
             "step": self.step,
             "stop": self.stop,
@@ -94,6 +97,7 @@ def flown(system: System, executor: str, every: int) -> Provenance:
         params_sha256=origin.params_sha256,
         set=tuple(origin.set.items()),
         swaps=tuple(origin.swaps.values()),
+        on=tuple(origin.on.items()),
         latency=tuple(origin.latency.items()),
         algorithm=experiment.algorithm,
         step=experiment.step,
@@ -203,6 +207,7 @@ def _changed(p: Provenance) -> Iterator[str]:
     if p.params is not None:
         yield f"params {p.params}"
     yield from (f"{s.component} swapped for {s.fmu} ({s.sha256[:12]})" for s in p.swaps)
+    yield from (f"{component} on {place}" for component, place in p.on)
     yield from (f"{name} = {value}" for name, value in p.set)
     yield from (f"{component} {steps} macro steps late" for component, steps in p.latency)
     yield from (f"{a} mapped to {b}" for a, b in p.maps)

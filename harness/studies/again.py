@@ -22,7 +22,7 @@ from harness.results.result import Result
 from harness.ssp.library import find_system
 from harness.system.swap import find_fmu
 
-NAMED = ("set", "swap", "latency")
+NAMED = ("set", "swap", "on", "latency")
 """Changes of one name each, which others do not replace."""
 
 _log = logging.getLogger("harness")

@@ -34,7 +34,14 @@ static void keep_message(fmi2ComponentEnvironment environment, fmi2String name, 
     va_end(arguments);
 }
 
-static const fmi2CallbackFunctions callbacks = {keep_message, calloc, free, NULL, NULL};
+static size_t taken; /* bytes that FMUs have asked for */
+static void *count_memory(size_t count, size_t size)
+{
+    taken += count * size;
+    return calloc(count, size);
+}
+
+static const fmi2CallbackFunctions callbacks = {keep_message, count_memory, free, NULL, NULL};
 
 /* ---- requests: each returns fmi2Status or Trouble, and writes what it answers */
 typedef unsigned Answer(const Board *board, size_t slot, Reader *in, Writer *out);
@@ -61,8 +68,10 @@ static unsigned reset(const Board *board, size_t slot, Reader *in, Writer *out)
     (void)in, (void)out;
     own->cost = (Cost){0, 0, 0, 0};
     if (own->instance) return (unsigned)s->reset(own->instance);
+    size_t before = taken;
     own->instance =
         s->instantiate(s->name, fmi2CoSimulation, s->guid, "", &callbacks, fmi2False, fmi2True);
+    own->memory = (uint32_t)(taken - before);
     return own->instance ? fmi2OK : fmi2Error;
 }
 
@@ -242,6 +251,7 @@ static unsigned statistics(const Board *board, size_t slot, Reader *in, Writer *
     put_number(out, cost->largest, 8);
     put_double(out, cost->when);
     put_number(out, board->measure_stack ? board->measure_stack() : 0, 4);
+    put_number(out, board->slot[slot].memory, 4);
     return fmi2OK;
 }
 

@@ -44,6 +44,7 @@ typedef struct {
     fmi2Component instance;
     uint32_t first, last; /* sequence numbers of the session */
     bool described;
+    uint32_t memory; /* bytes that the instance has allocated */
     Cost cost;
 } Slot;
 

@@ -344,6 +344,7 @@ bool slnk_statistics(fmi2Component component, LinkStatistics *found)
     found->largest = take_number(r, 8);
     found->when = take_double(r);
     found->stack = (uint32_t)take_number(r, 4);
+    found->memory = (uint32_t)take_number(r, 4);
     found->late = l->late;
     return !r->short_of;
 }

@@ -14,6 +14,7 @@ typedef struct {
     uint64_t steps, total, largest; /* instructions; 0: the board does not count */
     double when;                    /* s; communication point of the largest */
     uint32_t stack;                 /* bytes used by the steps; 0: not known */
+    uint32_t memory;                /* bytes that the instance has allocated */
     uint64_t late;                  /* steps whose answer came after the deadline */
 } LinkStatistics;
 
