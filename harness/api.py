@@ -7,8 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
-from harness.master.changes import Changes, Pairs, apply, pairs
+from harness.master.changes import Changes, Pairs, pairs
 from harness.master.isolated import guarded, simulate
+from harness.master.pacer import Pacer, timely
 from harness.master.simulation import Simulation
 from harness.results.files import read
 from harness.results.result import Result
@@ -43,31 +44,41 @@ Several = Sequence[str] | Mapping[str, Sequence[Any]]
 """Values side by side: texts `name=value,value,...`, or a mapping of names to values."""
 
 
-def run(
+def run(  # noqa: PLR0913 - every one is an option of the command line
     system: str | Path | System,
     *,
     executor: str = "c",
     every: int = 1,
     progress: bool = False,
     in_process: bool = False,
+    realtime: float | None = None,
+    late: str | None = None,
     **changes: Unpack[Changes],
 ) -> Result:
     """Run a system and return what was recorded.
 
     system: name of a system of the project, path of an .ssp, or a System; executor: c or python
     (same bits); every: record every N-th macro step; progress: show a bar on stderr; in_process:
-    run FMUs that are not ours in this process too (docs/robustness.md); changes: what shall be
+    run FMUs that are not ours in this process too (docs/robustness.md); realtime: simulated seconds
+    per second, late: what a component elsewhere does that does not keep this pace, wait, hold or
+    stop (docs/processors.md); changes: what shall be
     otherwise than the system says, see harness.master.changes.Changes (params, set, swap,
     latency, step, stop, algorithm, require).
 
     Raises UsageError, ArchiveError, StructureError, FmuError, or RunError, whose `partial` is what
     was recorded so far.
     """
+    pacer = None if realtime is None else Pacer(realtime)
     with load(system) as found:
-        changed = apply(found, **changes)
+        changed = timely(found, changes, realtime, late)
         say_warnings(changed)
         return simulate(
-            changed, executor=executor, every=every, progress=progress, in_process=in_process
+            changed,
+            executor=executor,
+            every=every,
+            progress=progress,
+            in_process=in_process,
+            pacer=pacer,
         )
 
 

@@ -67,6 +67,13 @@ EpochOption = Annotated[
 InProcessOption = Annotated[
     bool, typer.Option("--in-process", help="foreign FMUs in this process too, for debugging")
 ]
+RealtimeOption = Annotated[
+    float | None, typer.Option(metavar="FACTOR", help="keep pace with a clock (1: real time)")
+]
+LateOption = Annotated[
+    str | None,
+    typer.Option(metavar="wait|hold|stop", help="if a component elsewhere does not keep pace"),
+]
 Several = list[str] | None
 """Values of an option that may be given several times."""
 ParamsOption = Annotated[str | None, typer.Option(metavar="A,B,..", help="parameter sets")]
@@ -113,6 +120,8 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     epoch: EpochOption = None,
     strict: StrictOption = False,
     watch: WatchOption = False,
+    realtime: RealtimeOption = None,
+    late: LateOption = None,
     quiet: QuietOption = False,
     changes: Any = None,
 ) -> None:
@@ -120,6 +129,7 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
 
     Default: results/SYSTEM.nc. With --like RESULT the exit status is 1 if the bits differ.
     """
+    from harness.master.pacer import Pacer
     from harness.results.files import ResultFile
 
     wanted = _wanted(system, like, _started(system, start, epoch, changes))
@@ -135,7 +145,9 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
         from harness.cli.watch import watched
 
         how["progress"] = watched
-    result = _run(wanted.system, wanted.changes, file, how, quiet)
+    if realtime is not None:
+        how["pacer"] = Pacer(realtime)
+    result = _run(wanted.system, wanted.changes, file, how, quiet, late)
     if wanted.model is not None:
         _say_whether_equal(wanted.model, result)
     elif like is not None:
@@ -187,17 +199,20 @@ def _say_whether_equal(model: Any, result: Any) -> None:
         raise typer.Exit(1)
 
 
-def _run(system: str, changes: Any, file: Any, how: dict[str, Any], quiet: bool) -> Any:
+def _run(  # noqa: PLR0913, PLR0917 - what the command line says
+    system: str, changes: Any, file: Any, how: dict[str, Any], quiet: bool, late: str | None
+) -> Any:
     """Run, write, and say what there is to say; nothing that was recorded is lost."""
     from harness.files.signals import held
-    from harness.master.changes import apply
     from harness.master.isolated import simulate
+    from harness.master.pacer import timely
     from harness.ssp.library import load
     from harness.system.graph import say_warnings
 
     began = perf_counter()
     with load(system) as found:
-        changed = apply(found, **changes)
+        pacer = how.get("pacer")
+        changed = timely(found, changes, None if pacer is None else pacer.factor, late)
         say_warnings(changed)
         file.accept(changed)
         with held():  # from here on
@@ -223,6 +238,8 @@ def _report(result: Any, seconds: float, path: Path) -> None:
         f"{printable(result.system)}: {result.time[-1]:g} s in {seconds:.2f} s, "
         f"{len(result.time)} rows in {path}{size_of(path)}"
     )
+    if result.provenance is not None and result.provenance.timing:
+        typer.echo(f"pace: {result.provenance.timing}")
     for note in notes(result):
         typer.echo(printable(f"note: {note}"))
     for finding in findings(result):

@@ -23,6 +23,7 @@ from harness.files.paths import is_ours
 from harness.master import memory
 from harness.master import simulation as here
 from harness.master.child import GRACE_SECONDS, OUTCOME, Child, Send
+from harness.master.pacer import Pacer
 from harness.master.progress import Watch, shown
 from harness.master.simulation import Simulation
 from harness.results.result import Result
@@ -32,24 +33,26 @@ _log = logging.getLogger("harness")
 
 BEGUN, PACE, OVER = "begun", "pace", "over"
 """Messages: the initial row stands, with the names of the calls of a macro step; the time of one
-[s]; the last row stands, or the error that has ended the run.
+[s] and how well the pacer was followed; the last row stands, or the error that has ended the run.
 """
 
 
-def simulate(
+def simulate(  # noqa: PLR0913 - every one is an option of the command line
     system: System,
     *,
     executor: str = "c",
     every: int = 1,
     progress: bool | Watch = False,
     in_process: bool = False,
+    pacer: Pacer | None = None,
 ) -> Result:
     """Run a system as it is, with foreign FMUs in a child process unless in_process; the arguments
     are those of run().
     """
     if in_process or all_ours(system):
-        return here.simulate(system, executor=executor, every=every, progress=progress)
-    with _Run(system, executor, every) as run:
+        how: Any = {"executor": executor, "every": every, "progress": progress}
+        return here.simulate(system, pacer=pacer, **how)
+    with _Run(system, executor, every, pacer=pacer) as run:
         return run.result(progress)
 
 
@@ -100,14 +103,19 @@ class _Run:
     """The run as seen from here: a Simulation that is never entered, whose rows a child fills."""
 
     def __init__(
-        self, system: System, executor: str, every: int, patience: float = math.inf
+        self,
+        system: System,
+        executor: str,
+        every: int,
+        patience: float = math.inf,
+        pacer: Pacer | None = None,
     ) -> None:
-        self.simulation = Simulation(system, executor=executor, every=every)
+        self.simulation = Simulation(system, executor=executor, every=every, pacer=pacer)
         recorder = self.simulation.recorder
         table, marks = memory.block(recorder.table.nbytes), memory.block(recorder.marks.nbytes)
         _share(self.simulation, table, marks)
         ready = self.simulation if memory.FORK else None  # a fork needs no second one
-        self._arguments = (ready, system, executor, every, table, marks)
+        self._arguments = (ready, system, executor, every, pacer, table, marks)
         self.calls: list[tuple[str, str]] | None = None
         self.error: Exception | None = None
         self.over = self.closed = False
@@ -136,7 +144,7 @@ class _Run:
             if kind == BEGUN:
                 self.calls = content
             elif kind == PACE:
-                self.simulation.pace = content
+                self.simulation.pace, self.simulation.timing = content
             elif kind == OVER:
                 self.over, self.error = True, content
             elif kind == OUTCOME:
@@ -227,13 +235,14 @@ def _run(  # noqa: PLR0913, PLR0917 - two blocks of memory
     system: System,
     executor: str,
     every: int,
+    pacer: Pacer | None,
     table: memory.Block,
     marks: memory.Block,
 ) -> None:
     """Run the system into shared memory; the outcome is sent before the FMUs are freed."""
     if simulation is None:
         with _silence():  # the parent has said it already
-            simulation = Simulation(system, executor=executor, every=every)
+            simulation = Simulation(system, executor=executor, every=every, pacer=pacer)
         _share(simulation, table, marks)
 
     recorder = simulation.recorder
@@ -250,7 +259,7 @@ def _run(  # noqa: PLR0913, PLR0917 - two blocks of memory
         except RunError as error:
             send(OVER, error)
         else:
-            send(PACE, simulation.pace)
+            send(PACE, (simulation.pace, simulation.timing))
             send(OVER, None)
 
 

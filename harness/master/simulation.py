@@ -20,6 +20,7 @@ from harness.master import messages
 from harness.master.changes import Changes, apply
 from harness.master.executors import EXECUTORS, Clock
 from harness.master.fmu import Instance
+from harness.master.pacer import Pacer
 from harness.master.progress import Watch, shown
 from harness.master.recorder import Recorder
 from harness.results.provenance import flown
@@ -70,15 +71,21 @@ class Simulation:
         *,
         executor: str = "c",
         every: int = 1,
+        pacer: Pacer | None = None,
         **changes: Unpack[Changes],
     ) -> None:
-        """Check the system with these changes; nothing is loaded before `with`. Raises
+        """Check the system with these changes; nothing is loaded before `with`.
+
+        pacer: lets macro steps begin when they are due; None: as soon as they can. Raises
         StructureError, FmuError or UsageError.
         """
         if executor not in EXECUTORS:
             raise UsageError(f"there is no executor {executor}, only {' and '.join(EXECUTORS)}")
         self.base = system
         self.every = every
+        self.pacer = pacer
+        self.timing = ""
+        """How well the pacer was followed, in a line."""
         self.instances: list[Instance] = []
         self._executor_name = executor
         self._folder: PrivateFolder | None = None
@@ -315,14 +322,22 @@ class Simulation:
     def _advance(self, to: int, progress: Callable[[int], None] | None) -> None:
         chunk = 1
         while self.step < to:
+            if self.pacer is not None:
+                self.pacer.wait(self.step * self.clock.step, lambda: self._look(progress))
+                chunk = 1
             first, began = self.step, perf_counter()
             self._executor.run(first, min(first + chunk, to))
             seconds = perf_counter() - began
             self.pace = min(self.pace, seconds / (self.step - first))
-            if progress is not None:
-                progress(self.step)
-            signals.check()
+            self._look(progress)
             chunk = 2 * chunk if seconds < CHUNK_SECONDS / 2 else chunk
+        if self.pacer is not None:
+            self.timing = str(self.pacer.timing())
+
+    def _look(self, progress: Callable[[int], None] | None) -> None:
+        if progress is not None:
+            progress(self.step)
+        signals.check()
 
     def _partial(self, error: RunError) -> RunError:
         if self._initialised:
@@ -377,7 +392,7 @@ class Simulation:
             complete,
             message,
             self.parameters(),
-            flown(self.system, self._executor_name, self.recorder.every),
+            flown(self.system, self._executor_name, self.recorder.every, self.timing),
         )
 
     def parameters(self) -> Result:
@@ -406,10 +421,15 @@ def _columns(slots: Sequence[Slot]) -> tuple[tuple[str, ...], tuple[str, ...], t
 
 
 def simulate(
-    system: System, *, executor: str = "c", every: int = 1, progress: bool | Watch = False
+    system: System,
+    *,
+    executor: str = "c",
+    every: int = 1,
+    progress: bool | Watch = False,
+    pacer: Pacer | None = None,
 ) -> Result:
     """Run a system as it is; executor, every, progress: as for run()."""
-    with Simulation(system, executor=executor, every=every) as simulation:
+    with Simulation(system, executor=executor, every=every, pacer=pacer) as simulation:
         with shown(simulation, progress) as show:
             simulation.advance(progress=show)
         return simulation.result()

@@ -39,9 +39,9 @@ class Provenance:
     the .ssp ("": the system was made in Python); params: named set or file, params_sha256: of the
     file; set: (`component.variable`, value) as given, text or value; swaps: other FMUs; on:
     (component, place) on other processors; maps: (port, port) renamed; latency: (component, macro
-    steps) as given; algorithm, step [s], stop [s], schedule, executor, every: as run; requirements:
-    (name, text); command: command line (None: from Python); date: when the result was taken, UTC;
-    platform: of the host.
+    steps) as given; algorithm, step [s], stop [s], schedule, executor, every: as run; timing: how
+    well the pace of a clock was kept ("": there was none); requirements: (name, text); command:
+    command line (None: from Python); date: when the result was taken, UTC; platform: of the host.
     """
 
     version: str = ""
@@ -62,6 +62,7 @@ class Provenance:
     requirements: tuple[tuple[str, str], ...] = ()
     executor: str = ""
     every: int = 1
+    timing: str = ""
     command: str | None = None
     date: str = ""
     platform: str = ""
@@ -85,7 +86,7 @@ class Provenance:
         return list(_lines(self))
 
 
-def flown(system: System, executor: str, every: int) -> Provenance:
+def flown(system: System, executor: str, every: int, timing: str = "") -> Provenance:
     """Provenance of a run of a system that begins or ends now."""
     origin, experiment = system.origin, system.experiment
     return Provenance(
@@ -106,6 +107,7 @@ def flown(system: System, executor: str, every: int) -> Provenance:
         requirements=tuple(system.requirements.items()),
         executor=executor,
         every=every,
+        timing=timing,
         command=command_line(),
         date=_now(),
         platform=_platform(),
@@ -198,6 +200,8 @@ def _lines(p: Provenance) -> Iterator[str]:
         yield "nothing changed"
     thinned = f", every {p.every} steps recorded" if p.every > 1 else ""
     yield f"stop {_g(p.stop)} s, macro step {_g(p.step)} s, {p.algorithm}{thinned}"
+    if p.timing:
+        yield f"paced: {p.timing}"
     yield f"harness {p.version}, {p.date}, {p.platform}"
     if p.command:
         yield f"command: {p.command}"

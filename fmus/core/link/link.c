@@ -22,7 +22,7 @@ typedef struct {
     bool warns, counts; /* log categories that are on */
     Entry *entry;
     size_t entries, room;
-    bool stepping;
+    bool stepping, behind;    /* behind: steps were held, the board has yet to make them */
     double start, stop, time; /* s; time: end of the last step that the board has been sent */
     fmi2Boolean bounded;
     size_t late;
@@ -181,6 +181,7 @@ static fmi2Status flush(Link *l)
 
 static fmi2Status fetch(Link *l)
 {
+    if (l->client.outstanding && !any(l, is_missing)) return fmi2OK; /* the outputs are held */
     fmi2Status status = flush(l);
     if (status > fmi2Warning || !any(l, is_missing)) return status;
     unsigned outcome = settle(l);
@@ -325,6 +326,7 @@ fmi2Status fmi2Reset(fmi2Component component)
     l->stepping = false;
     l->start = l->stop = 0;
     l->late = 0;
+    l->behind = false;
     l->bounded = fmi2False;
     forget(l, true);
     return plain(l, RESET);
@@ -426,12 +428,13 @@ static bool send_exchange(Link *l, double t, double h, fmi2Boolean final)
 {
     Writer w = new_request(&l->client);
     put_list(l, &w, is_pending, true);
-    put_double(&w, l->time);
-    put_double(&w, l->time == t ? h : t + h - l->time);
+    put_double(&w, l->behind ? l->time : t);
+    put_double(&w, l->behind ? t + h - l->time : h);
     put_number(&w, final != 0, 1);
     put_list(l, &w, is_read, false);
     forget(l, true);
     l->time = t + h;
+    l->behind = false;
     return send_request(&l->client, EXCHANGE, &w);
 }
 
@@ -461,8 +464,10 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
 {
     Link *l = component;
     unsigned status = fmi2OK;
-    if (l->client.outstanding) status = timely(l); /* the answer to an earlier step */
-    else l->time = t;
+    if (l->client.outstanding) {
+        status = timely(l); /* of an earlier step */
+        l->behind |= l->client.outstanding;
+    }
     lock_stream(&l->client.stream);
     if (status <= fmi2Warning && !l->client.outstanding)
         status = send_exchange(l, t, h, final) ? timely(l) : FAILED_REQUEST;
@@ -475,7 +480,7 @@ typedef struct {
     uint64_t guid; /* CRC of the interface: a state belongs to it and no other */
     uint64_t sum;  /* over the rest */
     uint64_t size; /* bytes of the component */
-    uint64_t stepping;
+    uint64_t stepping, behind;
     double start, stop, time, bounded;
     unsigned char bytes[];
 } Saved;
@@ -501,7 +506,8 @@ fmi2Status fmi2GetFMUstate(fmi2Component component, fmi2FMUstate *state)
     const Reader *r = &l->client.data;
     Saved *s = realloc(*state, sizeof *s + r->left);
     if (!s) return failure(l, "fmi2GetFMUstate", "out of memory");
-    *s = (Saved){mark_of(l), 0, r->left, l->stepping, l->start, l->stop, l->time, l->bounded};
+    *s = (Saved){mark_of(l), 0,       r->left, l->stepping, l->behind,
+                 l->start,   l->stop, l->time, l->bounded};
     memcpy(s->bytes, r->bytes, r->left);
     s->sum = sum_of(s);
     *state = s;
@@ -520,6 +526,7 @@ fmi2Status fmi2SetFMUstate(fmi2Component component, fmi2FMUstate state)
     forget(l, true);
     if (status > fmi2Warning) return told(l, status);
     l->stepping = s->stepping != 0;
+    l->behind = s->behind != 0;
     l->start = s->start, l->stop = s->stop, l->time = s->time;
     l->bounded = s->bounded != 0;
     return told(l, status);

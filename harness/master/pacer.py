@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Macro steps at the pace of a clock: each begins at an absolute deadline, so nothing adds up."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from harness.errors import UsageError
+from harness.master.changes import Changes, apply, pairs
+from harness.system.model import System
+
+SLICE = 0.1
+"""Longest sleep between two looks at the keyboard [s]."""
+
+
+class Timing(NamedTuple):
+    """How well the pace was kept.
+
+    factor: simulated seconds per second; steps: macro steps begun; mean, p99, largest: how late
+    they began, over those that were waited for [s]; overruns: steps that began late because
+    the one before took too long, longest: by how much at most [s]; drift: how late the last one
+    began [s].
+    """
+
+    factor: float
+    steps: int
+    mean: float
+    p99: float
+    largest: float
+    overruns: int
+    longest: float
+    drift: float
+
+    def __str__(self) -> str:
+        jitter = f"{1e3 * self.mean:.3g}, {1e3 * self.p99:.3g}, {1e3 * self.largest:.3g} ms"
+        overruns = f"{self.overruns} overruns"
+        if self.overruns:
+            overruns += f", the longest {1e3 * self.longest:.3g} ms"
+        return (
+            f"{self.factor:g} times real time, {self.steps} steps, jitter {jitter} (mean, p99, "
+            f"largest), {overruns}, the last step {1e3 * self.drift:.3g} ms late"
+        )
+
+
+class Pacer:
+    """Lets macro steps begin when they are due."""
+
+    def __init__(
+        self,
+        factor: float,
+        clock: Callable[[], float] = time.perf_counter,
+        sleep: Callable[[float], object] = time.sleep,
+    ) -> None:
+        """factor: simulated seconds per second, above 0; UsageError."""
+        if not 0 < factor < math.inf:
+            raise UsageError(f"--realtime {factor:g}: expected a factor above 0")
+        self.factor, self._clock, self._sleep = factor, clock, sleep
+        self._origin: float | None = None
+        self._late: list[float] = []
+        self._waited: list[bool] = []
+
+    def wait(self, seconds: float, look: Callable[[], object]) -> None:
+        """Return when so many simulated seconds after the first call are over; look: called now and
+        then.
+        """
+        if self._origin is None:
+            self._origin = self._clock() - seconds / self.factor
+        due = self._origin + seconds / self.factor
+        early = self._clock() < due
+        while (left := due - self._clock()) > 0:
+            self._sleep(min(left, SLICE))
+            look()
+        self._late.append(self._clock() - due)
+        self._waited.append(early)
+
+    def timing(self) -> Timing:
+        """How well the pace was kept so far."""
+        late, waited = np.array(self._late), np.array(self._waited, dtype=bool)
+        waited[:1] = True  # the first step is what the others are counted from
+        jitter = late[waited] if waited.any() else np.zeros(1)
+        over = late[~waited]
+        return Timing(
+            self.factor,
+            len(late),
+            float(jitter.mean()),
+            float(np.percentile(jitter, 99)),
+            float(jitter.max()),
+            len(over),
+            float(over.max(initial=0.0)),
+            float(late[-1]) if len(late) else 0.0,
+        )
+
+
+def timely(system: System, changes: Changes, realtime: float | None, late: str | None) -> System:
+    """apply(), and what a component elsewhere does that answers later than the period of its
+    steps: wait, hold or stop. Raises what apply() raises.
+    """
+    if late is None:
+        return apply(system, **changes)
+    if realtime is None or not changes.get("on"):
+        raise UsageError(f"--late {late}: needs --realtime and a component elsewhere, --on")
+    rest: Changes = {**changes, "on": ()}
+    before = apply(system, **rest)
+    step = before.experiment.step or 0.0
+    periods = {c.name: c.every * step for c in before.components}
+    on = {}
+    for name, place in pairs("--on", changes["on"]):
+        where, _, options = str(place).partition("?")
+        deadline = f"late={late}&deadline={periods.get(name, step) / realtime!r}"
+        on[name] = f"{where}?{deadline}&{options}".rstrip("&")
+    moved: Changes = {**changes, "on": on}
+    return apply(system, **moved)
