@@ -115,7 +115,10 @@ SCENES = (
         "Rendezvous with proved safety",
         "arch_rendezvous",
         "harness run arch_rendezvous",
-        {"approach": "From 1 km into the last metre in five hours."},
+        {
+            "approach": "From 1 km into the last metre in five hours.",
+            "safety_margins": "Margins of the monitor: in the end a drift would enter the zone.",
+        },
         ONE,
         5,
     ),

@@ -37,7 +37,7 @@ def _expanded(result: Result, name: str) -> Iterator[str]:
         value = np.array2string(result.parameter(name), separator=", ")
         raise UsageError(f"--var {name}: a parameter, which has no history; it is {value}")
     else:
-        close = did_you_mean(name, [*result.vectors, *result.columns])
+        close = did_you_mean(name, dict.fromkeys((*result.vectors, *result.columns)))
         raise UsageError(f"--var {name}: the result has no such variable{close}")
 
 

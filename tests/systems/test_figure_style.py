@@ -224,6 +224,15 @@ def test_a_figure_in_which_nothing_changes_is_left_out_with_a_note(tmp_path, cap
     assert "not drawn, for nothing changes in them: poincare" in caplog.text
 
 
+def test_torque_on_a_frozen_attitude_is_shaded():
+    result = run("ppc_tracking", set={"servicer.t_att": 12.0}, stop=20.0)
+    (axes,) = painted("torque", result).axes
+    (frozen,) = axes.patches
+    assert frozen.get_label() == "attitude frozen: acts on nothing"
+    assert (frozen.get_x(), frozen.get_width()) == (0.0, 12.0)
+    assert not painted("torque", flight("ppc_tracking")).axes[0].patches
+
+
 def test_several_runs_that_do_nothing_are_left_out(tmp_path):
     result = flight("sync_approach")
     names = {path.stem for path in overlay({"a": result, "b": result}, tmp_path)}
@@ -296,7 +305,7 @@ def test_the_command_draws_variables_elements_and_groups(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("name", "says"),
     [
-        ("guidance.rang", r"no such variable \(close: .*guidance\.range"),
+        ("guidance.rang", r"no such variable \(close: guidance\.range, guidance\.(?!range)"),
         ("guidance.rho_M", r"a parameter, which has no history; it is 4\."),
     ],
 )
