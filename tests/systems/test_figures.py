@@ -30,8 +30,9 @@ SYNC = {
     "estimated_mass",
     "attitude_error",
 }
-SYNC |= {"alignment"}  # wheels and inertias rest for 1200 s
+SYNC |= {"safety_margins", "alignment"}  # wheels and inertias rest for 1200 s
 LINE_OF_SIGHT = {
+    "safety_margins",
     "trajectory",
     "range",
     "alignment",
@@ -45,6 +46,7 @@ LINE_OF_SIGHT = {
     "attitude_error",
 }
 RELAY = {
+    "safety_margins",
     "trajectory",
     "range",
     "coordinates",
@@ -60,6 +62,7 @@ RELAY = {
 EXPECTED = {
     ("sync_approach", "adaptive_controller"): SYNC,
     ("sync_approach", "pid_controller"): {
+        "safety_margins",
         "trajectory",
         "force",
         "tracking_error",
@@ -75,6 +78,7 @@ EXPECTED = {
     ("ppc_tracking", "ppc_controller"): LINE_OF_SIGHT | {"funnel"},
     ("ppc_tracking", "theta_d_controller"): LINE_OF_SIGHT,
     ("ppc_tracking", "adaptive_controller"): {
+        "safety_margins",
         "trajectory",
         "range",
         "alignment",
