@@ -7,6 +7,7 @@ The environment variable SERVICING_FMUS_BUILD names another build folder, which 
 
 from __future__ import annotations
 
+import errno
 import filecmp
 import os
 from functools import lru_cache
@@ -27,6 +28,17 @@ def is_file(path: str | Path) -> bool:
         return Path(path).is_file()
     except (OSError, ValueError):
         return False
+
+
+def contents(path: Path, most: int) -> bytes:
+    """The bytes of a file; OSError if there are more than so many, as of a device that never
+    ends.
+    """
+    with path.open("rb") as file:
+        data = file.read(most + 1)
+    if len(data) > most:
+        raise OSError(errno.EFBIG, f"longer than the limit of {most} bytes")
+    return data
 
 
 def is_ours(fmu: Path) -> bool:

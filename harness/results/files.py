@@ -43,6 +43,9 @@ INCOMPLETE = "# incomplete: "
 PACKED = 1000
 """Values from which a variable of a .nc is compressed, without loss."""
 
+LONGEST_LINE = 64 * 1024**2
+"""Characters of a line of a .csv."""
+
 
 class ResultFile:
     """A results file that was found writable before the run. It appears whole or not at all."""
@@ -209,9 +212,17 @@ def _write_csv(result: Result, path: Path) -> None:
             file.write(f"{INCOMPLETE}{result.message}\n")
 
 
+def _lines(file: TextIO) -> Iterator[str]:
+    """Lines of a file; ValueError if one does not end, as those of a device."""
+    while line := file.readline(LONGEST_LINE):
+        if len(line) == LONGEST_LINE:
+            raise ValueError(f"a line is longer than {LONGEST_LINE} characters")
+        yield line
+
+
 def _read_csv(path: Path) -> Result:
     with path.open(newline="") as file:
-        names = next(csv.reader(file), [])
+        names = next(csv.reader(_lines(file)), [])
         if not names or names[0] != "time":
             raise ValueError("it does not begin with a column named time")
         table = np.loadtxt(file, delimiter=",", ndmin=2)

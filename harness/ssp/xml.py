@@ -15,6 +15,7 @@ from lxml import etree
 from harness.errors import StructureError
 from harness.files import cache
 from harness.files.archive import MAX_ENTRY
+from harness.files.paths import contents
 from harness.files.safe_xml import UnsafeXmlError, parsed
 from harness.system.values import Scalar
 
@@ -85,9 +86,10 @@ def parse(source: Path | bytes, schema: str, name: str = "") -> XmlElement:
     violation of the schema.
     """
     name = source.name if isinstance(source, Path) else name
-    if isinstance(source, Path) and source.stat().st_size > MAX_ENTRY:
-        raise StructureError([f"{name}: is longer than the limit of {MAX_ENTRY} bytes"])
-    data = source.read_bytes() if isinstance(source, Path) else source
+    try:
+        data = contents(source, MAX_ENTRY) if isinstance(source, Path) else source
+    except OSError as error:
+        raise StructureError([f"{name}: cannot be read ({error.strerror})"]) from error
     try:
         root = parsed(data)
     except UnsafeXmlError as error:

@@ -28,7 +28,7 @@ from harness.files.temporary import PrivateFolder
 from harness.master import messages, place
 from harness.system.interface import Interface, read_interface
 from harness.system.names import base, index
-from harness.system.values import assign
+from harness.system.values import assign, coerce
 
 Array = NDArray[np.float64]
 RELATIVE_STATE, RELATIVE_INPUT = 1e-4, 1e-2
@@ -108,7 +108,8 @@ def _settings(interface: Interface, values: Mapping[str, Any]) -> dict[str, floa
     settings: dict[str, float] = {}
     for name, value in values.items():
         try:
-            settings |= {k: float(v) for k, v in assign(name, value, interface.settable()).items()}
+            found = assign(name, value, interface.settable())
+            settings |= {k: float(coerce(v, "Real")) for k, v in found.items()}
         except ValueError as error:
             raise UsageError(f"{name}: {error}") from error
     return settings

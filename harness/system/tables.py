@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from harness.errors import StructureError, UsageError
+from harness.files.paths import contents
 from harness.spelling import did_you_mean
 from harness.system.interface import Interface
 from harness.system.model import Parameter, Parameters
@@ -19,11 +20,14 @@ from harness.system.values import Value, assign, coerce, leaves, parse, parse_te
 
 SHARED = "shared"
 
+LONGEST = 16 * 1024**2
+"""Bytes of a TOML file."""
+
 
 def read_toml(path: Path) -> dict[str, Any]:
     """Content of a TOML file; StructureError if it is not one, UsageError if it is not there."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(contents(path, LONGEST).decode())
     except RecursionError as error:
         raise StructureError([f"{path}: not a readable TOML file (nested too deep)"]) from error
     except OSError as error:

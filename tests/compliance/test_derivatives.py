@@ -29,10 +29,10 @@ def right(instance, known, seed):
     return np.array(result)
 
 
-def outputs_after_step(instance, state, t, values):
+def outputs_after_step(instance, state, t, values, h=H):
     instance.restore(state)
     instance.set(values)
-    instance.step(t, H)
+    instance.step(t, h)
     return np.array(instance.values(instance.fmu.outputs))
 
 
@@ -95,6 +95,14 @@ def compare(instance, variables, evaluator, t):
 
 def test_derivatives_are_the_differences_of_the_next_step(flying):
     assert compare(flying, inner(flying.fmu.inputs), outputs_after_step, 0.5) == {}
+
+
+def test_the_next_step_is_as_long_as_the_last(fmu):
+    with Instance(fmu) as instance:
+        instance.start()
+        instance.fly(2, h=0.4)
+        after_step = partial(outputs_after_step, h=0.4)
+        assert compare(instance, inner(fmu.inputs), after_step, 0.8) == {}
 
 
 def test_before_the_first_step_the_next_step_is_a_tenth_of_a_second(fmu):

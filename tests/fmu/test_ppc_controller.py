@@ -79,6 +79,21 @@ def test_outputs_are_those_of_the_reference_over_three_samples(fmu, rng, law, up
                 assert deviation(out[name], value, 1 + np.max(np.abs(value))) < 1e-7, (k, name)
 
 
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("rising", [1, -1])
+def test_outside_the_funnel_the_command_is_that_of_a_thousandth_inside(fmu, rising, side):
+    """On both sides of funnels that began on either side of zero."""
+    narrow = {"elevation": replace(ANGLE, delta=0.6), "azimuth": replace(ANGLE, delta=0.8)}
+    p = replace(ppc.Ppc(), a_max=0.0, M_max=(0.0,) * 3, **narrow)
+    unit, x = fmu("ppc_controller", ppc.settings(p)), (None, None)
+    for k, z in enumerate([(0, 0.1 * rising, 0.2 * rising), (0, 1.0 * side, 1.2 * side)]):
+        u = scene_of(z).inputs()
+        expected, x = ppc.ppc(0.1 * k, *bodies(u), reference_of(u), x, p)
+        out = sample(unit, u)
+    assert out["violation"] == 1
+    assert out["a_cmd_L"] == pytest.approx(expected["a_cmd_L"], rel=1e-7)
+
+
 # ---- funnel and mapping ----
 
 

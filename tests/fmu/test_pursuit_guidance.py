@@ -222,19 +222,20 @@ def test_closing_speed_of_the_vector_law(fmu, rng, distance, closing):
     assert unit.get("range") == pytest.approx(distance, rel=1e-14)
 
 
-def test_in_orbit_the_speed_of_the_target_counts_relative_to_the_orbiting_point(fmu):
-    """A quarter of an orbit: velocity of the point by its own definition, 0.03 m/s more for the
-    target.
-    """
+@pytest.mark.parametrize("turn", [0.0, np.pi / 2, 0.7, 4.0])
+def test_in_orbit_the_speed_of_the_target_counts_relative_to_the_orbiting_point(fmu, turn):
+    """Velocity of the point as the derivative of its place, 0.03 m/s more for the target."""
     R = 42164e3
     n = np.sqrt(MU / R**3)
-    t = np.pi / 2 / n
+    t = turn / n
+    place = R * np.array([np.cos(turn), np.sin(turn), 0])
+    velocity = np.cross([0, 0, n], place)
     unit = fmu("pursuit_guidance", VECTOR | {"mu": MU, "frame_radius": R, "k_r": 1}, start=t)
     inputs = {
-        "r_TN_N": (500, R, 0),
-        "r_SN_N": (0, R, 0),
-        "v_TN_N": (-n * R, 0, 0.03),
-        "v_SN_N": (-n * R, 0, 0),
+        "r_TN_N": np.add(place, (500, 0, 0)),
+        "r_SN_N": place,
+        "v_TN_N": np.add(velocity, (0, 0, 0.03)),
+        "v_SN_N": velocity,
     }
     unit.step(T0, inputs)
     assert unit.get("v_req") == pytest.approx(0.06, abs=1e-11)

@@ -475,6 +475,8 @@ def test_drift_in_deep_space_is_straight(fmu):
     assert abs(unit.get("passive_margin") - 0.5) < RESOLUTION
     unit.step(1, states(1, rho - (0, 1, 0), drho, 0))
     assert abs(unit.get("passive_entry") - entry_into_sphere(rho - (0, 1, 0), drho, 3)) < 1e-9
+    # the offset of the drift goes from 3.5 m to 2.5 m as a cubic, half-way at half time
+    assert unit.get("t_first")[3] == pytest.approx(0.5, abs=1e-6)
 
 
 def test_zone_that_turns_with_the_target_counts_as_the_sphere_around_it(fmu):

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 from scipy.special import ellipk
 
 from tests.reference.space_robot import Orbit, Robot, fly
@@ -258,6 +259,16 @@ def test_locking_moving_joints_keeps_the_angular_momentum(fmu):
     assert unit.get("joint_angle").tolist() == angles.tolist()
 
 
+@pytest.mark.parametrize("rates", [(0.05, 0), (0, -0.1)])
+def test_locking_stops_a_single_moving_joint_too(fmu, rates):
+    unit = fmu("space_robot", MOVING | SPACE | {"joint_rate_0": rates})
+    before, angles = unit.get("h_N"), unit.get("joint_angle")
+    unit.step(1.0, {"joint_lock": 1})
+    assert unit.get("h_N") == pytest.approx(before, rel=1e-9)
+    assert unit.get("joint_rate").tolist() == [0, 0]
+    assert unit.get("joint_angle").tolist() == angles.tolist()
+
+
 def test_the_lock_torque_is_what_would_hold_free_joints(fmu):
     still = MOVING | {"joint_rate_0": (0, 0), "e": 0.2}
     locked = fmu("space_robot", still, {"joint_lock": 1})
@@ -283,6 +294,14 @@ def test_start_attitude_and_rates_are_published_as_given(fmu, rng):
     unit = fmu("space_robot", orbit | {"euler_0": angles, "deuler_0": rates}, {"joint_lock": 1})
     assert unit.get("euler") == pytest.approx(angles, abs=1e-13)
     assert unit.get("deuler") == pytest.approx(rates, abs=1e-15)
+
+
+def test_without_gravity_the_normal_of_the_orbit_is_that_of_its_elements(fmu, rng):
+    """q_SN for angles 0: x outward, z = Rz(raan) Rx(inc) (0, 0, 1), y = z x x."""
+    inc, raan, start = rng.uniform(0.2, 1.2), rng.uniform(-3, 3), {"euler_0": (0, 0, 0)}
+    unit = fmu("space_robot", start | {"mu": 0, "inc": inc, "raan": raan, "argp": 0.4, "nu": -0.9})
+    frame = Rotation.from_euler("ZXZ", [raan, inc, 0.4 - 0.9]).as_matrix().T
+    assert dcm_of_quaternion(unit.get("q_SN")) == pytest.approx(frame, abs=1e-12)
 
 
 def test_rates_of_the_angles_are_their_derivatives(fmu):

@@ -138,6 +138,21 @@ def test_command_that_no_thruster_can_serve_gives_nothing(fmu):
     assert unit.get("infeasible") == 1
 
 
+@pytest.mark.parametrize("size", [1e-9, 1e-4, 1e3, 1e8])
+def test_what_is_in_reach_does_not_depend_on_the_unit_of_force(fmu, size):
+    """Thrusters and command `size` times as strong."""
+    strong = box_of_thrusters()
+    strong["thrust_nominal"] = size * strong["thrust_nominal"]
+    wrench = size * np.array([0.5, -0.2, 0.3, 0.1, -0.05, 0.2])
+    for keep in (0, 1):
+        unit = fmu("thruster_allocation", strong | {"keep_direction": keep}, command(wrench))
+        unit.step(T0)
+        assert (unit.get("infeasible"), unit.get("scale")) == (0, 1)
+        assert allocated(unit) == pytest.approx(wrench, abs=1e-6 * size)
+        unit.step(T0, command(20 * wrench))
+        assert unit.get("infeasible") == 1
+
+
 def test_weights_of_0_free_an_axis(fmu):
     """With torque about Z free, P3 alone gives the force along Y."""
     unit = fmu(

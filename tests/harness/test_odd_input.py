@@ -7,7 +7,8 @@ import io
 import tomllib
 import unicodedata
 import zipfile
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -288,3 +289,49 @@ def test_names_of_variables(folder, fmus, name, ending):
         back = read(folder / "out" / f"odd{ending}")
         assert f"a.{name}" in back.columns
         assert np.array_equal(back[f"a.{name}"], [0, 1, 2])
+
+
+# ---- files that never end, texts for numbers
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="needs /dev/zero")
+@pytest.mark.parametrize("ending", [".toml", ".ssv", ".ssp", ".fmu", ".csv", ".nc"])
+def test_a_device_that_never_ends_is_refused_and_not_read_to_its_end(folder, ending):
+    file = folder / f"zeros{ending}"
+    file.unlink(missing_ok=True)
+    file.symlink_to("/dev/zero")
+    command = {
+        ".toml": ("campaign", file.name),
+        ".ssv": ("run", "demo.ssp", "--params", file.name),
+        ".ssp": ("run", file.name),
+        ".fmu": ("check", file.name),
+    }.get(ending, ("plot", file.name))
+    with _room_for(4 << 30):
+        assert outcome(*command) in (1, 2)
+
+
+@contextmanager
+def _room_for(size):
+    """So much memory and no more, so that a mistake costs no other program its life."""
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
+
+
+def test_a_toml_file_has_a_limit(folder, monkeypatch, capsys):
+    monkeypatch.setattr("harness.system.tables.LONGEST", 100)
+    (folder / "long.toml").write_text("# a comment\n" * 10)
+    assert main(["campaign", "long.toml"]) == 2
+    assert capsys.readouterr().err == (
+        "harness: long.toml: cannot be read (longer than the limit of 100 bytes)\n"
+    )
+
+
+def test_a_text_for_a_number_of_a_linear_model_is_called_one(folder, fmus, capsys):
+    (folder / "gain.fmu").write_bytes(fmus["gain"].read_bytes())
+    assert main(["linearize", "gain.fmu", "-o", "x.npz", "--set", "k=[1,2"]) == 2
+    assert capsys.readouterr().err == "harness: k: '[1,2' is not a number\n"
