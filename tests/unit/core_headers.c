@@ -5,6 +5,7 @@
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "attitude.h"
 #include "finite.h"
+#include "line_of_sight.h"
 #include "motion.h"
 #include "riccati.h"
 #include "rigid_body.h"
@@ -40,6 +41,10 @@ CALL(mat3, matmul, (mat3 a, mat3 b), (a, b))
 CALL(mat3, matmul_t, (mat3 a, mat3 b), (a, b))
 CALL(double, determinant, (mat3 m), (m))
 CALL(vec3, solve, (mat3 m, vec3 b), (m, b))
+
+/* line_of_sight.h */
+static Motion los_motion(double up, Motion r) { return line_of_sight(up, r).q; }
+CALL(Motion, los_motion, (double up, Motion r), (up, r))
 
 /* attitude.h */
 CALL(vec3, vector_part, (quat q), (q))

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Deliberate faults in the C code: draw some, and see which of them a test finds.
+
+    .venv/bin/python -m tests.mutation --seed 1 --count 300 -o faults.jsonl
+
+One line per fault that compiles. What survives is for a reader to judge: it cannot show, or a test
+is missing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+from tests.mutation.faults import Fault, drawn
+from tests.mutation.judge import ILL, SURVIVED, Tree, judged
+
+
+def main() -> None:
+    """Command line, see the docstring of the module."""
+    parser = argparse.ArgumentParser(prog="python -m tests.mutation")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--count", type=int, default=300, help="faults that compile")
+    parser.add_argument("-o", "--output", type=Path, help="lines of JSON; goes on with it")
+    parser.add_argument("files", nargs="*", help="files below fmus/ (default: all)")
+    print(_text(_campaign(parser.parse_args())))
+
+
+def _campaign(a: argparse.Namespace) -> Counter[str]:
+    counts: Counter[str] = Counter()
+    with tempfile.TemporaryDirectory(prefix="faults-") as folder:
+        tree = Tree(Path(folder))
+        known = _known(a.output)
+        for fault in drawn(tree.fmus, a.seed, 100 * a.count, a.files):
+            if sum(counts.values()) == a.count:
+                break
+            if fault in known:
+                counts[known[fault]] += 1
+                continue
+            outcome, where = judged(tree, fault)
+            if outcome == ILL:
+                continue
+            counts[outcome] += 1
+            shown = fault.shown((tree.fmus / fault.file).read_text(encoding="utf-8"))
+            if outcome == SURVIVED:
+                print(f"{shown}  [{where}]", flush=True)
+            _keep(a.output, {"fault": shown, "outcome": outcome, "where": where, **fault._asdict()})
+    return counts
+
+
+def _known(file: Path | None) -> dict[Fault, str]:
+    """Faults of an earlier start with their outcomes."""
+    if file is None or not file.is_file():
+        return {}
+    rows = map(json.loads, file.read_text(encoding="utf-8").splitlines())
+    return {Fault(*(row[name] for name in Fault._fields)): row["outcome"] for row in rows}
+
+
+def _keep(file: Path | None, row: dict[str, object]) -> None:
+    if file is not None:
+        with file.open("a", encoding="utf-8") as lines:
+            lines.write(json.dumps(row) + "\n")
+
+
+def _text(counts: Counter[str]) -> str:
+    outcomes = ", ".join(f"{number} {outcome}" for outcome, number in counts.most_common())
+    return f"{sum(counts.values())} faults: {outcomes}"
+
+
+if __name__ == "__main__":
+    main()
