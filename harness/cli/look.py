@@ -152,8 +152,9 @@ def plot(  # noqa: PLR0913, PLR0917 - one argument per option
 
     names = re.findall(r"(?:\[[^]]*\]|[^,])+", variables or "")
     look = style_of(style.value, wide)
+    result = read(file)  # before its name makes that of a folder
     folder = output or figures_of(file)
-    for path in draw(read(file), folder, ending.value, look, [name.strip() for name in names]):
+    for path in draw(result, folder, ending.value, look, [name.strip() for name in names]):
         typer.echo(path)
 
 
