@@ -3,6 +3,7 @@
  * The tests read the signatures from the lines CALL(result, function, (parameters), (arguments)).
  * */
 /* SPDX-License-Identifier: BSD-2-Clause */
+#include "arc.h"
 #include "attitude.h"
 #include "finite.h"
 #include "line_of_sight.h"
@@ -14,6 +15,9 @@
 #define CALL(result, function, parameters, arguments) \
     result call_##function parameters;                \
     result call_##function parameters { return function arguments; }
+
+/* arc.h */
+CALL(Square, square_along, (vec3 a, vec3 b, vec3 c, vec3 d), ((vec3[4]){a, b, c, d}))
 
 /* vec3.h */
 CALL(vec3, add, (vec3 a, vec3 b), (a, b))
