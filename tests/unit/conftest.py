@@ -15,7 +15,14 @@ CORE = HERE.parents[1] / "fmus/core"
 SOURCE = HERE / "core_headers.c"
 FLAGS = ["-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared"]
 WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
-SHAPES = {"vec3": (3,), "quat": (4,), "mat3": (3, 3), "Motion": (3, 3), "mat6": (6, 6), "Square": (9,)}
+SHAPES = {
+    "vec3": (3,),
+    "quat": (4,),
+    "mat3": (3, 3),
+    "Motion": (3, 3),
+    "mat6": (6, 6),
+    "Square": (9,),
+}
 SCALARS = {"double": ctypes.c_double, "int": ctypes.c_int}
 STRUCTS = {
     name: type(name, (ctypes.Structure,), {"_fields_": [("x", ctypes.c_double * int(np.prod(s)))]})

@@ -14,7 +14,7 @@ SHARES = np.linspace(0, 1, 101)
 def test_square_of_an_arc_is_the_polynomial_of_its_coefficients_and_lies_within_them(
     core, rng, offset
 ):
-    p = rng.normal(size=(4, 3)) + (offset, 0, 0)
+    p = rng.normal(size=(4, 3)) + np.array((offset, 0, 0))
     points = BPoly(p[:, None, :], [0, 1])(SHARES)
     square = np.sum(points**2, axis=1)
     *c, least, most = core.square_along(*p)
