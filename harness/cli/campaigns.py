@@ -17,9 +17,6 @@ from harness.studies.campaign import summary
 from harness.studies.campaign.campaign import Progress
 from harness.studies.campaign.store import Store
 
-DRAWN = 8
-"""Factors that a metric is drawn against."""
-
 
 @contextmanager
 def counting(title: str, wanted: bool) -> Iterator[Callable[[Progress], None] | None]:
@@ -58,34 +55,15 @@ def pictures(store: Store, folder: Path, ending: str, style: str) -> list[Path]:
 
 def _pictures(store: Store, to: figures.Place) -> Iterator[Path]:
     metrics = {n: c for n, c in summary.metric_columns(store).items() if np.isfinite(c).any()}
-    factors = {n: x for n, x in summary.factor_columns(store).items() if _varies(x)}
+    factors = summary.varying_factors(store)
     if metrics:
         yield figures.histograms(metrics, to)
     for name, column in metrics.items() if factors else ():
-        best = sorted(factors, key=lambda f: -_rank(factors[f], column))[:DRAWN]
-        shown = {f: factors[f] for f in best}
-        draw = figures.chart if _is_grid(factors) else figures.scatter
+        shown = summary.ranked(factors, column)
+        draw = figures.chart if summary.is_grid(factors) else figures.scatter
         yield draw(name, column, shown, to)
     for name in store.names("band"):
         numbers: Any = store.array("percentile").tolist()
         band = store.array(name)
         plain = name.removesuffix("_band")
         yield figures.bands(plain, store.array("time"), numbers, band, to)
-
-
-def _varies(x: Any) -> bool:
-    return bool(np.ptp(x[np.isfinite(x)]) > 0) if np.isfinite(x).any() else False
-
-
-def _is_grid(factors: Any) -> bool:
-    """Whether the runs are all combinations of the values of two factors, once each."""
-    if len(factors) != 2:
-        return False
-    pairs = np.stack(list(factors.values()), axis=1)
-    sizes = [len(np.unique(column)) for column in pairs.T]
-    return len(np.unique(pairs, axis=0)) == len(pairs) == sizes[0] * sizes[1]
-
-
-def _rank(x: Any, y: Any) -> float:
-    """Size of the rank correlation, 0 where there is none."""
-    return float(np.nan_to_num(abs(summary.rank_correlation(x, y))))

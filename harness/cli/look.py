@@ -14,6 +14,7 @@ from harness.cli.options import (
     Format,
     FormatOption,
     Look,
+    ReportArgument,
     RequireOption,
     ShownArgument,
     StrictOption,
@@ -160,7 +161,7 @@ def plot(  # noqa: PLR0913, PLR0917 - one argument per option
 
 @app.command()
 def report(
-    file: FileArgument,
+    file: ReportArgument,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="page of HTML with plots and a replay")
     ] = None,
@@ -169,24 +170,28 @@ def report(
 ) -> None:
     """Judge a run by its requirements and the claims of its paper.
 
-    With -o: one page that opens in any browser, of any run.
+    With -o: one page that opens in any browser, of any run, comparison or campaign.
     """
     from harness.cli.verdicts import show
     from harness.results.files import read
     from harness.results.requirements import demanding
 
     wanted = require or []
+    if output is not None and file.is_dir():
+        _page(file, output)
+        return
     result = demanding(read(file), {text: text for text in wanted})
     if output is not None:
-        from harness.report.html import write
-
-        typer.echo(write(result, output))
-        insist(result, wanted, strict)
-        return
-
-    if not show(result):
+        _page(result, output)
+    elif not show(result):
         raise typer.Exit(1)
     insist(result, wanted, strict)
+
+
+def _page(source: Any, output: Path) -> None:
+    from harness.report.html import write
+
+    typer.echo(write(source, output))
 
 
 @app.command("convert")

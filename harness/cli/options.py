@@ -147,6 +147,12 @@ ShownArgument = Annotated[
         autocompletion=lambda incomplete: _completed(lambda: _shown(incomplete))(incomplete),
     ),
 ]
+ReportArgument = Annotated[
+    Path,
+    typer.Argument(
+        metavar="FILE", help="results; for a page also a folder of compare, a campaign's .zarr"
+    ),
+]
 FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="results of `harness run`")]
 FormatOption = Annotated[Format, typer.Option("--format", help="of the figures")]
 StyleOption = Annotated[

@@ -17,6 +17,7 @@ from harness.claims.report import OTHER, Judged, judged
 from harness.report.plots import number
 from harness.results import safety
 from harness.results.notes import notes
+from harness.results.requirements import findings
 from harness.results.result import Result
 from harness.studies.measures import MEASURES, Limits
 from harness.system.names import base
@@ -91,6 +92,26 @@ def _paper(each: Judged) -> Facts:
             for claim, judgement in each.claims
         ],
     }
+
+
+# ---- requirements
+
+MET = {True: ("good", "met"), False: ("bad", "not met"), None: ("none", "not judged")}
+
+
+def demands(result: Result) -> list[Facts]:
+    """The requirements of a run, with what was compared where each was closest to failing."""
+    return [
+        {
+            "name": found.name,
+            "text": found.text,
+            "detail": found.detail,
+            "kind": MET[found.met][0],
+            "verdict": MET[found.met][1],
+            "time": found.time,
+        }
+        for found in findings(result)
+    ]
 
 
 # ---- safety

@@ -227,7 +227,7 @@ def _overlaid(
             values,
             f"{label} {name}".strip(),
             colour=labels.index(label),
-            dash=dash,
+            dash=dash if curve.style else DASHES[labels.index(label) % len(DASHES)],
             group=label,
         )
         for label, r in results.items()

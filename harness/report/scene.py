@@ -9,7 +9,7 @@ all of it into H axes. A system is replayed by the first of SCENES that its resu
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -355,7 +355,7 @@ def _number(result: Result, arrays: Arrays, rows: Rows, name: str) -> Scene:
     """A number that runs along with the replay; angles in degrees."""
     angle = result.unit(name) == "rad"
     return {
-        "name": name.partition(".")[2],
+        "name": name.partition(".")[2].replace("_", " "),
         "unit": "deg" if angle else result.unit(name),
         "factor": float(np.degrees(1.0)) if angle else 1.0,
         "values": arrays.keep(result[name][rows]),
@@ -444,3 +444,40 @@ def replay(result: Result, arrays: Arrays) -> Scene | None:
         if result.holds(*kind.needs, parameters=kind.parameters):
             return kind.build(result, arrays)
     return None
+
+
+def replay_of_many(results: Mapping[str, Result], arrays: Arrays) -> Scene | None:
+    """The servicers of several runs, by label, about the target of the longest one; None if they
+    are no such runs. A run that ended early stays where it was.
+    """
+    moving = {n: r for n, r in results.items() if len(r.time) > 1 and r.holds(*PAIR)}
+    if not moving:
+        return None
+    longest = max(moving.values(), key=lambda result: float(result.time[-1]))
+    rows = instants(longest, "target.q_TN")
+    time, r, v = longest.time[rows], longest[TARGET][rows], longest[VELOCITIES[1]][rows]
+    orbit = _in_orbit(r)
+    centre = r if orbit else np.zeros_like(r)
+    found, numbers = [], []
+    for k, (label, result) in enumerate(moving.items()):
+        own = np.minimum(np.searchsorted(result.time, time - INSTANT), len(result.time) - 1)
+        body, _ = _servicer(result, own, result[TARGET][own] if orbit else centre)
+        found.append(body._replace(name=label, colour=k))
+        apart = np.linalg.norm((result[SERVICER] - result[TARGET])[own], axis=1)
+        numbers.append({"name": label, "unit": "m", "factor": 1.0, "values": arrays.keep(apart)})
+    client = _target(longest, rows, centre, trail=False)._replace(colour=NEUTRAL)
+    return _scene(
+        arrays,
+        time,
+        "target" if orbit else "origin of N",
+        [*found, client],
+        **_frames(arrays, r, v, longest),
+        marks=_marks(longest, rows, arrays, centre),
+        numbers=numbers,
+    )
+
+
+INSTANT = 1e-6
+"""Times closer than this [s] are the same."""
+NEUTRAL = 7
+"""Colour of what belongs to no run."""

@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+from harness.errors import ResultsError
 from harness.files.output import written
 from harness.spelling import one_line
 
@@ -49,6 +50,22 @@ def _numbers(column: Mapping[str, float], labels: Sequence[str]) -> list[str]:
 def _rows(measures: Measures, labels: Sequence[str]) -> Iterator[tuple[str, list[float]]]:
     for label in labels:
         yield label, [column.get(label, math.nan) for column in measures.values()]
+
+
+def read_csv(path: Path) -> tuple[dict[str, dict[str, float]], list[str]]:
+    """Columns of a table of write_csv() by their heading `name [unit]`, then by the label of the
+    run, and the labels; ResultsError if it cannot be read.
+    """
+    try:
+        with path.open(newline="") as file:
+            (_, *heads), *rows = csv.reader(file)
+        labels = [label for label, *_ in rows]
+        cells = [[float(cell or "nan") for cell in row] for _, *row in rows]
+        columns = zip(*cells, strict=True) if cells else ([] for _ in heads)
+        found = zip(heads, columns, strict=True)
+        return {head: dict(zip(labels, c, strict=True)) for head, c in found}, labels
+    except (OSError, ValueError) as error:
+        raise ResultsError(f"{path}: cannot be read ({error})") from error
 
 
 def write_csv(measures: Measures, labels: Sequence[str], path: Path) -> None:

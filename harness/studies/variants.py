@@ -62,7 +62,7 @@ def combinations(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Vari
     swaps = [each[0].option for each, many in zip(choices, several, strict=True) if many]
     if swaps.count("swap") > 1:
         choices = [[_with_component(choice) for choice in each] for each in choices]
-    return _with_files(
+    return with_files(
         [_variant(fixed, combination, several) for combination in itertools.product(*choices)]
     )
 
@@ -74,7 +74,7 @@ def _with_component(choice: _Choice) -> _Choice:
     return choice._replace(label=f"{choice.value[0]}={choice.label}")
 
 
-def _with_files(variants: Sequence[Variant]) -> list[Variant]:
+def with_files(variants: Sequence[Variant]) -> list[Variant]:
     """Every variant with a file of its own, on file systems too that do not tell cases apart."""
     taken: set[str] = set()
     found = []

@@ -310,6 +310,22 @@ def test_the_page_says_what_was_flown_and_what_was_changed():
     assert page.text.count("not the case of the paper") > 1
 
 
+def test_requirements_stand_in_the_page_with_their_worst_instant(tmp_path, capsys):
+    result = result_of("ppc_tracking")
+    ResultFile(tmp_path / "out.nc").write(result)
+    worst = int(np.argmin(result["guidance.range"]))
+    wanted = ("guidance.range >= 250 m", "guidance.range <= 400 m")
+    given = [part for text in wanted for part in ("--require", text)]
+    page = tmp_path / "r.html"
+    assert main(["report", str(tmp_path / "out.nc"), "-o", str(page), *given]) == 1
+    assert "guidance.range >= 250 m" in capsys.readouterr().err
+    text = Page(page.read_text(encoding="utf-8")).text
+    assert "1 requirement met" in text
+    assert "1 requirement not met" in text
+    said = f"worst {result['guidance.range'][worst]:.6g} m at {result.time[worst]:g} s"
+    assert said in text
+
+
 # ---- what is wrong is said
 
 

@@ -59,5 +59,12 @@
     delete window.define;
     window.report.replay = startReplay(data.scene, array, K3D.ThreeJsProvider.THREE);
   }
+  for (const button of document.querySelectorAll(".seek")) {
+    if (!window.report.replay) button.remove();
+    button.addEventListener("click", () => {
+      window.report.replay.seek(Number(button.dataset.time));
+      document.getElementById("replay").scrollIntoView();
+    });
+  }
   window.report.ready = true;
 })();

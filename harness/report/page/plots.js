@@ -97,7 +97,8 @@ function startPlots() {
     }
   }, { rootMargin: "300px" });
   for (const entry of plotCards) seen.observe(entry.made);
-  document.addEventListener("theme", () => plotCards.forEach(redraw));
+  nameRuns(window.report.data.runs);
+  document.addEventListener("theme", () => { plotCards.forEach(redraw); nameRuns(window.report.data.runs); });
   document.addEventListener("replay", (event) => { linked.time = event.detail; moveCursors(); });
 }
 
@@ -107,11 +108,34 @@ function redraw(entry) {
   if (entry.visible) draw(entry);
 }
 
+/* runs of a comparison: the palette, or for many a scale from first to last */
 const colour = (which) => {
+  const runs = (window.report.data.runs || []).length;
+  if (typeof which === "number" && runs > 7) return scaleColour(which / (runs - 1));
   if (which === "ink") return cssColour("--ink");
   const palette = PALETTE[isDark() ? "dark" : "light"];
   return palette[which % palette.length];
 };
+
+/* cividis, which colour-blind eyes see as others do */
+const CIVIDIS = [[0, 48, 111], [64, 78, 108], [110, 110, 114], [152, 143, 120], [200, 182, 104], [253, 231, 55]];
+function scaleColour(part) {
+  const at = Math.min(part, 0.9999) * (CIVIDIS.length - 1), k = Math.floor(at);
+  const mixed = CIVIDIS[k].map((c, i) => Math.round(c + (at - k) * (CIVIDIS[k + 1][i] - c)));
+  return `rgb(${mixed.join(",")})`;
+}
+
+function nameRuns(runs) {
+  const place = document.querySelector(".runs");
+  if (!place || !runs) return;
+  place.replaceChildren(...runs.map((name, k) => {
+    const made = element("span"), line = element("i");
+    line.style.borderColor = colour(k);
+    line.style.borderTopStyle = ["solid", "dashed", "dotted", "dashed", "dashed", "dashed"][k % 6];
+    made.append(line, name);
+    return made;
+  }));
+}
 
 function trace(curve, entry) {
   if (curve.image) return image(curve, entry);
@@ -122,9 +146,12 @@ function trace(curve, entry) {
     mode: curve.marker ? "markers" : "lines", line: look, showlegend: many && !!curve.name,
     hovertemplate: `%{y:.6g}<extra>${escaped(curve.name)}</extra>`, connectgaps: false,
   };
-  if (curve.fill) Object.assign(made, { fill: "toself", line: { ...look, width: 0.5 } });
+  if (curve.fill)
+    Object.assign(made, { fill: "toself", line: { ...look, width: 0.5 }, opacity: 0.55, hoverinfo: "skip" });
+  if (curve.group) Object.assign(made, { legendgroup: curve.group, showlegend: false });
   if (curve.marker)
-    made.marker = { color: look.color, size: curve.marker === "point" ? 3 : 9 };
+    made.marker = { color: look.color, size: { point: 3, dot: 5 }[curve.marker] || 9,
+      opacity: curve.marker === "dot" ? 0.55 : 1 };
   return made;
 }
 
@@ -132,14 +159,17 @@ const escaped = (text) => text.replace(/[&<>]/g, (c) => ({ "&": "&amp;", "<": "&
 
 function image(curve, { array, plot }) {
   const field = array(curve.image), [rows, columns] = field.shape;
-  const [left, right, bottom, top] = curve.edges;
   const place = (a, b, n, k) => a + (b - a) * (k + 0.5) / n;
+  const z = Array.from({ length: rows }, (_, k) => field.subarray(k * columns, (k + 1) * columns));
+  if (curve.columns)
+    return { type: "heatmap", colorscale: "Cividis", x: curve.columns, y: curve.rows, z, name: "",
+      hovertemplate: "%{x:.6g}, %{y:.6g}: %{z:.5g}<extra></extra>" };
+  const [left, right, bottom, top] = curve.edges;
   return {
-    type: "heatmap", showscale: false, zmin: 0, zmax: 1, name: "",
+    type: "heatmap", showscale: false, zmin: 0, zmax: 1, name: "", z,
     colorscale: [[0, cssColour("--card")], [1, cssColour("--accent")]],
     x: Array.from({ length: columns }, (_, k) => place(left, right, columns, k)),
     y: Array.from({ length: rows }, (_, k) => place(top, bottom, rows, k)),
-    z: Array.from({ length: rows }, (_, k) => field.subarray(k * columns, (k + 1) * columns)),
     hovertemplate: "%{x:.6g}: %{z:.3g}<extra></extra>",
   };
 }

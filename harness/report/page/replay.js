@@ -5,8 +5,9 @@
 function startReplay(scene, array, T) {
   const stage = document.querySelector(".stage"), canvas = stage.querySelector("canvas");
   const part = (name) => stage.querySelector(name);
-  const COLOURS = [0x56b4e9, 0xe69f00, 0x00b587, 0xcc79a7];
+  const COLOURS = [0x56b4e9, 0xe69f00, 0x00b587, 0xcc79a7, 0xf0e442, 0x3d8fd1, 0xff7f3f, 0xd0d6e0];
   const AXES = [0xd55e00, 0x009e73, 0x4aa3ff];
+  const tint = (which) => COLOURS[which % COLOURS.length];
   const times = array(scene.time), first = times[0], last = times[times.length - 1];
 
   let renderer;
@@ -54,9 +55,9 @@ function startReplay(scene, array, T) {
     new T.MeshStandardMaterial({ color: colour, roughness: 0.6, metalness: 0.12, ...about });
   const glow = (colour, opacity) => new T.MeshBasicMaterial({
     color: colour, transparent: true, opacity, depthWrite: false, side: T.DoubleSide });
-  const looks = (colour) => ({
-    hull: solid(colour ? 0xc9a45a : 0xd9dee7), panel: solid(0x1b3a86, { roughness: 0.35, metalness: 0.3 }),
-    metal: solid(0x8d97a6, { metalness: 0.4 }), arm: solid(0xf2f4f8), accent: solid(COLOURS[colour]),
+  const looks = ({ name, colour }) => ({
+    hull: solid(name === "target" ? 0xc9a45a : 0xd9dee7), panel: solid(0x1b3a86, { roughness: 0.35, metalness: 0.3 }),
+    metal: solid(0x8d97a6, { metalness: 0.4 }), arm: solid(0xf2f4f8), accent: solid(tint(colour)),
     second: solid(0xa9b7c6),
   });
   const outline = (geometry, colour) =>
@@ -144,7 +145,7 @@ function startReplay(scene, array, T) {
   /* ---- bodies ---- */
   const shown = { bodies: [], axes: [], marks: [], trails: [], plumes: [], planet: [], rings: [] };
   const bodies = scene.bodies.map((data) => {
-    const group = new T.Group(), shape = new T.Group(), look = looks(data.colour);
+    const group = new T.Group(), shape = new T.Group(), look = looks(data);
     group.add(shape);
     root.add(group);
     fill(shape, data.parts, look);
@@ -159,7 +160,7 @@ function startReplay(scene, array, T) {
       shape.add(made);
       shown.axes.push(made);
     }
-    const text = label(data.name, group, css(COLOURS[data.colour]), 1);
+    const text = label(data.name, group, css(tint(data.colour)), 1);
     const r = array(data.r), q = array(data.q);
     return { ...data, group, shape, links, r, q, text, hilly: inHill(r), trails: [] };
   });
@@ -177,7 +178,7 @@ function startReplay(scene, array, T) {
   for (const body of bodies.filter((b) => b.trail))
     for (const key of scene.frames.map((f) => f.key)) {
       const points = new T.BufferAttribute(key === "H" ? body.hilly : body.r, 3);
-      const lines = [[0.28, 0x9fb3c8], [1, COLOURS[body.colour]]].map(([opacity, colour]) => {
+      const lines = [[0.28, 0x9fb3c8], [1, tint(body.colour)]].map(([opacity, colour]) => {
         const geometry = new T.BufferGeometry().setAttribute("position", points);
         const line = new T.Line(geometry, new T.LineBasicMaterial({ color: colour, transparent: true, opacity }));
         line.frustumCulled = false;
@@ -327,8 +328,9 @@ function startReplay(scene, array, T) {
     aim(a.addScaledVector(d, -6.5 * size).addScaledVector(above.normalize(), 3.6 * size), b.lerp(world(from), far > 12 * size ? 0 : 0.3));
   } });
   if (bodies.length > 1) {
-    CAMERAS.servicer = chase(bodies[0], bodies[1], `from ${bodies[0].name}`);
-    CAMERAS.target = chase(bodies[1], bodies[0], `from ${bodies[1].name}`);
+    const client = bodies[bodies.length - 1];
+    CAMERAS.servicer = chase(bodies[0], client, `from ${bodies[0].name}`);
+    CAMERAS.target = chase(client, bodies[0], `from ${client.name}`);
   } else {
     const close = (offset, name, fixed) => ({ name, set() {
       const body = bodies[0], size = body.reach || body.radius, d = new T.Vector3(...offset).multiplyScalar(fit(size) * 0.8);
@@ -476,7 +478,8 @@ function startReplay(scene, array, T) {
   /* bodies that would be too small to be seen are enlarged, never so far that they touch */
   function resize() {
     const height = canvas.clientHeight || 1, view = 2 * Math.tan((camera.fov * Math.PI) / 360);
-    const gap = bodies.length > 1 ? world(bodies[0]).distanceTo(world(bodies[1])) : Infinity;
+    const client = world(bodies[bodies.length - 1]);
+    const gap = Math.min(...bodies.slice(0, -1).map((body) => world(body).distanceTo(client)));
     let largest = 1;
     for (const body of bodies) {
       const size = body.reach || body.radius, distance = camera.position.distanceTo(world(body));
@@ -497,7 +500,7 @@ function startReplay(scene, array, T) {
     if (scene.range) lines.push(`<b>${unit(scalar(array(scene.range), at), "m")}</b> range`);
     if (scene.speed) lines.push(`<span>${unit(scalar(array(scene.speed), at), "m/s")} relative speed</span>`);
     for (const extra of scene.numbers || [])
-      lines.push(`<span>${(extra.factor * scalar(array(extra.values), at)).toPrecision(4)} ${extra.unit === "1" ? "" : escaped(extra.unit)} ${escaped(extra.name.replaceAll("_", " "))}</span>`);
+      lines.push(`<span>${(extra.factor * scalar(array(extra.values), at)).toPrecision(4)} ${extra.unit === "1" ? "" : escaped(extra.unit)} ${escaped(extra.name)}</span>`);
     lines.push(`<span>${frame.name}, origin: ${escaped(scene.origin)}</span>`);
     if (scaleText) lines.push(`<span>${scaleText}</span>`);
     part(".readout").innerHTML = lines.join("");

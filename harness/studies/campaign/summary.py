@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 Z95 = 1.959963984540054
 """Quantile of the normal distribution for 95 %, two-sided."""
 WORST = 10
+DRAWN = 8
+"""Factors that a metric is drawn against."""
 SHOWN = 5
 """Factors that are shown per metric."""
 PERCENTILES = (5, 50, 95)
@@ -71,6 +73,33 @@ def metric_columns(store: Store) -> dict[str, Array]:
     complete = store.array("status") == COMPLETE
     names = (name for name in store.names("metric") if name != SUCCESS)
     return {name: np.where(complete, store.array(name), np.nan) for name in names}
+
+
+def varying_factors(store: Store) -> dict[str, Array]:
+    """Columns of the factors that have more than one value."""
+
+    def varies(x: Array) -> bool:
+        return bool(np.isfinite(x).any() and np.ptp(x[np.isfinite(x)]) > 0)
+
+    return {name: x for name, x in factor_columns(store).items() if varies(x)}
+
+
+def is_grid(factors: Mapping[str, Array]) -> bool:
+    """Whether the runs are all combinations of the values of two factors, once each."""
+    if len(factors) != 2:
+        return False
+    pairs = np.stack(list(factors.values()), axis=1)
+    sizes = [len(np.unique(column)) for column in pairs.T]
+    return len(np.unique(pairs, axis=0)) == len(pairs) == sizes[0] * sizes[1]
+
+
+def ranked(factors: Mapping[str, Array], column: Array, count: int = DRAWN) -> dict[str, Array]:
+    """The factors that matter most for a metric, by the size of their rank correlation."""
+
+    def rank(name: str) -> float:
+        return float(np.nan_to_num(abs(rank_correlation(factors[name], column))))
+
+    return {name: factors[name] for name in sorted(factors, key=rank, reverse=True)[:count]}
 
 
 def text(store: Store, shown: str) -> str:

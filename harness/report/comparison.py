@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The page of a comparison: its table, all runs in the same plots and in the same replay."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness.errors import ResultsError
+from harness.figures import OVERLAYS, Figure, Overlay
+from harness.figures.style import SCREEN
+from harness.report import facts, painted, plots, scene
+from harness.report.arrays import Arrays
+from harness.report.plots import Canvas
+from harness.report.template import render
+from harness.results.files import read
+from harness.results.result import Result
+from harness.studies.compare import TABLE
+from harness.studies.table import read_csv
+from harness.studies.variants import Variant, with_files
+
+NUMBERS, POINTS = 4_000_000, (200, 1500)
+"""Characters of the page for numbers, about; least and most points of a curve."""
+PER_POINT = 8 * 4 / 3
+
+
+def of_folder(folder: Path) -> str:
+    """The page of the folder of `harness compare` as text; ResultsError if its table or one of its
+    results cannot be read.
+    """
+    columns, labels = read_csv(folder / TABLE)
+    results = _results(folder, labels)
+    arrays = Arrays()
+    curves = max(1, sum(_curves(r) for r in results.values()))
+    canvas = Canvas(arrays, int(np.clip(NUMBERS / PER_POINT / curves, *POINTS)))
+    drawn = _figures(canvas, results)
+    data = {
+        "scene": scene.replay_of_many(results, arrays),
+        "figures": [{"name": "figures", "figures": drawn}] if drawn else [],
+        "runs": list(results),
+    }
+    return render(
+        "compare.html",
+        arrays,
+        data,
+        name=folder.resolve().name,
+        system=next((r.system for r in results.values()), ""),
+        runs=[_run(label, results.get(label)) for label in labels],
+        table=_table(columns, labels),
+        points=canvas.points if canvas.thinned else 0,
+    )
+
+
+def _results(folder: Path, labels: list[str]) -> dict[str, Result]:
+    """Results by label, of runs that ended early what there is."""
+    found = {}
+    for variant in with_files([Variant(label, {}) for label in labels]):
+        files = (folder / f"{variant.file}{ending}" for ending in (".nc", ".partial.nc"))
+        if file := next((f for f in files if f.is_file()), None):
+            found[variant.label] = read(file)
+    if not found:
+        raise ResultsError(f"{folder}: none of the results of {TABLE} is there")
+    return found
+
+
+def _curves(result: Result) -> int:
+    """Curves of all figures of a run, about."""
+    fitting = (f for f in OVERLAYS if f.fits(result))
+    return sum(3 * len(f.panels) if isinstance(f, Figure) else 3 for f in fitting)
+
+
+def _run(label: str, result: Result | None) -> facts.Facts:
+    """State of a run."""
+    if result is None:
+        return {"label": label, "complete": False, "message": "it has left no results"}
+    return {"label": label, "complete": result.complete, "message": facts.head(result)["message"]}
+
+
+def _table(columns: Mapping[str, Mapping[str, float]], labels: list[str]) -> facts.Facts:
+    """Measures that at least one run has, with the numbers as texts."""
+    shown = {head: c for head, c in columns.items() if any(map(math.isfinite, c.values()))}
+    return {
+        "heads": list(shown),
+        "rows": [
+            {"label": label, "cells": [_cell(column[label]) for column in shown.values()]}
+            for label in labels
+        ],
+    }
+
+
+def _cell(value: float) -> str:
+    return f"{value:.4g}" if math.isfinite(value) else "-"
+
+
+def _figures(canvas: Canvas, results: Mapping[str, Result]) -> list[dict[str, Any]]:
+    """The overlaid figures that fit at least one run and show something."""
+    found = []
+    for figure in OVERLAYS:
+        fitting = {label: r for label, r in results.items() if figure.fits(r)}
+        if any(not figure.is_empty(r) for r in fitting.values()):
+            panels = _drawn(canvas, figure, results, fitting)
+            found.append({"name": figure.name, "title": figure.title, "plots": panels})
+    return [each for each in found if each["plots"]]
+
+
+def _drawn(
+    canvas: Canvas,
+    figure: Figure | Overlay,
+    results: Mapping[str, Result],
+    fitting: Mapping[str, Result],
+) -> list[plots.Plot]:
+    if isinstance(figure, Figure):
+        return plots.overlay(canvas, figure, results)
+    from harness.figures.plots import paint_overlay
+
+    colours = {label: f"C{k}" for k, label in enumerate(results)}
+    with SCREEN.used():
+        return painted.plots(canvas, paint_overlay(figure, fitting, colours))

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The page of one run: its figures in their sections, all signals, the replay, facts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from harness.figures import FIGURES, Drawing, Figure
+from harness.figures.style import SCREEN
+from harness.report import facts, painted, phases, plots, scene
+from harness.report.arrays import Arrays
+from harness.report.plots import Canvas
+from harness.report.template import render
+from harness.results.result import Result
+
+NUMBERS = 4_000_000
+"""Characters of the page for numbers of curves, about."""
+POINTS = (300, 2400)
+"""Least and most points of a curve."""
+PER_POINT = 8 * 4 / 3
+"""Characters of a point: two numbers of four bytes, four characters for three."""
+SECTIONS = ("margins", "figures", "actuators", "phases")
+ACTUATORS = {
+    "force",
+    "torque",
+    "wheel_speeds",
+    "firing",
+    "engines",
+    "joints",
+    "gimbals",
+    "acceleration",
+}
+"""Figures of what the actuators do."""
+PLANES = {"phase_planes", "poincare"}
+"""Figures that are phase plots."""
+MARGINS = {"safety_margins"}
+"""Figures of the safety monitor."""
+
+
+def of_run(result: Result) -> str:
+    """The page of one run as text."""
+    arrays = Arrays()
+    canvas = Canvas(arrays, _points(len(result.columns)))
+    drawn = _figures(canvas, result) if len(result.time) > 1 else []
+    data = {
+        "scene": scene.replay(result, arrays),
+        "figures": drawn,
+        "signals": plots.signals(canvas, result) if len(result.time) > 1 else [],
+    }
+    return render(
+        "run.html",
+        arrays,
+        data,
+        head=facts.head(result),
+        measures=facts.measures(result),
+        papers=facts.papers(result),
+        demands=facts.demands(result),
+        margins=facts.margins(result),
+        parameters=facts.parameters(result),
+        points=canvas.points if canvas.thinned else 0,
+    )
+
+
+def _points(curves: int) -> int:
+    """Points of a curve so that all together, each drawn about twice, are not too many."""
+    return int(np.clip(NUMBERS / PER_POINT / max(1, 2 * curves), *POINTS))
+
+
+def _figures(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
+    """The figures of the result in their sections, the first of a name."""
+    fitting = {f.name: f for f in reversed(FIGURES) if f.fits(result) and not f.is_empty(result)}
+    sections: dict[str, list[dict[str, Any]]] = {name: [] for name in SECTIONS}
+    for figure in reversed(fitting.values()):
+        found = _drawn(canvas, figure, result)
+        if found:
+            sections[_section(figure.name)].append(
+                {"name": figure.name, "title": figure.title, "plots": found}
+            )
+    if found := list(phases.phases(canvas, result)):
+        sections["phases"].insert(0, {"name": "phases", "title": "", "plots": found})
+    return [{"name": name, "figures": drawn} for name, drawn in sections.items() if drawn]
+
+
+def _section(name: str) -> str:
+    if name in ACTUATORS:
+        return "actuators"
+    if name in MARGINS:
+        return "margins"
+    return "phases" if name in PLANES else "figures"
+
+
+def _drawn(canvas: Canvas, figure: Figure | Drawing, result: Result) -> list[plots.Plot]:
+    if isinstance(figure, Figure):
+        return plots.figure(canvas, figure, result)
+    from harness.figures.plots import paint
+
+    with SCREEN.used():
+        return painted.plots(canvas, paint(figure, result))

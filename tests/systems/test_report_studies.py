@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Pages of comparisons and campaigns: their numbers are those of the table and of the dataset."""
+
+from __future__ import annotations
+
+import csv
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import zarr
+
+from harness import campaign, compare, read
+from harness.cli.app import main
+from harness.errors import ResultsError
+from harness.report.html import write
+from harness.results.files import ResultFile
+from harness.studies.campaign.summary import rank_correlation
+from tests.harness.report_page import Page
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory):
+    """Folder and page of four runs: two controllers, two masses."""
+    folder = tmp_path_factory.mktemp("compared") / "runs"
+    compare(
+        "sync_approach",
+        folder,
+        swap={"controller": ["adaptive_controller", "pid_controller"]},
+        vary={"servicer.mass_0": [95, 120]},
+        stop=40.0,
+    )
+    page = write(folder, folder / "report.html")
+    return folder, Page(page.read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    """Campaign and page of 24 runs."""
+    path = tmp_path_factory.mktemp("campaign") / "spread.zarr"
+    definition = {
+        "system": "sync_approach",
+        "runs": 24,
+        "success": "parameter(servicer.mass_0) < 105",
+        "fixed": {"stop": 20.0},
+        "factors": {"servicer.mass_0": {"uniform": {"low": 80.0, "high": 130.0}}},
+        "metrics": {"miss": "norm(servicer.r_SN_N - target.r_TN_N)[-1]", "cost": "delta-v"},
+        "keep": {"bands": ["guidance.range"]},
+    }
+    found = campaign(definition, path, workers=0)
+    return found, Page(write(path, path.parent / "c.html").read_text(encoding="utf-8"))
+
+
+# ---- comparison
+
+
+def test_a_comparison_shows_its_table(compared):
+    folder, page = compared
+    with (folder / "comparison.csv").open() as file:
+        heads, *rows = csv.reader(file)
+    assert len(rows) == 4
+    for row in rows:
+        assert row[0] in page.text
+        for head, cell in zip(heads[1:], row[1:], strict=True):
+            if cell and np.isfinite(float(cell)):
+                assert head in page.text
+                assert f"{float(cell):.4g}" in page.text
+
+
+def test_every_run_is_in_every_plot_with_its_own_numbers(compared):
+    folder, page = compared
+    plots = page.figures()["compared_range"]
+    for plot in plots:
+        assert [c["group"] for c in plot["curves"]] == page.data["runs"]
+        assert len({(c["colour"], c["dash"]) for c in plot["curves"]}) == 4
+    for curve in plots[0]["curves"]:
+        controller, _, mass = curve["group"].partition(", servicer.mass_0=")
+        result = read(folder / f"{controller}_servicer.mass_0_{mass}.nc")
+        assert float(result.parameter("servicer.mass_0")) == float(mass)
+        distance = np.linalg.norm(result["servicer.r_SN_N"] - result["target.r_TN_N"], axis=1)
+        rows = np.searchsorted(result.time.astype("f4"), page.array(curve["x"]))
+        np.testing.assert_array_equal(page.array(curve["y"]), distance.astype("f4")[rows])
+
+
+def test_all_servicers_fly_in_one_replay(compared):
+    folder, page = compared
+    scene = page.data["scene"]
+    assert [b["name"] for b in scene["bodies"]] == [*page.data["runs"], "target"]
+    paths = [page.array(b["r"]) for b in scene["bodies"][:-1]]
+    assert all(not np.array_equal(paths[0], other) for other in paths[1:])
+    time = page.array(scene["time"])
+    for name, path in zip(page.data["runs"], paths, strict=True):
+        file = name.replace(", servicer.mass_0=", "_servicer.mass_0_")
+        result = read(folder / f"{file}.nc")
+        rows = np.searchsorted(result.time.astype("f4"), time)
+        rho = (result["servicer.r_SN_N"] - result["target.r_TN_N"])[rows]
+        np.testing.assert_allclose(path, rho, atol=1e-5)
+
+
+def test_a_run_that_ended_early_is_named_at_the_top(compared, tmp_path):
+    folder, _ = compared
+    partial = tmp_path / "runs"
+    partial.mkdir()
+    for file in folder.glob("*.nc"):
+        (partial / file.name).write_bytes(file.read_bytes())
+    (partial / "comparison.csv").write_bytes((folder / "comparison.csv").read_bytes())
+    ended = partial / "pid_controller_servicer.mass_0_95.nc"
+    result = read(ended)
+    half = len(result.time) // 2
+    short = replace(
+        result,
+        time=result.time[:half],
+        values=result.values[:half],
+        complete=False,
+        message="target.q_TN: is not a number",
+    )
+    ended.unlink()
+    ResultFile(ended).keep(short)
+    (partial / "adaptive_controller_servicer.mass_0_95.nc").unlink()
+    page = Page(write(partial, tmp_path / "r.html").read_text(encoding="utf-8"))
+    said = " ".join(page.alerts)
+    assert "pid_controller, servicer.mass_0=95. target.q_TN: is not a number" in said
+    assert "adaptive_controller, servicer.mass_0=95. it has left no results" in said
+    assert len(page.data["runs"]) == 3
+    stays = page.array(page.body("pid_controller, servicer.mass_0=95")["r"])
+    assert np.array_equal(stays[-1], stays[-2])
+
+
+# ---- campaign
+
+
+def test_a_campaign_shows_its_success_and_its_metrics(flown):
+    found, page = flown
+    data = found.data
+    succeeded = int((data.success.values > 0).sum())
+    assert 0 < succeeded < 24
+    assert f"{succeeded} of 24" in page.text
+    for name in ("miss", "cost"):
+        for number in (data[name].values.mean(), data[name].values.max()):
+            assert f"{number:.5g}" in page.text
+    assert not page.alerts
+
+
+def test_histograms_count_every_run(flown):
+    found, page = flown
+    for plot in page.figures()["histograms"]:
+        x, y = (page.array(plot["curves"][0][key]) for key in ("x", "y"))
+        values = found.data[plot["title"]].values
+        counted = [
+            ((values >= a - 1e-6) & (values <= b + 1e-6)).sum()
+            for a, b in zip(x[1:-1:2], x[2::2], strict=True)
+        ]
+        assert y[1:-1:2].sum() == 24
+        assert np.abs(np.array(counted) - y[1:-1:2]).max() <= 1
+
+
+def test_metrics_are_drawn_against_the_factors_with_their_correlation(flown):
+    found, page = flown
+    mass = found.data["servicer.mass_0"].values
+    plots = {p["y"]: p for p in page.figures()["factors"]}
+    for name in ("miss", "cost"):
+        values = found.data[name].values
+        curve = plots[name]["curves"][0]
+        np.testing.assert_array_equal(page.array(curve["x"]), mass.astype("f4"))
+        np.testing.assert_array_equal(page.array(curve["y"]), values.astype("f4"))
+        assert f"{rank_correlation(mass, values):+.2f}" in plots[name]["title"]
+
+
+def test_bands_are_percentiles_of_the_runs(flown):
+    found, page = flown
+    (plot,) = page.figures()["bands"]
+    band = found.data["guidance.range_band"].values[:, :, 0]
+    outer, inner, median = plot["curves"]
+    assert (outer["name"], inner["name"]) == ("5 to 95 %", "25 to 75 %")
+    edges = np.concatenate((band[0], band[-1][::-1]))
+    np.testing.assert_array_equal(page.array(outer["y"]), edges.astype("f4"))
+    np.testing.assert_array_equal(page.array(median["y"]), band[2].astype("f4"))
+
+
+def test_the_worst_runs_come_with_the_command_that_repeats_them(flown):
+    found, page = flown
+    worst = int(np.argmax(found.data["cost"].values))
+    assert f"harness run sync_approach --like {found.path}#{worst}" in page.text
+
+
+def test_runs_to_come_and_failed_runs_are_said(flown, tmp_path):
+    found, _ = flown
+    path = tmp_path / "part.zarr"
+    shutil.copytree(found.path, path)
+    group = zarr.open_group(path, mode="r+")
+    group["status"][3:7] = 0
+    group["status"][9] = 2
+    group["message"][9] = "servicer: mass is not positive"
+    page = Page(write(path, tmp_path / "p.html").read_text(encoding="utf-8"))
+    assert " ".join(page.alerts) == "Incomplete campaign. 4 runs are still to come."
+    assert "run 9: servicer: mass is not positive" in page.text
+
+
+# ---- what is neither
+
+
+def test_other_folders_and_damaged_tables_are_one_line(tmp_path, capsys):
+    assert main(["report", str(tmp_path), "-o", str(tmp_path / "r.html")]) == 2
+    assert "neither a comparison.csv nor the dataset" in capsys.readouterr().err
+    (tmp_path / "comparison.csv").write_text("run,range [m]\na,1,2\n")
+    assert main(["report", str(tmp_path), "-o", str(tmp_path / "r.html")]) == 1
+    assert capsys.readouterr().err.count("\n") == 1
+    (tmp_path / "comparison.csv").write_text("run,range [m]\na,1\n")
+    with pytest.raises(ResultsError, match="none of the results"):
+        write(tmp_path, tmp_path / "r.html")
+    (tmp_path / "c.zarr").mkdir()
+    (tmp_path / "c.zarr" / "zarr.json").write_text("{}")
+    with pytest.raises(ResultsError, match="is not the dataset of a campaign"):
+        write(tmp_path / "c.zarr", tmp_path / "r.html")
