@@ -4,18 +4,13 @@
 python examples/own_controller.py
 """
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 
-from harness import run
+from harness import build, run
 
-ROOT = Path(__file__).resolve().parents[1]
-fmu = Path("my_controller.fmu").resolve()
-build = ROOT / "fmus/core/build/build_fmu.py"
-subprocess.run([sys.executable, build, ROOT / "examples/my_controller.c", "-o", fmu], check=True)
+fmu = build(Path(__file__).with_name("my_controller.c"), "my_controller.fmu")
 
 result = run("sync_approach", swap={"controller": fmu}, set=["controller.K=20"], stop=600)
 

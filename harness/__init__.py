@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from harness.api import (
         Result,
         Simulation,
+        build,
         campaign,
         compare,
         export,
@@ -39,6 +40,7 @@ __all__ = [
     "Result",
     "Simulation",
     "__version__",
+    "build",
     "campaign",
     "compare",
     "export",

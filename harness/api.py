@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Result",
     "Simulation",
+    "build",
     "campaign",
     "compare",
     "export",
@@ -62,7 +63,7 @@ def run(  # noqa: PLR0913 - every one is an option of the command line
     run FMUs that are not ours in this process too (docs/robustness.md); realtime: simulated seconds
     per second, late: what a component elsewhere does that does not keep this pace, wait, hold or
     stop (docs/processors.md); changes: what shall be
-    otherwise than the system says, see harness.master.changes.Changes (params, set, swap,
+    otherwise than the system says, see harness.master.changes.Changes (params, set, swap, map,
     latency, step, stop, algorithm, require).
 
     Raises UsageError, ArchiveError, StructureError, FmuError, or RunError, whose `partial` is what
@@ -92,6 +93,7 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     vary: Several = (),
     algorithm: Sequence[str] = (),
     set: Pairs = (),
+    map: Pairs = (),
     step: float | None = None,
     stop: float | None = None,
     require: Sequence[str] | Mapping[str, str] = (),
@@ -102,8 +104,8 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     """Run every combination of the values given, in parallel, and measure the runs.
 
     params: parameter sets or files; swap: FMUs by component; latency: macro steps by component;
-    vary: values by `component.parameter`; algorithm: names; set, step, stop, require: as for run(),
-    the same for all. Results and the table comparison.csv go to `folder`. limits: bands and
+    vary: values by `component.parameter`; algorithm: names; set, map, step, stop, require: as for
+    run(), the same for all. Results and the table comparison.csv go to `folder`. limits: bands and
     keep-out radius; every: record every N-th macro step (default: at most 20 000 rows); progress:
     called with the number of runs that are over.
 
@@ -118,7 +120,8 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     for option, given in (("swap", swap), ("latency", latency), ("set", vary)):
         varied += [(option, text) for text in _texts(given)]
 
-    chosen = combinations({"set": set, "step": step, "stop": stop, "require": require}, varied)
+    fixed: Changes = {"set": set, "map": map, "step": step, "stop": stop, "require": require}
+    chosen = combinations(fixed, varied)
     return comparison.compare(
         system, chosen, Path(folder), limits=limits, every=every, progress=progress
     )
@@ -141,6 +144,13 @@ def export(system: str | Path | System, target: str | Path, **changes: Unpack[Ch
     from harness.exports import package
 
     return package.export(system, Path(target), **changes)
+
+
+def build(name: str | Path, output: str | Path | None = None, compiler: str = "cc") -> Path:
+    """Path of the FMU that harness.authoring.build.build() makes of a C or Python file."""
+    from harness.authoring import build as authoring
+
+    return authoring.build(name, output, compiler).path
 
 
 def show(name: str | Path, word: str | None = None, **changes: Unpack[Changes]) -> Shown:

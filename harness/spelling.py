@@ -25,7 +25,7 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """
     if len(name) > LONGEST:
         return ""
-    names = [each for each in known if len(each) <= LONGEST]
+    names = [each for each in dict.fromkeys(known) if len(each) <= LONGEST]
     close = (
         difflib.get_close_matches(name, _alike(name, names), n=3)
         or [each for each in names if name in each and len(name) > 2][:3]

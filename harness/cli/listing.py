@@ -11,7 +11,7 @@ from harness.master.changes import set_names
 from harness.ssp import reader
 from harness.ssp.library import find_system
 from harness.system.interface import read_interface
-from harness.system.model import System
+from harness.system.model import Experiment, System
 
 
 def text(name: str | None = None) -> str:
@@ -40,13 +40,24 @@ def _system_lines(path: Path) -> list[str]:
         experiment = system.experiment
         return [
             f"{system.name}: {system.description}",
-            f"  runs        {experiment.stop} s, macro step {experiment.step} s, "
-            f"{experiment.algorithm}",
+            f"  runs        {_time(experiment)}, {experiment.algorithm}",
             f"  components  {', '.join(f'{c.name} ({c.fmu.stem})' for c in system.components)}",
             f"  sets        {', '.join(set_names(system))}",
             *(f"    {s.name}: {s.description}" for s in system.sets if s.description),
             *(f"  swaps       {c}={','.join(fmus)}" for c, fmus in _alternatives(system).items()),
         ]
+
+
+def _time(experiment: Experiment) -> str:
+    """How long a system runs and in which steps, and what it does not say."""
+    if experiment.stop is None and experiment.step is None:
+        return "with --stop and --step, the file says neither"
+    stop = "with --stop" if experiment.stop is None else f"{experiment.stop} s"
+    return f"{stop}, {'with --step' if experiment.step is None else _step(experiment.step)}"
+
+
+def _step(seconds: float) -> str:
+    return f"macro step {seconds} s"
 
 
 def _alternatives(system: System) -> dict[str, list[str]]:

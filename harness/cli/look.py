@@ -43,7 +43,7 @@ def list_command(
 
 
 @app.command("show")
-@takes_changes("params", "set", "swap", "step")
+@takes_changes("params", "set", "swap", "map", "step")
 def show_command(
     system: ShownArgument,
     word: Annotated[
@@ -102,7 +102,7 @@ def draw_command(
 
 
 @app.command("plan")
-@takes_changes("params", "set", "swap", "step", "stop")
+@takes_changes("params", "set", "swap", "map", "step", "stop")
 def plan_command(
     system: SystemArgument,
     output: Annotated[

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Systems and FMUs for other purposes: `harness export | linearize | bench | serve | target`."""
+"""Own controllers, and systems and FMUs for other purposes:
+`harness new | build | export | linearize | bench | serve | target`.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +11,57 @@ from typing import Annotated, Any
 
 import typer
 
-from harness.cli.options import SystemArgument, takes_changes
+from harness.cli.options import Language, PlaceOption, SystemArgument, takes_changes
+from harness.errors import UsageError
 from harness.files.output import written
+from harness.spelling import printable
 
 app = typer.Typer()
 
 
+@app.command("new")
+def new_command(
+    kind: Annotated[str, typer.Argument(metavar="controller", help="what to create")],
+    name: Annotated[
+        str | None, typer.Argument(metavar="NAME", help="its name, and that of its folder")
+    ] = None,
+    language: Annotated[Language, typer.Option(help="to write it in")] = Language.C,
+    place: PlaceOption = "sync_approach.controller",
+) -> None:
+    """Create a controller of your own.
+
+    A folder NAME with a source that flies as it is, and the two commands that build and fly it.
+    """
+    from harness.authoring.new import new_controller
+
+    if kind != "controller" or name is None:
+        raise UsageError(f"new {kind}: write harness new controller NAME")
+    created = new_controller(name, language.value, place)
+    typer.echo(printable(f"{created.source}: edit control(), then"))
+    for command in created.commands:
+        typer.echo(printable(f"    {command}"))
+
+
+@app.command("build")
+def build_command(
+    name: Annotated[
+        Path, typer.Argument(metavar="NAME_OR_FILE", help="folder NAME, or a .c or .py file")
+    ],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="FMU (default: beside the file)")
+    ] = None,
+    compiler: Annotated[str, typer.Option("--cc", metavar="COMMAND", help="C compiler")] = "cc",
+) -> None:
+    """Build an FMU from a C or Python file."""
+    from harness.authoring.build import build
+
+    built = build(name, output, compiler)
+    counts = [f"{len(built.named(c))} {c}s" for c in ("input", "output", "parameter")]
+    typer.echo(printable(f"{built.path}: {', '.join(counts)}"))
+
+
 @app.command("export")
-@takes_changes("params", "set", "swap", "on", "latency", "step", "stop", "algorithm")
+@takes_changes("params", "set", "swap", "map", "on", "latency", "step", "stop", "algorithm")
 def export_command(
     system: SystemArgument,
     target: Annotated[
@@ -46,6 +91,8 @@ def linearize_command(
     """Write the linear model of one FMU about an operating point."""
     from harness.api import linearize
 
+    if output.suffix != ".npz":
+        raise UsageError(f"--output {output}: a linear model is written to a file NAME.npz")
     model = linearize(fmu, at, step, set=values or ())
     with written(output) as file:
         model.save(file)

@@ -37,6 +37,13 @@ def figures_of(results: Path) -> Path:
     return results.with_name(f"{results.stem}_figures")
 
 
+class Language(Enum):
+    """Languages of a controller."""
+
+    C = "c"
+    PYTHON = "python"
+
+
 # ---- completion
 
 
@@ -131,6 +138,15 @@ completed_systems = _completed(_systems)
 
 # ---- arguments and options
 
+
+def seconds(text: str) -> float:
+    """A time as the user types it."""
+    try:
+        return float(text)
+    except ValueError:
+        raise typer.BadParameter(f"{text}: expected a number of seconds, as in 600") from None
+
+
 SystemArgument = Annotated[
     str,
     typer.Argument(
@@ -144,6 +160,15 @@ ShownArgument = Annotated[
     typer.Argument(
         metavar="WHAT",
         help="SYSTEM, SYSTEM.component or FMU, by name or path",
+        autocompletion=lambda incomplete: _completed(lambda: _shown(incomplete))(incomplete),
+    ),
+]
+PlaceOption = Annotated[
+    str,
+    typer.Option(
+        "--for",
+        metavar="SYSTEM.COMPONENT",
+        help="in whose place",
         autocompletion=lambda incomplete: _completed(lambda: _shown(incomplete))(incomplete),
     ),
 ]
@@ -195,6 +220,12 @@ CHANGES: dict[str, Any] = {
             autocompletion=_of_system(_swaps),
         ),
     ],
+    "map": Annotated[
+        list[str] | None,
+        typer.Option(
+            "--map", metavar="THEIRS=OURS", help="port of that FMU by another name, also a vector"
+        ),
+    ],
     "on": Annotated[
         list[str] | None,
         typer.Option(
@@ -211,8 +242,12 @@ CHANGES: dict[str, Any] = {
             autocompletion=_of_system(_latencies),
         ),
     ],
-    "step": Annotated[float | None, typer.Option(help="macro step [s]")],
-    "stop": Annotated[float | None, typer.Option(help="stop time [s]")],
+    "step": Annotated[
+        float | None, typer.Option(metavar="SECONDS", parser=seconds, help="macro step [s]")
+    ],
+    "stop": Annotated[
+        float | None, typer.Option(metavar="SECONDS", parser=seconds, help="stop time [s]")
+    ],
     "algorithm": Annotated[str | None, typer.Option(help="gauss-seidel or jacobi")],
     "require": RequireOption,
 }

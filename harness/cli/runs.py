@@ -108,7 +108,9 @@ ResumeOption = Annotated[bool, typer.Option("--resume", help="go on after an int
 
 
 @app.command("run")
-@takes_changes("params", "set", "swap", "on", "latency", "step", "stop", "algorithm", "require")
+@takes_changes(
+    "params", "set", "swap", "map", "on", "latency", "step", "stop", "algorithm", "require"
+)
 def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     system: SystemOption = None,
     output: OutputOption = None,
@@ -133,7 +135,7 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     from harness.results.files import ResultFile
 
     wanted = _wanted(system, like, _started(system, start, epoch, changes))
-    name = f"{Path(wanted.system).stem}{'' if wanted.model is None else '_again'}"
+    name = f"{Path(wanted.system).stem or 'run'}{'' if wanted.model is None else '_again'}"
     file = ResultFile(output or Path("results") / f"{name}.nc")
     how: dict[str, Any] = {
         "progress": not quiet and sys.stderr.isatty(),
@@ -247,7 +249,7 @@ def _report(result: Any, seconds: float, path: Path) -> None:
 
 
 @app.command("compare")
-@takes_changes("set", "step", "stop", "require")
+@takes_changes("set", "map", "step", "stop", "require")
 def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     system: SystemArgument,
     params: ParamsOption = None,

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Unpack
 
-from harness.errors import ResultsError
+from harness.errors import ResultsError, UsageError
 from harness.exports.container import write_container
 from harness.master.changes import Changes, apply
 from harness.spelling import file_stem
@@ -41,6 +41,8 @@ def export(system: str | Path | System, target: Path, **changes: Unpack[Changes]
 def _file(target: Path, name: str) -> Path:
     """The file itself, or NAME.ssp in a folder that is made if needed."""
     is_file = target.suffix in (".ssp", ".fmu") and not target.is_dir()
+    if target.suffix in (".zip", ".ssd", ".ssv", ".xml", ".toml"):
+        raise UsageError(f"{target}: a system is written to NAME.ssp, NAME.fmu, or into a folder")
     folder = target.parent if is_file else target
     try:
         folder.mkdir(parents=True, exist_ok=True)

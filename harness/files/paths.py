@@ -41,6 +41,14 @@ def contents(path: Path, most: int) -> bytes:
     return data
 
 
+def is_folder(path: str | Path) -> bool:
+    """Whether there is a folder of this name."""
+    try:
+        return Path(path).is_dir()
+    except (OSError, ValueError):
+        return False
+
+
 def is_ours(fmu: Path) -> bool:
     """Whether a file is one of the FMUs of the project, wherever it stands: the same bytes.
 
@@ -66,6 +74,20 @@ def campaigns() -> dict[str, Path]:
     """All campaigns of the project by name."""
     folders = (PACKAGE.parent / "ssp" / "campaigns", PACKAGE / "data" / "campaigns")
     return {path.stem: path for folder in folders for path in sorted(folder.glob("*.toml"))}
+
+
+def core() -> Path | None:
+    """Folder of the C code that FMUs share, or None if it has not been installed."""
+    return _first(PACKAGE / "data" / "source" / "core", PACKAGE.parent / "fmus" / "core")
+
+
+def examples() -> Path | None:
+    """Folder of the example controllers, or None if it has not been installed."""
+    return _first(PACKAGE / "data" / "examples", PACKAGE.parent / "examples")
+
+
+def _first(*folders: Path) -> Path | None:
+    return next((folder for folder in folders if folder.is_dir()), None)
 
 
 def loop_library() -> Path | None:

@@ -8,7 +8,7 @@ run.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypedDict
@@ -21,7 +21,10 @@ from harness.results.requirements import refused
 from harness.spelling import did_you_mean
 from harness.ssp.parameters import read_ssv
 from harness.system.graph import read_interfaces
+from harness.system.interface import read_interface
+from harness.system.mapping import has_port
 from harness.system.model import DEFAULT_SET, Origin, Port, Swap, System
+from harness.system.names import base
 from harness.system.swap import exchange, find_fmu
 from harness.system.tables import Assignments, read_toml
 from harness.system.values import plain
@@ -37,6 +40,7 @@ class Changes(TypedDict, total=False):
     params: str | Path | None
     set: Pairs
     swap: Pairs
+    map: Pairs
     on: Pairs
     latency: Pairs
     step: float | None
@@ -51,6 +55,7 @@ def apply(  # noqa: PLR0913 - every one is an option of the command line
     params: str | Path | None = None,
     set: Pairs = (),
     swap: Pairs = (),
+    map: Pairs = (),
     on: Pairs = (),
     latency: Pairs = (),
     step: float | None = None,
@@ -67,8 +72,7 @@ def apply(  # noqa: PLR0913 - every one is an option of the command line
     base, named = system, str(params) in set_names(system)
     if named:
         system = choose_set(system, str(params))
-    for component, fmu in _once("--swap", swap):
-        system = exchange(system, component, fmu)
+    system = _swapped(system, list(_once("--swap", swap)), list(_once("--map", map)))
     if params is not None and not named:
         system = _parameter_file(system, Path(params))
     if set:
@@ -82,7 +86,7 @@ def apply(  # noqa: PLR0913 - every one is an option of the command line
     return replace(
         _required(system, require),
         experiment=replace(system.experiment, **changes),
-        origin=_origin(base.origin, params, named, set, swap, on, latency),
+        origin=_origin(base.origin, params, named, set, swap, map, on, latency),
     )
 
 
@@ -104,6 +108,7 @@ def _origin(  # noqa: PLR0913, PLR0917 - the changes
     named: bool,
     set: Pairs,
     swap: Pairs,
+    map: Pairs,
     on: Pairs,
     latency: Pairs,
 ) -> Origin:
@@ -117,9 +122,52 @@ def _origin(  # noqa: PLR0913, PLR0917 - the changes
         before,
         set={**before.set, **dict(pairs("--set", set))},
         swaps={**before.swaps, **swaps},
+        maps={**before.maps, **dict(pairs("--map", map))},
         on={**before.on, **{c: str(place) for c, place in pairs("--on", on)}},
         latency={**before.latency, **late},
     )
+
+
+def _swapped(
+    system: System, swaps: Sequence[tuple[str, Any]], names: Sequence[tuple[str, Any]]
+) -> System:
+    """Other FMUs, each with the names of ports that are given for it."""
+    if unknown := unmapped(swaps, names) if names else []:
+        raise UsageError(_without_port(unknown[0], swaps))
+    for component, fmu in swaps:
+        known = _ports_of(fmu) if names else []
+        local = [(_local(theirs, component, known), str(ours)) for theirs, ours in names]
+        system = exchange(system, component, fmu, [(a, b) for a, b in local if a])
+    return system
+
+
+def unmapped(swaps: Sequence[tuple[str, Any]], names: Iterable[tuple[str, Any]]) -> list[str]:
+    """Of the ports that are given our names those that no swapped FMU has."""
+    ports = {component: _ports_of(fmu) for component, fmu in swaps}
+    return [
+        theirs
+        for theirs, _ in names
+        if not any(_local(theirs, component, known) for component, known in ports.items())
+    ]
+
+
+def _ports_of(fmu: str | Path) -> list[str]:
+    interface = read_interface(find_fmu(fmu))
+    return [*interface.named("input"), *interface.outputs()]
+
+
+def _local(name: str, component: str, known: Collection[str]) -> str:
+    """The port that is meant by `port` or `component.port`, or "" if it is none of these."""
+    inner = name.removeprefix(f"{component}.")
+    return next((each for each in (name, inner) if has_port(each, known)), "")
+
+
+def _without_port(name: str, swaps: Sequence[tuple[str, Any]]) -> str:
+    if not swaps:
+        return f"--map {name}: names ports of an FMU that is put in by --swap"
+    known = {base(port) for _, fmu in swaps for port in _ports_of(fmu)}
+    fmus = " and ".join(dict.fromkeys(find_fmu(fmu).name for _, fmu in swaps))
+    return f"--map {name}: {fmus} has no such port{did_you_mean(name, known)}"
 
 
 def pairs(option: str, given: Pairs) -> Iterator[tuple[str, Any]]:
@@ -129,7 +177,8 @@ def pairs(option: str, given: Pairs) -> Iterator[tuple[str, Any]]:
         return
     for text in given:
         name, equals, value = text.partition("=")
-        if not equals:
+        empty = not value.strip() and option in ("--swap", "--map", "--latency")
+        if not equals or not name.strip() or empty:
             raise UsageError(f"{option} {text}: expected name=value")
         yield name.strip(), value.strip()
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import re
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
@@ -26,9 +27,10 @@ from harness.files import cache
 from harness.files.archive import unpack
 from harness.files.paths import is_ours
 from harness.master import messages, place
+from harness.master.refusals import refusals
 from harness.master.transfer import Transfer, transfers
 from harness.system.graph import Node
-from harness.system.interface import binaries
+from harness.system.interface import Interface, binaries
 from harness.system.schedule import Verb
 
 OK, WARNING, FATAL = 0, 1, 4
@@ -41,6 +43,11 @@ ERROR_CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "l
 """Log categories of FMI 2.0 that are listened to; everything else stays off."""
 
 HEARD = (*ERROR_CATEGORIES, messages.STATISTICS)
+
+
+def _is_python(interface: Interface) -> bool:
+    """Whether an FMU was built by PythonFMU, which names its exceptions only with logging on."""
+    return "PythonFMU" in str(interface.model.generationTool or "")
 
 
 def _suffix(kind: str) -> str:
@@ -107,7 +114,8 @@ class Instance:
                     instanceName=self.name,
                     libraryPath=str(library),
                 )
-            slave.instantiate(callbacks=messages.callbacks(), loggingOn=False)
+            wordy = _is_python(self.node.interface)
+            slave.instantiate(callbacks=messages.callbacks(), loggingOn=wordy)
         except Exception as error:  # FMPy raises bare Exceptions, ctypes its own
             reason = messages.take_error(self.name) or " ".join(str(error).split())
             raise FmuError(
@@ -145,8 +153,9 @@ class Instance:
         """Let errors and warnings through, and nothing else; an FMU that cannot do that is left
         silent.
         """
-        categories = [c.name for c in self.node.interface.model.logCategories if c.name in HEARD]
-        if categories:
+        interface = self.node.interface
+        categories = [c.name for c in interface.model.logCategories if c.name in HEARD]
+        if categories and not _is_python(interface):
             place.enter(self.name, "fmi2SetDebugLogging")
             with contextlib.suppress(FMICallException):
                 slave.setDebugLogging(True, categories)
@@ -325,4 +334,6 @@ class Instance:
             messages.take_error(self.name)
             or f"{STATUS.get(status, f'status {status}')}, without a message"
         )
+        if not self._stepping and refusals(reason, self.node.interface.named("parameter")):
+            return RunError(self.name, time, re.sub(r"^fmi2\w+: ", "", reason))
         return RunError(self.name, time, f"{doing}: {reason}", variable)

@@ -25,6 +25,7 @@ from harness.master import simulation as here
 from harness.master.child import GRACE_SECONDS, OUTCOME, Child, Send
 from harness.master.pacer import Pacer
 from harness.master.progress import Watch, shown
+from harness.master.refusals import as_typed
 from harness.master.simulation import Simulation
 from harness.results.result import Result
 from harness.system.model import System
@@ -48,12 +49,17 @@ def simulate(  # noqa: PLR0913 - every one is an option of the command line
 ) -> Result:
     """Run a system as it is, with foreign FMUs in a child process unless in_process; the arguments
     are those of run().
+
+    Values of --set that an FMU refuses are a UsageError.
     """
-    if in_process or all_ours(system):
-        how: Any = {"executor": executor, "every": every, "progress": progress}
-        return here.simulate(system, pacer=pacer, **how)
-    with _Run(system, executor, every, pacer=pacer) as run:
-        return run.result(progress)
+    try:
+        if in_process or all_ours(system):
+            how: Any = {"executor": executor, "every": every, "progress": progress}
+            return here.simulate(system, pacer=pacer, **how)
+        with _Run(system, executor, every, pacer=pacer) as run:
+            return run.result(progress)
+    except RunError as error:
+        raise as_typed(error, system.origin.set) from error.__cause__
 
 
 def all_ours(system: System) -> bool:

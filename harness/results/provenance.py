@@ -38,7 +38,7 @@ class Provenance:
     version: of this package; system: its name; source: name or path as the user gave it; sha256: of
     the .ssp ("": the system was made in Python); params: named set or file, params_sha256: of the
     file; set: (`component.variable`, value) as given, text or value; swaps: other FMUs; on:
-    (component, place) on other processors; maps: (port, port) renamed; latency: (component, macro
+    (component, place) on other processors; maps: (their port, our name); latency: (component, macro
     steps) as given; algorithm, step [s], stop [s], schedule, executor, every: as run; timing: how
     well the pace of a clock was kept ("": there was none); requirements: (name, text); command:
     command line (None: from Python); date: when the result was taken, UTC; platform: of the host.
@@ -73,6 +73,7 @@ class Provenance:
             "params": self.params,
             "set": dict(self.set),
             "swap": {swap.component: swap.fmu for swap in self.swaps},
+            "map": dict(self.maps),
             "on": dict(self.on),
             "latency": dict(self.latency),
             "step": self.step,
@@ -98,6 +99,7 @@ def flown(system: System, executor: str, every: int, timing: str = "") -> Proven
         params_sha256=origin.params_sha256,
         set=tuple(origin.set.items()),
         swaps=tuple(origin.swaps.values()),
+        maps=tuple(origin.maps.items()),
         on=tuple(origin.on.items()),
         latency=tuple(origin.latency.items()),
         algorithm=experiment.algorithm,
@@ -214,7 +216,7 @@ def _changed(p: Provenance) -> Iterator[str]:
     yield from (f"{component} on {place}" for component, place in p.on)
     yield from (f"{name} = {value}" for name, value in p.set)
     yield from (f"{component} {steps} macro steps late" for component, steps in p.latency)
-    yield from (f"{a} mapped to {b}" for a, b in p.maps)
+    yield from (f"port {a} taken for {b}" for a, b in p.maps)
 
 
 def _g(value: float | None) -> str:

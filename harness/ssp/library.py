@@ -38,7 +38,9 @@ def find_system(name: str | Path) -> Path:
         return known[str(name)]
     if paths.is_file(name):
         return Path(name)
-    raise UsageError(f"{name}: there is no such system{did_you_mean(str(name), known)}")
+    raise UsageError(
+        f"{name or '(nothing)'}: there is no such system{did_you_mean(str(name), known)}"
+    )
 
 
 def of_component(name: str | Path) -> tuple[Path, str] | None:

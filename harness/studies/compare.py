@@ -13,6 +13,7 @@ import logging
 import math
 import multiprocessing
 import os
+import re
 import signal
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
@@ -37,6 +38,7 @@ from harness.studies.table import Measures, write_csv
 from harness.studies.variants import Variant
 from harness.studies.warm import Warm
 from harness.system.graph import checked, say_warnings
+from harness.system.model import System
 
 _log = logging.getLogger("harness")
 
@@ -139,12 +141,23 @@ def _check(
     if every is not None and every < 1:
         raise UsageError(f"--every must be at least 1, not {every}")
     with load(system) as found, said_once():
-        systems = [apply(found, **variant.changes) for variant in variants]
+        systems = [_applied(found, variant) for variant in variants]
         say_warnings(*systems)
         for changed in systems:
             file.accept(changed)
             steps.append(checked(changed).steps)
     return steps
+
+
+def _applied(system: System, variant: Variant) -> System:
+    """The system of a variant; what is wrong with a value is told of the option that gave it."""
+    try:
+        return apply(system, **variant.changes)
+    except UsageError as error:
+        lines = str(error).splitlines()
+        for name in variant.varied:
+            lines = [re.sub(rf"^--set (?={re.escape(name)}\b)", "--vary ", line) for line in lines]
+        raise UsageError("\n".join(lines)) from error.__cause__
 
 
 def _thinning(steps: int) -> int:

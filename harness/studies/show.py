@@ -90,7 +90,8 @@ def _fmu(name: str | Path, changes: Changes) -> Interface:
     if not paths.is_file(path):
         close = did_you_mean(str(name), [*paths.systems(), *known])
         raise UsageError(
-            f"{name}: there is no such system or FMU{close}; a component is named SYSTEM.component"
+            f"{name or '(nothing)'}: there is no such system or FMU{close}; "
+            "a component is named SYSTEM.component"
         )
     if changes:
         raise UsageError(

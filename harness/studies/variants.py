@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from harness.errors import UsageError
-from harness.master.changes import Changes, pairs
+from harness.master.changes import Changes, pairs, unmapped
 from harness.system.values import parse
 
 NAMED = ("swap", "latency", "set")
@@ -31,6 +31,8 @@ class Variant:
     changes: Changes
     file: str = ""
     """The label as the stem of a file name, which no other variant has."""
+    varied: frozenset[str] = frozenset()
+    """Parameters that --vary gives, not --set."""
 
 
 class _Choice(NamedTuple):
@@ -62,9 +64,26 @@ def combinations(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Vari
     swaps = [each[0].option for each, many in zip(choices, several, strict=True) if many]
     if swaps.count("swap") > 1:
         choices = [[_with_component(choice) for choice in each] for each in choices]
-    return with_files(
-        [_variant(fixed, combination, several) for combination in itertools.product(*choices)]
-    )
+    variants = [
+        _variant(fixed, combination, several) for combination in itertools.product(*choices)
+    ]
+    return with_files(_with_maps(variants))
+
+
+def _with_maps(variants: Sequence[Variant]) -> Sequence[Variant]:
+    """Every variant with those names of ports that its FMUs know; UsageError if one is for none."""
+    names = list(pairs("--map", variants[0].changes.get("map", ())))
+    if not names:
+        return variants
+    swaps = [list(pairs("--swap", v.changes.get("swap", ()))) for v in variants]
+    strange = [unmapped(each, names) for each in swaps]
+    for name, _ in names:
+        if all(name in each for each in strange):
+            raise UsageError(f"--map {name}: no FMU that is swapped has such a port")
+    return [
+        replace(v, changes={**v.changes, "map": {a: b for a, b in names if a not in each}})
+        for v, each in zip(variants, strange, strict=True)
+    ]
 
 
 def _with_component(choice: _Choice) -> _Choice:
@@ -94,21 +113,21 @@ def _refuse_doubles(choices: Sequence[Sequence[_Choice]]) -> None:
     ]
     for option, name in named:
         if option in NAMED and named.count((option, name)) > 1:
-            shown = "vary" if option == "set" else option
-            raise UsageError(f"--{shown} {name}: is given twice")
+            raise UsageError(f"--{'vary' if option == 'set' else option} {name}: is given twice")
 
 
 def _choices(option: str, text: str) -> Iterator[_Choice]:
-    name, given = next(pairs(f"--{option}", [text])) if option in NAMED else ("", text)
-    values = [value for piece in _split(given) for value in _range(piece.strip(), option)]
+    shown = f"--{'vary' if option == 'set' else option}"
+    name, given = next(pairs(shown, [text])) if option in NAMED else ("", text)
+    values = [each for piece in _split(given) for each in _values(piece.strip(), option, name)]
     stems = [Path(value).stem for value in values]
     counts, alike = Counter(values), Counter(stems)
     meanings = Counter(_meaning(value, option) for value in values)
     for value, stem in zip(values, stems, strict=True):
         if not value:
-            raise UsageError(f"--{option} {text}: a value is missing")
+            raise UsageError(f"{shown} {text}: a value is missing")
         if counts[value] > 1 or meanings[_meaning(value, option)] > 1:
-            raise UsageError(f"--{option} {text}: {value} is given twice")
+            raise UsageError(f"{shown} {text}: {value} is given twice")
         labels = {
             "swap": value if alike[stem] > 1 else stem,
             "latency": _delay(name, value),
@@ -141,20 +160,36 @@ def _split(text: str) -> Iterator[str]:
     yield piece
 
 
-def _range(text: str, option: str) -> Sequence[str]:
+def _values(text: str, option: str, name: str) -> Sequence[str]:
     """The numbers of `first:last:step`, both ends included; anything else is itself."""
     parts = text.split(":")
-    if option != "set" or len(parts) != 3:
-        return [text]
+    ranged = len(parts) == 3 or (len(parts) > 1 and all(map(_is_number, parts)))
+    return _range(text, name) if option == "set" and ranged else [text]
+
+
+def _is_number(text: str) -> bool:
     try:
-        first, last, step = map(float, parts)
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _range(text: str, name: str) -> Sequence[str]:
+    place = f"--vary {name}={text}"
+    try:
+        first, last, step = map(float, text.split(":"))
         count = round((last - first) / step)
     except (ValueError, ZeroDivisionError, OverflowError) as error:
-        raise UsageError(f"{text}: a range of values is first:last:step, three numbers") from error
+        raise UsageError(
+            f"{place}: a range of values is first:last:step, three numbers, as in 0:1:0.1"
+        ) from error
     if count >= MAX_RUNS:
-        raise UsageError(f"{text}: are {count + 1} values, more than the limit of {MAX_RUNS}")
+        raise UsageError(f"{place}: are {count + 1} values, more than the limit of {MAX_RUNS}")
     if count < 0 or abs(first + count * step - last) > 1e-9 * abs(step):
-        raise UsageError(f"{text}: the range does not end at {parts[1]} after whole steps")
+        raise UsageError(
+            f"{place}: the range does not end at {text.split(':')[1]} after whole steps"
+        )
     return [f"{first + k * step:.12g}" for k in range(count + 1)]
 
 
@@ -173,4 +208,5 @@ def _variant(fixed: Changes, combination: Sequence[_Choice], several: Sequence[b
     return Variant(
         ", ".join(c.label for c, varies in zip(combination, several, strict=True) if varies),
         changes,
+        varied=frozenset(c.value[0] for c in combination if c.option == "set"),
     )

@@ -9,6 +9,7 @@ problems are reported at once.
 from __future__ import annotations
 
 import logging
+import math
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -128,12 +129,22 @@ def _uneven_samples(graph: Graph, macro_step: float) -> Iterator[str]:
         if name != SAMPLE_PERIOD or not period > 0:
             continue
         every = next(n.component.every for n in graph.nodes if n.component.name == component)
-        ratio = period / (every * macro_step)
+        step = every * macro_step
+        ratio = period / step
         if ratio < 1 - 1e-9 or abs(ratio - round(ratio)) > 1e-9 * ratio:
-            yield (
-                f"{slot.name} = {period:g} s is no multiple of the step of {component}, "
-                f"{every * macro_step:g} s: samples fall between communication points"
-            )
+            yield _uneven(slot.name, component, period, step, macro_step)
+
+
+def _uneven(name: str, component: str, period: float, step: float, macro_step: float) -> str:
+    """What comes of samples between communication points, and what to do about it."""
+    common = math.gcd(round(1e9 * period), round(1e9 * step)) / 1e9
+    finer = f"--step {common * macro_step / step:.12g} or " if common > step / 100 else ""
+    nearest = step * max(1, round(period / step))
+    return (
+        f"{name} = {period:g} s is no multiple of the step of {component}, {step:g} s: a sample "
+        f"between two steps reads inputs that are up to {step:g} s old and acts at the end of its "
+        f"step; {finer}--set {name}={nearest:.12g} avoids that"
+    )
 
 
 def rechecked(system: System, known: System, graph: Graph) -> Checked:

@@ -138,6 +138,7 @@ class Origin:
     params_sha256: str = ""
     set: Mapping[str, Any] = field(default_factory=dict)
     swaps: Mapping[str, Swap] = field(default_factory=dict)
+    maps: Mapping[str, str] = field(default_factory=dict)
     on: Mapping[str, str] = field(default_factory=dict)
     latency: Mapping[str, int] = field(default_factory=dict)
 

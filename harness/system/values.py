@@ -99,7 +99,8 @@ def assign(name: str, value: Value, known: Collection[str]) -> dict[str, Scalar]
         whole = grid(map(index, elements))
         by_place = expand(name, value, whole.first if whole else ())
         if by_place.keys() != {str(Name.read(e)) for e in elements}:
-            shapes = f"expected {_shape(elements)}, got {_shape(list(by_place))}"
+            got = _quoted(value) if isinstance(value, str) else _shape(list(by_place))
+            shapes = f"expected {_shape(elements)}, got {got}"
             raise ValueError(shapes + _as_a_list(value, elements))
         given = {element: by_place[str(Name.read(element))] for element in elements}
     for element, scalar in given.items():
@@ -118,6 +119,8 @@ def _as_a_list(value: Value, elements: Sequence[str]) -> str:
     """What to write instead of one number or of numbers without brackets, as the end of a line."""
     if isinstance(value, str) and "," in value:
         return f"; write [{value}]"
+    if all(len(index(e)) == 2 for e in elements):
+        return "; write its rows, as in [[1, 0, 0], [0, 1, 0], [0, 0, 1]]"
     if isinstance(value, int | float) and all(len(index(e)) == 1 for e in elements):
         return f"; write [{', '.join([f'{value:.12g}'] * len(elements))}]"
     return ""

@@ -24,7 +24,9 @@ DATE = "1980-01-01T00:00:00Z"
 
 
 def build(source: Path, output: Path, compiler: list[str]) -> None:
-    """Write the FMU; subprocess.CalledProcessError if the compiler or the description fails."""
+    """Write the FMU; subprocess.CalledProcessError if the compiler or the description fails, which
+    then has said why.
+    """
     include = [f"-I{folder}" for folder in (*HEADERS, Path(fmpy.__file__).parent / "c-code")]
     with tempfile.TemporaryDirectory() as folder:
         library = Path(folder) / f"{output.stem}{fmpy.sharedLibraryExtension}"
@@ -49,7 +51,10 @@ def main() -> None:
     parser.add_argument("--cc", nargs="+", default=["cc"])
     a = parser.parse_args()
     output = a.output or a.source.with_suffix(".fmu")
-    build(a.source, output, a.cc)
+    try:
+        build(a.source, output, a.cc)
+    except (subprocess.CalledProcessError, OSError) as error:
+        sys.exit(f"build_fmu.py: {error}" if isinstance(error, OSError) else 1)
     print(output)
 
 

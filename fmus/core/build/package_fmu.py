@@ -160,9 +160,10 @@ def main() -> None:
             for source in [*a.source, *headers_of(a.source, a.include)]
         },
     }
+    identifier = description.attrib["modelName"]  # and modelIdentifier, see describe.c
     for binary in a.binary:
         platform, _, file = binary.partition("=")
-        files[f"binaries/{platform}/{a.output.stem}{Path(file).suffix}"] = Path(file).read_bytes()
+        files[f"binaries/{platform}/{identifier}{Path(file).suffix}"] = Path(file).read_bytes()
     write_zip(a.output, files)
 
 

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""From one C or Python file to an FMU, inside the tree and from an installed package alike."""
+
+from __future__ import annotations
+
+import importlib.util
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from harness.errors import FmuError, UsageError
+from harness.files import paths
+from harness.files.output import written
+from harness.system.interface import Interface, read_interface
+
+ENDINGS = (".c", ".py")
+
+
+def build(name: str | Path, output: str | Path | None = None, compiler: str = "cc") -> Interface:
+    """Build an FMU from a C or Python file; returns what it says about itself.
+
+    name: the file, or a folder NAME with NAME.c or NAME.py; output: default NAME.fmu beside the
+    file; compiler: the command for C. Raises UsageError if there is no such file, compiler or
+    package, and FmuError with the words of the compiler.
+    """
+    source = _source(Path(name))
+    target = Path(output) if output is not None else source.with_suffix(".fmu")
+    if target.suffix != ".fmu":
+        raise UsageError(f"--output {target}: an FMU is a file NAME.fmu")
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder) / f"{source.stem}.fmu"
+        if source.suffix == ".c":
+            _build_c(source, made, compiler.split())
+        else:
+            made = _build_python(source, Path(folder))
+        with written(target) as file:
+            shutil.copyfile(made, file)
+    return replace(read_interface(target), path=target)
+
+
+def _source(path: Path) -> Path:
+    """The file that is meant."""
+    if path.suffix in ENDINGS and paths.is_file(path):
+        return path
+    if paths.is_file(path):
+        raise UsageError(f"{path}: an FMU is built from a .c or .py file")
+    inside = [path / f"{path.resolve().name}{ending}" for ending in ENDINGS]
+    there = [file for file in inside if paths.is_file(file)]
+    if len(there) == 1:
+        return there[0]
+    if there:
+        raise UsageError(f"{path}: it holds {there[0].name} and {there[1].name}: name one of them")
+    raise UsageError(
+        f"{path}: expected a .c or .py file, or a folder with {inside[0].name} or {inside[1].name}"
+    )
+
+
+def _build_c(source: Path, output: Path, compiler: Sequence[str]) -> None:
+    core = paths.core()
+    if core is None:
+        raise UsageError("the C sources of the project are not there: install it anew")
+    if not compiler or shutil.which(compiler[0]) is None:
+        raise UsageError(
+            f"{' '.join(compiler) or '(nothing)'}: there is no such C compiler; install gcc or "
+            "clang, or name yours with --cc"
+        )
+    helper = [sys.executable, str(core / "build" / "build_fmu.py")]
+    _run([*helper, str(source), "-o", str(output), "--cc", *compiler], source)
+
+
+def _build_python(source: Path, folder: Path) -> Path:
+    if importlib.util.find_spec("pythonfmu") is None:
+        raise UsageError(
+            f"{source}: an FMU in Python needs PythonFMU, the extra `python`: pip install pythonfmu"
+        )
+    helper = [sys.executable, "-m", "pythonfmu", "build"]
+    _run([*helper, "-f", str(source.resolve()), "-d", str(folder)], source)
+    found = list(folder.glob("*.fmu"))
+    if len(found) != 1:
+        raise FmuError(f"{source}: it has no class derived from Fmi2Slave")
+    return found[0]
+
+
+def _run(command: Sequence[str], source: Path) -> None:
+    """Run a builder; FmuError with all that it said if it fails."""
+    done = subprocess.run(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
+        check=False, stdin=subprocess.DEVNULL,
+    )  # fmt: skip
+    if done.returncode:
+        said = "\n".join(line for line in done.stdout.splitlines() if line.strip())
+        raise FmuError(f"{source} does not build:\n{said}")

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A new controller: a folder with a source that flies as it is, and the two commands for it.
+
+In the place of a controller that commands a wrench it is the example of the project under another
+name; anywhere else it has all the ports of the component that it replaces, and its outputs stay at
+the start values of the inputs that read them until its law is written.
+"""
+
+from __future__ import annotations
+
+import keyword
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from harness.authoring import skeleton
+from harness.errors import UsageError
+from harness.files import paths
+from harness.files.output import written
+from harness.ssp.library import of_component
+from harness.studies.show import Signal, show
+
+LANGUAGES = {"c": ".c", "python": ".py"}
+DEFAULT_PLACE = "sync_approach.controller"
+
+EXAMPLE_INPUTS = {"r_TN_N", "v_TN_N", "r_SN_N", "v_SN_N", "q_SN", "rho_ref_N", "drho_ref_N"}
+EXAMPLE_OUTPUTS = {"F_cmd_S", "M_cmd_S", "wheel_accel_cmd"}
+
+NAME = re.compile(r"[\w.]+(\[\d+\])?", re.ASCII)
+
+C_WORDS = """auto break case char const continue default do double else enum extern float for goto
+if inline int long register restrict return short signed sizeof static struct switch typedef
+union unsigned void volatile while main"""
+
+
+class Created(NamedTuple):
+    """A new controller: its folder and source, and the commands that build and fly it."""
+
+    folder: Path
+    source: Path
+    commands: tuple[str, str]
+
+
+def new_controller(
+    name: str, language: str = "c", place: str = DEFAULT_PLACE, folder: str | Path = "."
+) -> Created:
+    """Create `folder`/NAME with a controller that takes the place of SYSTEM.component.
+
+    language: c or python. Nothing that exists is overwritten. Raises UsageError, and what show()
+    raises for the place.
+    """
+    _refuse_name(name)
+    if language not in LANGUAGES:
+        raise UsageError(f"--language {language}: there are only {' and '.join(LANGUAGES)}")
+    system, component = _split(place)
+    ports = _ports(place)
+    target = Path(folder) / name
+    if target.exists() or target.is_symlink():
+        raise UsageError(f"{target}: is there already; choose another name")
+    text = (
+        _example(name, language) if _is_wrench(ports) else _skeleton(name, language, place, ports)
+    )
+    source = target / f"{name}{LANGUAGES[language]}"
+    commands = (
+        f"harness build {target}",
+        f"harness run {system} --swap {component}={target} -o {target / name}.nc",
+    )
+    _write(source, text)
+    _write(target / "README.md", _readme(name, source.name, place, commands))
+    return Created(target, source, commands)
+
+
+def _refuse_name(name: str) -> None:
+    """UsageError for names that are no identifiers in C or Python, or taken."""
+    if not re.fullmatch(r"[A-Za-z]\w{0,59}", name, re.ASCII) or keyword.iskeyword(name):
+        raise UsageError(
+            f"{name}: a controller is named by a letter, then letters, digits and _, as in my_pd"
+        )
+    if name in C_WORDS.split():
+        raise UsageError(f"{name}: is a word of C; choose another name")
+    if name in paths.fmus():
+        raise UsageError(f"{name}: the project has an FMU of this name; choose another one")
+
+
+def _split(place: str) -> tuple[str, str]:
+    """System and component of a place as they were written."""
+    found = of_component(place)
+    if found is None or not found[1]:
+        raise UsageError(f"--for {place}: expected SYSTEM.component, as in {DEFAULT_PLACE}")
+    return place.removesuffix(f".{found[1]}"), found[1]
+
+
+def _ports(place: str) -> list[Signal]:
+    """Inputs that are driven and outputs that are read, in the place of a component."""
+    ports = [s for s in show(place).rows if isinstance(s, Signal) and s.wires]
+    if odd := [s.name for s in ports if s.type != "Real" or not re.fullmatch(NAME, s.name)]:
+        raise UsageError(
+            f"--for {place}: {', '.join(odd)}: only ports of type Real with plain names can be made"
+        )
+    if not any(s.causality == "output" for s in ports):
+        raise UsageError(f"--for {place}: nothing reads from it")
+    system, _ = _split(place)
+    return [_with_start(s, system) if s.causality == "output" else s for s in ports]
+
+
+def _with_start(port: Signal, system: str) -> Signal:
+    """An output with the start value of the first input that reads it: what that input takes."""
+    component, _, variable = port.wires[0].rpartition(".")
+    readers = [s for s in show(f"{system}.{component}").rows if isinstance(s, Signal)]
+    default = next((s.default for s in readers if s.name == variable), None)
+    return port._replace(default=default)
+
+
+def _is_wrench(ports: Sequence[Signal]) -> bool:
+    """Whether the example has the inputs that it needs and all outputs that are read."""
+    inputs = {s.name for s in ports if s.causality == "input"}
+    return inputs >= EXAMPLE_INPUTS and {s.name for s in ports} - inputs <= EXAMPLE_OUTPUTS
+
+
+def _example(name: str, language: str) -> str:
+    folder = paths.examples()
+    if folder is None:
+        raise UsageError("the examples of the project are not there: install it anew")
+    text = (folder / f"my_controller{LANGUAGES[language]}").read_text(encoding="utf-8")
+    return text.replace("my_controller", name).replace("MyController", skeleton.class_name(name))
+
+
+def _skeleton(name: str, language: str, place: str, ports: Sequence[Signal]) -> str:
+    make = {"c": skeleton.in_c, "python": skeleton.in_python}[language]
+    return make(name, place, ports)
+
+
+def _readme(name: str, source: str, place: str, commands: tuple[str, str]) -> str:
+    results = commands[1].rpartition(" ")[2]
+    return f"""# {name}
+
+A controller in the place of `{place}`. The law is `control` in `{source}`.
+
+    {commands[0]}
+    {commands[1]}
+
+The first command builds `{name}.fmu` here, again after every edit; the second one flies it.
+
+    harness show {place}
+    harness plot {results}
+
+The first of these lists its ports and their units, the second one draws the figures of the run.
+"""
+
+
+def _write(path: Path, text: str) -> None:
+    with written(path) as file:
+        file.write_text(text, encoding="utf-8")

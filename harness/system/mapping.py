@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Ports of an FMU from elsewhere that go by other names: which of theirs is which of ours.
+
+What a user says is taken. What differs in the style of its indices only (`r[0]`, `r_1`, `r(1)` for
+`r[1]`) is taken too. The rest is guessed from size, unit, name and description, and only offered.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+import shlex
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from harness.spelling import did_you_mean
+from harness.system.interface import Variable, units_agree
+from harness.system.names import Index, Name, grid
+
+Names = dict[str, str]
+"""Our name of a scalar variable by theirs."""
+
+LEAST_LIKENESS = 0.5
+"""Of names and descriptions that are offered for each other."""
+
+MOST_GUESSED = 60
+"""Signals that are compared with each other: the work goes with the square."""
+
+
+class Family(NamedTuple):
+    """A scalar, vector or matrix: its name, its elements in order, its shape."""
+
+    name: str
+    elements: tuple[str, ...]
+    shape: Index
+
+
+# ---- signals whose elements are written in any style
+
+_UNDERSCORED = re.compile(r"(.+?)((?:_\d{1,4})+)", re.ASCII | re.DOTALL)
+_ROUND = re.compile(r"(.+)\((\d{1,4}(?: *, *\d{1,4})*)\)", re.ASCII | re.DOTALL)
+
+
+def families(names: Collection[str]) -> dict[str, Family]:
+    """The signals that scalar variables belong to, by name; what is no whole vector stays alone."""
+    groups: dict[tuple[str, str], dict[Index, str]] = {}
+    for name in names:
+        stem, style, place = _read(name)
+        groups.setdefault((stem, style), {})[place] = name
+    stems = Counter(stem for stem, _ in groups)
+    found: dict[str, Family] = {}
+    for (stem, _), members in groups.items():
+        whole = grid(members) if () not in members and stems[stem] == 1 else None
+        first = set(whole.first) if whole else set()
+        if whole and first <= {0, 1} and len(first) == 1:
+            elements = tuple(members[place] for place in sorted(members))
+            found[stem] = Family(stem, elements, whole.shape)
+        else:
+            found |= {name: Family(name, (name,), ()) for name in members.values()}
+    return found
+
+
+def _read(text: str) -> tuple[str, str, Index]:
+    """Name of the signal, style of its indices, and place in it."""
+    name = Name.read(text)
+    if name.element:
+        return name.variable, "[", name.element
+    if match := _ROUND.fullmatch(text):
+        return match[1], "(", tuple(map(int, match[2].split(",")))
+    if match := _UNDERSCORED.fullmatch(text):
+        return match[1], "_", tuple(map(int, match[2][1:].split("_")))
+    return text, "", ()
+
+
+# ---- what is said, and what differs in style only
+
+
+def told(given: Sequence[tuple[str, str]], theirs: Collection[str], ours: Collection[str]) -> Names:
+    """Names by the pairs (theirs, ours) of a user, each a scalar or a whole signal.
+
+    Raises ValueError: no such port at one end (with close matches), sizes that differ, one port
+    given twice.
+    """
+    their_families, our_families, names = families(theirs), families(ours), Names()
+    for their, our in given:
+        a = _members(their, theirs, their_families, "the FMU has no such port")
+        b = _members(our, ours, our_families, "there is no such signal here")
+        if len(a) != len(b):
+            raise ValueError(f"{their}={our}: {their} has {len(a)} elements, {our} has {len(b)}")
+        if double := [name for name in a if name in names]:
+            raise ValueError(f"{their}={our}: {double[0]} is given twice")
+        names |= dict(zip(a, b, strict=True))
+    return names
+
+
+def has_port(name: str, theirs: Collection[str]) -> bool:
+    """Whether an FMU has a port or a whole signal of this name."""
+    return name in theirs or name in families(theirs)
+
+
+def _members(
+    name: str, known: Collection[str], groups: Mapping[str, Family], missing: str
+) -> tuple[str, ...]:
+    if name in known:
+        return (name,)
+    if name in groups:
+        return groups[name].elements
+    raise ValueError(f"{name}: {missing}{did_you_mean(name, {*known, *groups})}")
+
+
+def by_style(theirs: Collection[str], ours: Collection[str]) -> dict[Family, Family]:
+    """Signals of one name and shape at both ends whose elements are written in another style."""
+    mine = families(ours)
+    return {
+        each: mine[name]
+        for name, each in families(theirs).items()
+        if each.shape
+        and name in mine
+        and each.shape == mine[name].shape
+        and each.elements != mine[name].elements
+    }
+
+
+# ---- what is guessed
+
+
+def guesses(
+    theirs: Mapping[str, Variable], ours: Mapping[str, Variable]
+) -> Iterator[tuple[str, str]]:
+    """Pairs of names (theirs, ours) of equal size and unit that are most alike, none twice; where
+    there is only one of a size and unit at both ends, these two.
+    """
+    mine, others = list(families(ours).values()), list(families(theirs).values())
+    fitting = [
+        (a, b)
+        for a in others[:MOST_GUESSED]
+        for b in mine[:MOST_GUESSED]
+        if _fit(a, b, theirs, ours)
+    ]
+    counts = Counter(name for a, b in fitting for name in (("theirs", a.name), ("ours", b.name)))
+    scores = []
+    for a, b in fitting:
+        alone = counts["theirs", a.name] == counts["ours", b.name] == 1
+        score = _likeness(a, b, ours)
+        scores.append((max(score, LEAST_LIKENESS) if alone else score, a.name, b.name))
+    taken: set[tuple[str, str]] = set()
+    for score, their, our in sorted(scores, key=lambda each: -each[0]):
+        ends = {("theirs", their), ("ours", our)}
+        if score >= LEAST_LIKENESS and not taken & ends:
+            taken |= ends
+            yield their, our
+
+
+def options(pairs: Sequence[tuple[str, str]]) -> str:
+    """Pairs as options of a command line."""
+    return " ".join(f"--map {shlex.quote(f'{their}={our}')}" for their, our in pairs)
+
+
+def _fit(
+    a: Family, b: Family, theirs: Mapping[str, Variable], ours: Mapping[str, Variable]
+) -> bool:
+    """Whether two signals have one size, type and unit."""
+    their, our = theirs[a.elements[0]], ours[b.elements[0]]
+    return (
+        len(a.elements) == len(b.elements)
+        and their.type == our.type
+        and units_agree(their.unit, our.unit)
+    )
+
+
+def _likeness(a: Family, b: Family, ours: Mapping[str, Variable]) -> float:
+    """0: nothing in common; 1: all words of their name are in the name or description of ours."""
+    our = ours[b.elements[0]]
+    letters = difflib.SequenceMatcher(None, _plain(a.name), _plain(b.name)).ratio()
+    words = _words(a.name) or {a.name}
+    text = _words(f"{b.name} {our.description}") | {b.name}
+    shared = sum(any(_same(word, each) for each in text) for word in words)
+    return max(letters, 0.98 * shared / len(words) + 0.02 * shared / len(text))
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[\W_]", "", name[:100]).casefold()
+
+
+def _words(text: str) -> set[str]:
+    """Words of a name or description: parts between underscores, blanks and capitals."""
+    parted = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text[:300]).replace("_", " ")
+    return {word for word in re.findall(r"\w+", parted.casefold()) if len(word) > 1}
+
+
+def _same(a: str, b: str) -> bool:
+    """Words are equal, or one is the beginning of the other: pos and position."""
+    return a == b or (min(len(a), len(b)) > 2 and (a.startswith(b) or b.startswith(a)))

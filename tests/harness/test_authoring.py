@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""`harness new` and `harness build`: what is created flies as it is, and every refusal says why."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from harness import HarnessError, run, show
+from harness import build as build_path
+from harness.authoring import build as building
+from harness.authoring.build import build
+from harness.authoring.new import new_controller
+from harness.cli.app import main
+from harness.files import paths
+
+
+def fly(place, name, stop, **changes):
+    """Run a system with the FMU in folder `name` in its place."""
+    system, component = place.split(".")
+    return run(system, swap={component: name}, stop=stop, **changes)
+
+
+def ports(place):
+    """Driven inputs and outputs that are read, with shapes, of a component of ours."""
+    return {(s.name, s.causality, s.shape) for s in show(place).rows if s.wires}
+
+
+@pytest.fixture(scope="module")
+def twins(tmp_path_factory):
+    """Folders of the example in C and in Python, made and built by the command lines."""
+    folder = tmp_path_factory.mktemp("twins")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for name, language in (("my_pd", "c"), ("my_py", "python")):
+            assert main(["new", "controller", name, "--language", language]) == 0
+            assert main(["build", name]) == 0
+    return folder / "my_pd", folder / "my_py"
+
+
+def test_the_controller_in_c_flies_as_it_is_and_obeys_its_law(twins):
+    """F = -K (rho - rho_ref) - D (drho - drho_ref), turned into S axes by the quaternion of S."""
+    result = fly("sync_approach.controller", twins[0], 20.0)
+    K, D = result.parameter("controller.K"), result.parameter("controller.D")
+    # a row holds what was commanded from the states of the row before
+    state = {
+        n: result[n][:-1]
+        for n in ("servicer.r_SN_N", "servicer.v_SN_N", "target.r_TN_N", "target.v_TN_N")
+    }
+    rho = state["servicer.r_SN_N"] - state["target.r_TN_N"]
+    drho = state["servicer.v_SN_N"] - state["target.v_TN_N"]
+    e, de = rho - result["guidance.rho_ref_N"][1:], drho - result["guidance.drho_ref_N"][1:]
+    F_N = -K * e - D * de
+    w, v = result["servicer.q_SN"][:-1, :1], result["servicer.q_SN"][:-1, 1:]
+    F_S = F_N - 2 * w * np.cross(v, F_N) + 2 * np.cross(v, np.cross(v, F_N))
+    assert np.abs(F_S).max() > 0.1
+    assert result["controller.F_cmd_S"][1:] == pytest.approx(F_S, abs=1e-6)
+
+
+def test_its_twin_in_python_commands_the_same(twins):
+    c, python = (fly("sync_approach.controller", t, 2.0)["controller.F_cmd_S"] for t in twins)
+    assert np.abs(c).max() > 0.01
+    assert python == pytest.approx(c, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("place", "language", "stop"),
+    [
+        ("space_robot.joints", "c", 10.0),
+        ("relay_approach.controller", "python", 1.0),
+        ("arch_rendezvous.controller", "c", 1.0),
+    ],
+)
+def test_anywhere_else_all_ports_are_there_and_outputs_stay_at_the_start(
+    tmp_path, place, language, stop
+):
+    created = new_controller("mine", language, place, tmp_path)
+    build(created.folder)
+    there = {
+        (s.name, s.causality, s.shape)
+        for s in show(created.folder / "mine.fmu").rows
+        if s.causality != "parameter"
+    }
+    assert there == ports(place)
+    result = fly(place, created.folder, stop)
+    component = place.split(".")[1]
+    for name, causality, _ in ports(place):
+        if causality == "output":
+            values = result[f"{component}.{name}"]
+            assert np.array_equal(values, np.broadcast_to(values[0], values.shape))
+
+
+def test_the_reference_of_an_empty_guidance_is_what_the_controller_starts_with(tmp_path):
+    build(new_controller("mine", "c", "sync_approach.guidance", tmp_path).folder)
+    result = fly("sync_approach.guidance", tmp_path / "mine", 1.0)
+    assert result["guidance.q_DN"][-1].tolist() == [1, 0, 0, 0]
+
+
+def test_the_readme_names_the_commands_that_were_printed(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "controller", "mine", "--for", "space_robot.joints"]) == 0
+    printed = [line.strip() for line in capsys.readouterr().out.splitlines()[1:]]
+    page = Path("mine/README.md").read_text()
+    assert printed == [
+        "harness build mine",
+        "harness run space_robot --swap joints=mine -o mine/mine.nc",
+    ]
+    assert all(f"    {command}\n" in page for command in printed)
+
+
+def test_an_fmu_of_another_file_name_has_its_binary_where_it_is_looked_for(twins, tmp_path):
+    renamed, other = tmp_path / "renamed.c", tmp_path / "deep" / "other.fmu"
+    renamed.write_bytes((twins[0] / "my_pd.c").read_bytes())
+    assert build_path(renamed, other) == other
+    assert run("sync_approach", swap={"controller": other}, stop=0.1).complete
+
+
+# ---- refusals
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["new", "controller", "2nd"], "2nd: a controller is named by a letter, then"),
+        (["new", "controller", "ünder"], "ünder: a controller is named by a letter, then"),
+        (["new", "controller", "lambda"], "lambda: a controller is named by a letter, then"),
+        (["new", "controller", "double"], "double: is a word of C"),
+        (["new", "controller", "target"], "target: the project has an FMU of this name"),
+        (
+            ["new", "controller", "a", "--for", "controller"],
+            "--for controller: expected SYSTEM.comp",
+        ),
+        (["new", "controller", "a", "--for", "sync_approach"], "--for sync_approach: expected SYS"),
+        (
+            ["new", "controller", "a", "--for", "sync_approach.ctrl"],
+            "sync_approach has no component ctrl",
+        ),
+        (["new", "controller", "a", "--language", "rust"], "Invalid value for '--language'"),
+        (["new", "plant", "a"], "new plant: write harness new controller NAME"),
+        (["build", "nothing"], "nothing: expected a .c or .py file, or a folder with nothing.c or"),
+        (["build", "empty"], "empty: expected a .c or .py file, or a folder with empty.c or"),
+        (["build", "both"], "both: it holds both.c and both.py: name one of them"),
+        (["build", "bad.c", "-o", "x.so"], "--output x.so: an FMU is a file NAME.fmu"),
+        (["build", "bad.c", "--cc", "no_such_cc"], "no_such_cc: there is no such C compiler"),
+        (["build", "bad.c", "--cc", ""], "(nothing): there is no such C compiler"),
+        (
+            ["run", "sync_approach", "--swap", "controller=empty"],
+            "empty: a folder without empty.fmu; harness build empty makes it",
+        ),
+    ],
+)
+def test_wrong_use_is_status_2_and_one_line(tmp_path, monkeypatch, capsys, arguments, line):
+    monkeypatch.chdir(tmp_path)
+    for folder in ("empty", "both"):
+        Path(folder).mkdir()
+    for file in ("bad.c", "both/both.c", "both/both.py"):
+        Path(file).write_text("")
+    assert main(arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith(f"harness: {line}")
+    assert err.count("\n") == 1
+
+
+def test_nothing_that_exists_is_overwritten(tmp_path):
+    (tmp_path / "mine").mkdir()
+    with pytest.raises(HarnessError, match="mine: is there already"):
+        new_controller("mine", folder=tmp_path)
+    assert list((tmp_path / "mine").iterdir()) == []
+
+
+def test_a_mistake_in_c_is_told_in_the_words_of_the_compiler_and_keeps_the_last_fmu(tmp_path):
+    created = new_controller("mine", folder=tmp_path)
+    build(created.folder)
+    before = (created.folder / "mine.fmu").read_bytes()
+    text = created.source.read_text().replace("p->K", "p->KK")
+    created.source.write_text(text)
+    with pytest.raises(HarnessError, match=r"(?s)mine\.c does not build:.*KK"):
+        build(created.folder)
+    assert (created.folder / "mine.fmu").read_bytes() == before
+
+
+def test_a_mistake_in_the_table_of_variables_is_told(tmp_path):
+    created = new_controller("mine", folder=tmp_path)
+    created.source.write_text(created.source.read_text().replace('"N/m"', '"furlong"'))
+    with pytest.raises(HarnessError, match=r"(?s)does not build:.*furlong: unknown unit"):
+        build(created.folder)
+
+
+def test_a_mistake_in_python_is_told(tmp_path):
+    (tmp_path / "mine.py").write_text("import nothing_of_this_name\n")
+    with pytest.raises(HarnessError, match=r"(?s)mine\.py does not build:.*nothing_of_this_name"):
+        build(tmp_path / "mine.py")
+
+
+def test_without_pythonfmu_the_extra_is_named(tmp_path, monkeypatch):
+    created = new_controller("mine", "python", folder=tmp_path)
+    monkeypatch.setattr(building.importlib.util, "find_spec", lambda _: None)
+    with pytest.raises(HarnessError, match="needs PythonFMU, the extra `python`"):
+        build(created.folder)
+
+
+@settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
+@given(name=st.one_of(st.text(max_size=8), st.from_regex(r"[A-Za-z_0-9]{1,4}", fullmatch=True)))
+def test_a_name_is_an_identifier_of_a_folder_of_its_own_or_refused(tmp_path, name):
+    inside = {path.name for path in tmp_path.iterdir()}
+    try:
+        created = new_controller(name, "c", "space_robot.joints", tmp_path)
+    except HarnessError as error:
+        assert str(error)
+        assert {path.name for path in tmp_path.iterdir()} == inside
+    else:
+        assert re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name)
+        assert not keyword.iskeyword(name)
+        assert created.folder == tmp_path / name
+        assert name not in paths.fmus()
