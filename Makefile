@@ -141,6 +141,13 @@ bench: build
 bench-maths: build
 	$(BIN)/python -m harness.bench.maths
 
+# the rules of flight code: writes the page docs/flight_code.md, then checks them
+.PHONY: flight-rules
+flight-rules: build
+	$(BIN)/python fmus/core/build/flight_rules.py > build/flight_code.md
+	mv build/flight_code.md docs/flight_code.md
+	$(BIN)/pytest -q -rs -n 0 tests/compliance/test_flight_code.py
+
 # FMUs with binaries for linux64, win64, darwin64 and aarch64-darwin in one file
 dist: build
 	$(PIP) ziglang==0.13.0
