@@ -135,6 +135,17 @@ ARGUMENTS = {
         "subnormal": positive(-1074, -1020),
     },
 }  # fmt: skip
+WORST = {
+    "sine": 0.85,
+    "cosine": 0.85,
+    "arc_tangent": 0.6,
+    "exponential": 0.76,
+    "exponential_less_1": 0.6,
+    "logarithm": 0.55,
+}
+"""Units in the last place: half of one is the rounding of the result; cosines lose a quarter by
+their z/2, subnormal results of exp are rounded twice.
+"""
 CASES = [(name, kind) for name, kinds in ARGUMENTS.items() for kind in kinds]
 
 
@@ -166,14 +177,14 @@ def arguments_of(name, kind, count):
 @pytest.mark.parametrize(("name", "kind"), CASES)
 def test_values_are_within_one_unit_in_the_last_place(functions, name, kind):
     units, at = worst(functions, name, arguments_of(name, kind, 20_000 // len(ARGUMENTS[name])))
-    assert units < 1, at
+    assert units < WORST[name], at
 
 
 @pytest.mark.long
 @pytest.mark.parametrize(("name", "kind"), CASES)
 def test_a_million_values_are_within_one_unit_in_the_last_place(functions, name, kind):
     units, at = worst(functions, name, arguments_of(name, kind, 1_000_000 // len(ARGUMENTS[name])))
-    assert units < 1, at
+    assert units < WORST[name], at
 
 
 def test_the_angle_that_comes_nearest_to_a_multiple_of_half_a_turn(functions):
