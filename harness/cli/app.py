@@ -96,6 +96,8 @@ def _main(arguments: Sequence[str] | None) -> int:
     notes.setFormatter(_Printable("harness: note: %(message)s"))
     logging.basicConfig(handlers=[notes], level=logging.WARNING)
     given = list(sys.argv[1:] if arguments is None else arguments)
+    if any("\0" in text for text in given):  # no shell can pass one, and no file name have one
+        return _complain("an argument holds a NUL character", 2)
     try:
         with commanded(shlex.join(["harness", *given])):
             status = app(given or ["--help"], "harness", standalone_mode=False)

@@ -513,7 +513,7 @@ def test_two_listed_factors_are_drawn_as_a_map(system, tmp_path):
         "count.n_0": {"list": [0.0, 5.0]},
     }
     found = campaign(given, tmp_path / "out.zarr", workers=0)
-    names = [path.name for path in pictures(found.store, tmp_path, "svg")]
+    names = [path.name for path in pictures(found.store, tmp_path, "svg", "screen")]
     assert names == ["campaign_histograms.svg", "campaign_map_end.svg"]
 
 
