@@ -19,7 +19,7 @@ import typer
 
 from harness.cli import look, models, runs
 from harness.cli.once import OnceCommand
-from harness.errors import HarnessError
+from harness.errors import HarnessError, UsageError
 from harness.files import signals
 from harness.files.command import commanded
 from harness.spelling import printable
@@ -96,9 +96,9 @@ def _main(arguments: Sequence[str] | None) -> int:
     notes.setFormatter(_Printable("harness: note: %(message)s"))
     logging.basicConfig(handlers=[notes], level=logging.WARNING)
     given = list(sys.argv[1:] if arguments is None else arguments)
-    if any("\0" in text for text in given):  # no shell can pass one, and no file name have one
-        return _complain("an argument holds a NUL character", 2)
     try:
+        if any("\0" in text for text in given):  # no shell can pass one, no file name have one
+            raise UsageError("an argument holds a NUL character")
         with commanded(shlex.join(["harness", *given])):
             status = app(given or ["--help"], "harness", standalone_mode=False)
     except HarnessError as error:
