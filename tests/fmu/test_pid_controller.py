@@ -35,6 +35,27 @@ def test_outputs_are_those_of_the_reference_over_five_samples(fmu, rng, up_axis)
             assert deviation(out[name], value, 1 + np.max(np.abs(value))) < 1e-7, (k, name)
 
 
+def test_every_channel_has_gains_of_its_own(fmu, rng):
+    """In the paper those of elevation and azimuth are the same; limits act, so the integrals give
+    way by the times of their channels too.
+    """
+    p = replace(
+        reference.Pid(),
+        range=reference.Gains(0.4, 0.02, 2.0, 4.0),
+        elevation=reference.Gains(20.0, 4.0, 48.0, 0.5),
+        azimuth=reference.Gains(15.0, 3.0, 40.0, 0.8),
+        a_max=0.02,
+    )
+    unit, x = fmu("pid_controller", reference.settings(p)), (np.zeros(3), np.zeros(3))
+    for k in range(3):
+        u = random_scene(rng).inputs()
+        expected, x = reference.pid(0.1 * k, *bodies(u), reference_of(u), x, p, 0.1)
+        out = sample(unit, u)
+        assert out["a_saturated"].all()
+        for name in ("a_cmd_L", "integral"):
+            assert deviation(out[name], expected[name], 1 + np.max(np.abs(expected[name]))) < 1e-7
+
+
 def test_proportional_and_rate_gain_act_per_channel(fmu, rng):
     scene = replace(random_scene(rng), r_TN_N=np.zeros(3), v_TN_N=np.zeros(3))
     out = sample(fmu("pid_controller", FREE), scene.inputs())

@@ -251,27 +251,23 @@ def test_both_executors_fly_the_same_bits():
 
 
 MEASURE = """
-import time
 from pathlib import Path
 from harness import run
-began = time.perf_counter()
 rows = len(run("relay_approach", every=10).time)
-seconds = time.perf_counter() - began
 status = Path("/proc/self/status").read_text().splitlines()
 peak = next(line for line in status if line.startswith("VmHWM"))
-print(rows, seconds, peak.split()[1])
+print(rows, peak.split()[1])
 """
 
 
 @pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="reads the peak of memory from /proc"
 )
-def test_400_000_steps_with_every_tenth_recorded_stay_below_300_MB_and_15_s():
-    """Alone in a process; measured 90 MB and 2 s, the bound on time is for a busy machine."""
+def test_400_000_steps_with_every_tenth_recorded_stay_below_300_MB():
+    """Alone in a process; measured 90 MB."""
     run = subprocess.run(
         [sys.executable, "-c", MEASURE], capture_output=True, text=True, check=True, env=os.environ
     )
-    rows, seconds, kilobytes = map(float, run.stdout.split())
+    rows, kilobytes = map(float, run.stdout.split())
     assert rows == 40001
-    assert seconds < 15
     assert kilobytes < 300e3

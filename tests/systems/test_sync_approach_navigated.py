@@ -265,6 +265,7 @@ def seconds(system: str, stop: float) -> float:
         return time.process_time() - begin
 
 
+@pytest.mark.long
 def test_a_sample_of_the_navigation_costs_less_than_25_microseconds():
     """Beyond the loop without it; the best of three, processor time."""
     costs = []
