@@ -231,7 +231,7 @@ function layout(entry) {
 
 function draw(entry) {
   const traces = [...entry.plot.curves.map((curve) => trace(curve, entry)), ...ends(entry)];
-  const config = { responsive: true, displaylogo: false, displayModeBar: "hover",
+  const config = { responsive: true, displaylogo: false, typesetMath: false, displayModeBar: "hover",
     modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d", "zoomIn2d", "zoomOut2d"] };
   Plotly.react(entry.drawing, traces, layout(entry), config);
   if (!entry.drawn && entry.plot.time) link(entry);
@@ -244,6 +244,7 @@ function draw(entry) {
 function link(entry) {
   entry.drawing.on("plotly_relayout", (change) => {
     if (change["xaxis.autorange"]) zoomAll(entry, null);
+    else if (change["xaxis.range"]) zoomAll(entry, change["xaxis.range"].slice());
     else if (change["xaxis.range[0]"] !== undefined)
       zoomAll(entry, [change["xaxis.range[0]"], change["xaxis.range[1]"]]);
   });
