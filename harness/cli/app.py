@@ -19,7 +19,7 @@ import typer
 
 from harness.cli import look, models, runs
 from harness.cli.once import OnceCommand
-from harness.errors import HarnessError, UsageError
+from harness.errors import HarnessError
 from harness.files import signals
 from harness.files.command import commanded
 from harness.spelling import printable
@@ -97,8 +97,6 @@ def _main(arguments: Sequence[str] | None) -> int:
     logging.basicConfig(handlers=[notes], level=logging.WARNING)
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        if any("\0" in text for text in given):  # no shell can pass one, no file name have one
-            raise UsageError("an argument holds a NUL character")
         with commanded(shlex.join(["harness", *given])):
             status = app(given or ["--help"], "harness", standalone_mode=False)
     except HarnessError as error:
@@ -122,6 +120,8 @@ def _unexpected(error: Exception) -> int:
         return _output_lost(error)
     if hasattr(error, "format_message") and hasattr(error, "exit_code"):
         return _complain(error.format_message(), error.exit_code)
+    if isinstance(error, ValueError) and "null byte" in str(error):  # from a look at such a path
+        return _complain("no file can have a NUL character in its name", 2)
     if os.environ.get("HARNESS_TRACEBACK"):
         raise error
     return _complain(

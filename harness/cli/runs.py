@@ -222,14 +222,23 @@ def _run(  # noqa: PLR0913, PLR0917 - what the command line says
                 result = simulate(changed, **how)
             except RunError as error:
                 if error.partial is not None:
-                    kept = file.keep(error.partial)
-                    error.append(f"{len(error.partial.time)} rows kept in {kept}")
+                    error.append(_kept(file, error.partial))
                 raise
             seconds = perf_counter() - began
             file.write(result)
             if not quiet:
                 _report(result, seconds, file.path)
     return result
+
+
+def _kept(file: Any, partial: Any) -> str:
+    """Write what a run that ended early has recorded; an interruption after the last step has cost
+    nothing.
+    """
+    if partial.complete:
+        file.write(partial)
+        return f"all {len(partial.time)} rows are in {file.path}"
+    return f"{len(partial.time)} rows kept in {file.keep(partial)}"
 
 
 def _report(result: Any, seconds: float, path: Path) -> None:

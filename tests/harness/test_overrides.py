@@ -95,7 +95,10 @@ def test_single_values_are_numbers_vectors_matrices_or_elements(system):
         ("third.k", r"--set third\.k: expected name=value"),
         ("third.k=nan", r"--set third\.k: it must not be NaN"),
         ("third.k=fast", r"--set third\.k: 'fast' is not a number"),
-        ("second.J=[1, 2]", r"--set second\.J: expected 2 x 2 elements, got 2 elements"),
+        (
+            "second.J=[1, 2]",
+            r"--set second\.J: expected 2 x 2 elements, got 2 elements; write its rows, as in .*",
+        ),
     ],
 )
 def test_a_mistaken_single_value_is_wrong_use(system, text, problem):
