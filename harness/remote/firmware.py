@@ -28,7 +28,7 @@ FLAGS = (
 LIBRARY = "--specs=picolibc.specs"
 """Of C, with start-up code and linker script."""
 
-BOARD = ("board.c", "firmware.c")
+BOARD = ("board.c", "firmware.c", "soft_double.c")
 
 ALWAYS = {
     "instantiate": "Instantiate",
