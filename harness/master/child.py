@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from harness.errors import HarnessError
+from harness.files.signals import held
 from harness.master import memory, place
 
 _log = logging.getLogger("harness")
@@ -59,7 +60,8 @@ class Child:
         )
         # a daemonic process, as a worker of dask is, may have this child: it ends with its parent
         multiprocessing.current_process().daemon = False
-        with warnings.catch_warnings():  # newer Pythons warn of forks beside other threads
+        # an interrupt between the locks of a fork would leave them closed for ever
+        with held(), warnings.catch_warnings():  # newer Pythons warn of forks beside other threads
             warnings.simplefilter("ignore", DeprecationWarning)
             self.process.start()
         theirs.close()

@@ -12,6 +12,7 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
+import psutil
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
@@ -312,10 +313,11 @@ def test_a_device_that_never_ends_is_refused_and_not_read_to_its_end(folder, end
 
 @contextmanager
 def _room_for(size):
-    """So much memory and no more, so that a mistake costs no other program its life."""
+    """So much memory more, so that a mistake costs no other program its life."""
     resource = pytest.importorskip("resource")
     before = resource.getrlimit(resource.RLIMIT_AS)
-    resource.setrlimit(resource.RLIMIT_AS, (size, before[1]))
+    used = psutil.Process().memory_info().vms
+    resource.setrlimit(resource.RLIMIT_AS, (used + size, before[1]))
     try:
         yield
     finally:
