@@ -17,7 +17,7 @@ from typing import Annotated
 
 import typer
 
-from harness.cli import look, models, runs
+from harness.cli import look, models, runs, studies
 from harness.cli.once import OnceCommand
 from harness.errors import HarnessError
 from harness.files import signals
@@ -25,7 +25,7 @@ from harness.files.command import commanded
 from harness.spelling import printable
 
 app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None, no_args_is_help=True)
-for group in (runs, look, models):
+for group in (runs, studies, look, models):
     for command in group.app.registered_commands:
         command.cls = OnceCommand
     app.registered_commands += group.app.registered_commands

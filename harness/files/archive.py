@@ -37,7 +37,6 @@ _DAMAGE = (
     zlib.error,
     EOFError,
     RuntimeError,
-    NotImplementedError,
     ValueError,
     OSError,
 )

@@ -22,7 +22,7 @@ from harness.errors import HarnessError, StructureError, UsageError
 from harness.results import requirements
 from harness.spelling import did_you_mean
 from harness.ssp.writer import write_ssp
-from harness.system import graph
+from harness.system import graph, problems
 from harness.system.interface import Interface
 from harness.system.model import Alternative, Component, Experiment, ParameterSet, Port, System
 from harness.system.schedule import macro_steps
@@ -179,8 +179,8 @@ class _Builder:
         """Raise everything that was found; open inputs that the wiring has already spoken of are
         not repeated.
         """
-        further = graph.problems(replace(system, strict=not wiring.problems), self.interfaces)
-        unequal = graph.unequal_units(system, self.interfaces)
+        further = problems.problems(replace(system, strict=not wiring.problems), self.interfaces)
+        unequal = problems.unequal_units(system, self.interfaces)
         if found := [*wiring.problems, *self.problems, *further, *unequal]:
             raise StructureError(found)
         macro_steps(system.experiment, [c.every for c in system.components])

@@ -21,10 +21,11 @@ from harness.rules.judge import judge
 from harness.spelling import did_you_mean
 from harness.ssp import reader
 from harness.studies.notes import noted
-from harness.system.graph import problems as graph_problems
-from harness.system.graph import readable_interfaces, size_problems
+from harness.system.graph import readable_interfaces
 from harness.system.interface import Interface, binaries, has_binary, platforms, read_interface
 from harness.system.model import System
+from harness.system.problems import problems as graph_problems
+from harness.system.problems import size_problems
 from harness.system.schedule import macro_steps
 
 

@@ -348,7 +348,7 @@ def test_check_and_run_have_one_limit_of_size(packed, tmp_path, capsys, monkeypa
     path = packed(GOOD)
     with zipfile.ZipFile(path) as archive:
         size = sum(entry.file_size for entry in archive.infolist())
-    monkeypatch.setattr("harness.system.graph.MAX_UNPACKED", 3 * size // 2)
+    monkeypatch.setattr("harness.system.problems.MAX_UNPACKED", 3 * size // 2)
     for count, status in ((1, 0), (2, 1)):
         parts = [component(f"g{i}", "gain") for i in range(count)]
         whole = str(write(tmp_path / "x.ssp", system("top", parts, []), {"gain": path}))

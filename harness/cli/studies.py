@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Many runs of a system: `harness compare`, `harness campaign` and `harness study`."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from harness.cli.options import (
+    Format,
+    FormatOption,
+    Look,
+    QuietOption,
+    StrictOption,
+    StyleOption,
+    SystemArgument,
+    figures_of,
+    insist,
+    takes_changes,
+)
+from harness.errors import ComparisonError, UsageError
+from harness.spelling import printable
+
+app = typer.Typer()
+
+Several = list[str] | None
+"""Values of an option that may be given several times."""
+ParamsOption = Annotated[str | None, typer.Option(metavar="A,B,..", help="parameter sets")]
+SwapOption = Annotated[Several, typer.Option(metavar="C=A,B,..", help="FMUs in the place of C")]
+LatencyOption = Annotated[
+    Several, typer.Option(metavar="C=N,M,..", help="macro steps that C is late")
+]
+VaryOption = Annotated[
+    Several,
+    typer.Option(metavar="C.NAME=V,W,..", help="values of a parameter, or first:last:step"),
+]
+AlgorithmsOption = Annotated[str | None, typer.Option(metavar="A,B", help="gauss-seidel,jacobi")]
+FolderOption = Annotated[
+    Path | None, typer.Option("--output", "-o", help="folder (default: results/SYSTEM)")
+]
+ThinOption = Annotated[
+    int | None, typer.Option(help="record every N-th macro step (default: 20 000 rows)")
+]
+BandOption = Annotated[
+    Several,
+    typer.Option(metavar="position=M, attitude=DEG", help="bands in which an error has settled"),
+]
+KeepOutOption = Annotated[float, typer.Option(help="radius about the target [m]")]
+FiguresOption = Annotated[bool, typer.Option("--figures/--no-figures", help="draw them")]
+DatasetOption = Annotated[
+    Path | None, typer.Option("--output", "-o", help="dataset (default: results/NAME.zarr)")
+]
+WorkersOption = Annotated[
+    int | None, typer.Option(help="processes, or jobs (default: processors; 0: no other)")
+]
+ResumeOption = Annotated[bool, typer.Option("--resume", help="go on after an interruption")]
+
+
+@app.command("compare")
+@takes_changes("set", "map", "step", "stop", "require")
+def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
+    system: SystemArgument,
+    params: ParamsOption = None,
+    swap: SwapOption = None,
+    latency: LatencyOption = None,
+    vary: VaryOption = None,
+    algorithm: AlgorithmsOption = None,
+    output: FolderOption = None,
+    every: ThinOption = None,
+    band: BandOption = None,
+    keep_out: KeepOutOption = 0.0,
+    ending: FormatOption = Format.PNG,
+    style: StyleOption = Look.SCREEN,
+    figures: FiguresOption = True,
+    strict: StrictOption = False,
+    quiet: QuietOption = False,
+    changes: Any = None,
+) -> None:
+    """Run variants side by side: one table, figures.
+
+    Every combination of the values given is run, in parallel. Results, table and figures go to one
+    folder.
+    """
+    from harness.master.progress import progress_bar
+    from harness.studies.compare import compare
+    from harness.studies.variants import combinations
+
+    given = {"swap": swap, "latency": latency, "set": vary}
+    variants = combinations(changes, _varied(params, algorithm, given))
+    folder = output or Path("results") / Path(system).stem
+    shown = not quiet and sys.stderr.isatty()
+    with progress_bar(f"{len(variants)} runs", len(variants), shown) as show:
+        found = compare(
+            system, variants, folder, limits=_limits(band, keep_out), every=every, progress=show
+        )
+    typer.echo(printable(found.text()))
+    drawn = _overlaid(found.results, folder, ending, style) if figures else ""
+    typer.echo(f"\nresults{',' if figures else ' and'} comparison.csv{drawn} in {folder}")
+    if found.failures:
+        raise ComparisonError("\n".join(found.failures))
+    for result in found.results.values():
+        insist(result, changes.get("require", ()), strict)
+
+
+def _overlaid(results: Any, folder: Path, ending: Format, style: Look) -> str:
+    """Draw the figures of a comparison; how many, as the end of a list."""
+    from harness.figures.plots import overlay
+    from harness.figures.style import style_of
+
+    drawn = overlay(results, folder, ending.value, style_of(style.value))
+    return f" and {len(drawn)} figures"
+
+
+def _varied(
+    params: str | None, algorithm: str | None, given: Mapping[str, Several]
+) -> list[tuple[str, str]]:
+    """Options with the values given, as combinations() takes them."""
+    varied = [("params", params), ("algorithm", algorithm)]
+    for option, texts in given.items():
+        varied += [(option, each) for each in texts or ()]
+    return [(option, text) for option, text in varied if text]
+
+
+def _limits(bands: list[str] | None, keep_out: float) -> Any:
+    """Limits of a comparison from the options --band and --keep-out; UsageError."""
+    from harness.master.changes import pairs
+    from harness.studies.measures import Limits
+
+    given = {}
+    for name, value in pairs("--band", bands or ()):
+        if name not in ("position", "attitude") or not _positive(value):
+            raise UsageError(
+                f"--band {name}={value}: expected position=METRES or attitude=DEGREES, above 0"
+            )
+        given[name] = float(value)
+    if not 0 <= keep_out < math.inf:
+        raise UsageError(f"--keep-out {keep_out:g}: expected a radius in metres, 0 or more")
+    return Limits(keep_out=keep_out, **given)
+
+
+def _positive(text: str) -> bool:
+    try:
+        return 0 < float(text) < math.inf
+    except ValueError:
+        return False
+
+
+@app.command("campaign")
+def campaign_command(  # noqa: PLR0913, PLR0917 - one argument per option
+    definition: Annotated[
+        Path, typer.Argument(metavar="CAMPAIGN.toml", help="system, factors, metrics")
+    ],
+    output: DatasetOption = None,
+    workers: WorkersOption = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="of a Dask cluster")
+    ] = None,
+    slurm: Annotated[bool, typer.Option("--slurm", help="jobs of SLURM do the work")] = False,
+    resume: ResumeOption = False,
+    ending: FormatOption = Format.PNG,
+    style: StyleOption = Look.SCREEN,
+    figures: FiguresOption = True,
+    quiet: QuietOption = False,
+) -> None:
+    """Run a system by the thousand.
+
+    Factors vary as the file says; metrics, failures and histories go to one Zarr dataset.
+    """
+    from harness.cli.campaigns import counting, pictures
+    from harness.studies.campaign.campaign import campaign
+
+    folder = output or Path("results") / f"{definition.stem}.zarr"
+    shown = not quiet and sys.stderr.isatty()
+    with counting(definition.stem, shown) as show:
+        found = campaign(
+            definition,
+            folder,
+            workers=workers,
+            scheduler=scheduler,
+            slurm=slurm,
+            resume=resume,
+            progress=show,
+            said=(lambda text: None) if quiet else (lambda text: typer.echo(text, err=True)),
+        )
+    typer.echo(printable(found.summary()))
+    place = figures_of(folder)
+    drawn = pictures(found.store, place, ending.value, style.value) if figures else []
+    typer.echo(f"\ndataset {folder}" + (f", {len(drawn)} figures in {place}" if drawn else ""))
+
+
+@app.command("study")
+def study_command(  # noqa: PLR0913, PLR0917 - one argument per option
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="[NAME]", help="a campaign of the project; without it, their names"),
+    ] = None,
+    output: DatasetOption = None,
+    workers: WorkersOption = None,
+    resume: ResumeOption = False,
+    ending: FormatOption = Format.PNG,
+    style: StyleOption = Look.SCREEN,
+    quiet: QuietOption = False,
+) -> None:
+    """Run a campaign of the project.
+
+    Studies of the papers, as the maps of the space robot.
+    """
+    from harness.files import paths
+    from harness.spelling import did_you_mean
+
+    known = paths.campaigns()
+    if name is None:
+        typer.echo("\n".join(known))
+        return
+    if name not in known:
+        raise UsageError(f"{name}: there is no such study{did_you_mean(name, known)}")
+    campaign_command(known[name], output, workers, None, False, resume, ending, style, True, quiet)
