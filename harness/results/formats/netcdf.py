@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A .nc (netCDF4): variables with axes, units and long names; parameters are those without time,
+provenance is in attributes.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.results.formats.columns import flat_columns
+from harness.results.provenance import Provenance, from_flat
+from harness.results.result import Result
+from harness.results.variables import PROVENANCE, attributes, variables
+
+PACKED = 1000
+"""Values from which a variable is compressed, without loss."""
+
+
+def fits(name: str) -> bool:
+    """Whether a netCDF file keeps a name as it is: it composes characters (NFC)."""
+    as_it_is = unicodedata.is_normalized("NFC", name) and len(name) <= 200
+    return as_it_is and _NAME.fullmatch(name) is not None
+
+
+_NAME = re.compile(r"[\w\u0080-\U0010ffff][^/\x00-\x1f\x7f]*(?<! )")
+"""Names that a netCDF file can have, of at most 256 bytes."""
+
+
+def write(result: Result, path: Path) -> None:
+    """All variables are defined before the first is filled: each change from the one to the other
+    costs as much as all variables so far.
+    """
+    import netCDF4
+
+    time = {"units": "s", "long_name": "time"}
+    content = {
+        name: (axes, data[0], about) for name, axes, data, about in variables(result.parameters)
+    }
+    content |= {
+        name: (("time", *axes), data, about) for name, axes, data, about in variables(result)
+    }
+    with netCDF4.Dataset(path, "w") as file:
+        file.setncatts(attributes(result))
+        content["time"] = (("time",), result.time, time)
+        defined = [(_defined(file, name, *each), each[1]) for name, each in content.items()]
+        for variable, data in defined:
+            variable[...] = data
+
+
+def _defined(
+    file: Any, name: str, axes: tuple[str, ...], data: NDArray[np.float64], about: dict[str, str]
+) -> Any:
+    """A new variable of a netCDF file, its dimensions and its attributes."""
+    for axis, size in zip(axes, data.shape, strict=True):
+        if axis not in file.dimensions:
+            file.createDimension(axis, size)
+    packed = {"zlib": True, "complevel": 1, "shuffle": True} if data.size > PACKED else {}
+    variable = file.createVariable(name, "f8", axes, fill_value=False, **packed)
+    variable.setncatts(about)
+    return variable
+
+
+def read(path: Path) -> Result:
+    """Read the file; a variable without time is a parameter."""
+    import netCDF4
+
+    histories, fixed = {}, {}
+    with netCDF4.Dataset(path) as file:
+        file.set_auto_mask(False)
+        about = {name: file.getncattr(name) for name in file.ncattrs()}
+        time = file["time"][...]
+        for name, variable in file.variables.items():
+            data, notes = np.asarray(variable[...]), vars(variable)
+            if "time" in variable.dimensions and name != "time":
+                histories[name] = (data, notes)
+            elif name != "time":
+                fixed[name] = (data[None], notes)
+    system = about.get("system", path.stem)
+    parameters = flat_columns(system, time[:1], fixed) if fixed else None
+    complete, message = bool(about.get("complete", 1)), about.get("message", "")
+    return replace(
+        flat_columns(system, time, histories),
+        complete=complete,
+        message=message,
+        parameters=parameters,
+        provenance=_provenance(about),
+    )
+
+
+def _provenance(about: Mapping[str, Any]) -> Provenance | None:
+    found = {n.removeprefix(PROVENANCE): v for n, v in about.items() if n.startswith(PROVENANCE)}
+    return from_flat(found) if found else None

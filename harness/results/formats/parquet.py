@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A .parquet: flat columns with their units; what is no column stands in the metadata."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from harness.files.libraries import library
+from harness.results import sidecar
+from harness.results.result import Result
+
+ABOUT = b"servicing-fmus"
+"""Key of the metadata of a .parquet with what is no column."""
+
+
+def write(result: Result, path: Path) -> None:
+    """Write the file; units and descriptions are metadata of its columns."""
+    arrow, parquet = library("pyarrow", "exchange"), library("pyarrow.parquet", "exchange")
+    fields = [arrow.field("time", arrow.float64(), metadata={"units": "s"})]
+    descriptions = result.descriptions or ("",) * len(result.columns)
+    for name, unit, text in zip(result.columns, result.units, descriptions, strict=True):
+        about = {"units": unit, "long_name": text}
+        fields.append(arrow.field(name, arrow.float64(), metadata=about))
+    whole = json.dumps(sidecar.content(result))
+    schema = arrow.schema(fields, metadata={ABOUT: whole.encode()})
+    columns = [arrow.array(column) for column in (result.time, *result.values.T)]
+    parquet.write_table(arrow.table(columns, schema=schema), path, compression="zstd")
+
+
+def read(path: Path) -> Result:
+    """Read the file; ValueError if it does not begin with a column named time."""
+    with path.open("rb") as file:
+        table = library("pyarrow.parquet", "exchange").read_table(file)
+    names = tuple(table.column_names)
+    if names[:1] != ("time",):
+        raise ValueError("it does not begin with a column named time")
+    values = np.column_stack([table.column(i).to_numpy() for i in range(len(names))])
+    units = ("",) * (len(names) - 1)
+    result = Result(path.stem, values[:, 0], names[1:], units, np.ascontiguousarray(values[:, 1:]))
+    about = json.loads((table.schema.metadata or {}).get(ABOUT, b"null"))
+    if about is None:
+        return result
+    complete, message = about.get("complete", True), about.get("message", "")
+    return replace(sidecar.told(result, about), complete=complete, message=message)
