@@ -12,7 +12,8 @@ import pytest
 
 from tests.compliance import api
 from tests.compliance.api import Status
-from tests.compliance.probe import Instance
+from tests.compliance.fmus import ARCHIVES
+from tests.compliance.probe import Fmu, Instance
 from tests.compliance.states import MARKS, STATES, allowed, attempt, bring, overflow, right_answer
 
 in_every_state = pytest.mark.parametrize("state", STATES)
@@ -108,3 +109,15 @@ def test_a_failed_step_can_be_undone_by_a_saved_state(fmu):
         instance.restore(state)
         assert instance.fly(10) == other.start().fly(10)
         instance.drop(state)
+
+
+@pytest.mark.parametrize("name", ["servicer"])
+def test_a_step_to_an_output_out_of_its_bounds_fails(name, tmp_path):
+    """All propellant burnt, and more: finite, but the mass would be negative."""
+    fmu = Fmu(next(path for path in ARCHIVES if path.stem == name), tmp_path)
+    with Instance(fmu) as instance:
+        instance.start({"mdot": 41.0}).step(0.0, 2.0)
+        assert instance.call("fmi2DoStep", 2.0, 1.0, 0) is Status.ERROR
+        (message,) = instance.host.errors
+        assert "result at t = 3 s refused: mass = -23: must be >= 0" in message
+        assert instance.get("mass") == pytest.approx(18)

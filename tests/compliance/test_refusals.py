@@ -11,6 +11,7 @@ from math import inf, nan
 import pytest
 
 from tests.compliance import api
+from tests.compliance.api import Status
 from tests.compliance.probe import Host, Instance, excitation
 from tests.compliance.refusals import assert_usable, refused
 
@@ -112,6 +113,21 @@ def test_the_last_step_may_end_at_the_stop_time_within_rounding(fmu):
         with Instance(fmu) as instance:
             instance.start(stop=1.0)
             instance.step(0.0, 1.0 + excess)
+
+
+@pytest.mark.parametrize(("stop", "h", "tolerated"), [(9.0, 1.0, 1e-8), (9.0, 1e-7, 1e-9)])
+def test_rounding_is_a_billionth_of_the_time_or_a_hundredth_of_a_short_step(
+    fmu, stop, h, tolerated
+):
+    """1e-9 (1 + t), of the stop time and of the end of the last step."""
+    for share, status in ((0.9, Status.OK), (1.1, Status.ERROR)):
+        with Instance(fmu) as instance:
+            instance.start(stop=stop)
+            instance.step(0.0, stop - h)
+            assert instance.call("fmi2DoStep", stop - h, h + share * tolerated, 0) is status
+        with Instance(fmu) as instance:
+            instance.start().step(0.0, stop)
+            assert instance.call("fmi2DoStep", stop - share * tolerated, h, 0) is status
 
 
 @pytest.mark.parametrize("start", [-5.0, 0.0, 1e6])

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from tests.compliance.api import Status
-from tests.compliance.fmus import ROOT
-from tests.compliance.probe import Instance, excitation
+from tests.compliance.fmus import ARCHIVES, ROOT
+from tests.compliance.probe import Fmu, Instance, excitation
 
 GRID = 0.1
 
@@ -158,3 +158,12 @@ def test_a_step_of_too_many_internal_steps_is_refused_and_not_begun(fmu, archive
         Status.ERROR,
         Status.OK,
     ]
+
+
+@pytest.mark.parametrize("name", ["ideal_propulsion"])
+def test_ten_million_internal_steps_are_taken_and_no_more(name, tmp_path):
+    fmu = Fmu(next(path for path in ARCHIVES if path.stem == name), tmp_path)
+    for h, status in ((1.0, Status.OK), (1.001, Status.ERROR)):
+        with Instance(fmu) as instance:
+            instance.start({"max_step": 1e-7})
+            assert instance.call("fmi2DoStep", 0.0, h, 0) is status

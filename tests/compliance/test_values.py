@@ -12,6 +12,7 @@ import pytest
 from tests.compliance import api
 from tests.compliance.api import Status
 from tests.compliance.probe import Instance, excitation
+from tests.compliance.refusals import refused
 
 
 @pytest.fixture(params=range(5))
@@ -51,6 +52,54 @@ def test_any_selection_is_written_as_one_by_one(fmu, rng):
             single.set({v.name: value})
         assert bytes(together.values(fmu.inputs)) == bytes(single.values(fmu.inputs))
         assert together.fly(3) == single.fly(3)
+
+
+def test_calls_that_are_repeated_read_and_write_as_one_by_one(fmu, rng):
+    """The adapter remembers what the last calls of a flying instance stood for, if they are neither
+    too long nor too scattered; here there are three in turn, then each again and again.
+    """
+    if not fmu.inputs:
+        pytest.skip(f"{fmu.name} has no inputs")
+    calls = [selection(rng, fmu.inputs) for _ in range(3)]
+    seen = [selection(rng, fmu.outputs) for _ in range(3)]
+    with Instance(fmu) as together, Instance(fmu) as single:
+        together.start()
+        single.start()
+        for k, number in enumerate((0, 1, 2, 0, 1, 2, 2, 2, 1, 1, 0, 0)):
+            values = [excitation(fmu.inputs, k + i)[v.name] for i, v in enumerate(calls[number])]
+            references = api.references([v.reference for v in calls[number]])
+            together.ok("fmi2SetReal", references, len(references), api.reals(values))
+            for v, value in zip(calls[number], values, strict=True):
+                single.set({v.name: value})
+            assert bytes(together.values(fmu.inputs)) == bytes(single.values(fmu.inputs))
+            for one in (together, single):
+                one.step(0.1 * k, 0.1)
+            assert list(together.values(seen[number])) == [single.get(v.name) for v in seen[number]]
+
+
+def test_bounds_hold_in_calls_that_are_repeated(fmu, rng):
+    """Wherever the bounded input stands, and however the others lie about it."""
+    bounded = [v for v in fmu.inputs if beyond(v)]
+    if not bounded:
+        pytest.skip(f"{fmu.name} has no input with a bound")
+    chosen = selection(rng, fmu.inputs) + bounded + selection(rng, fmu.inputs)
+    references = api.references([v.reference for v in chosen])
+    good = [excitation(fmu.inputs, 7)[v.name] for v in chosen]
+    with Instance(fmu) as instance:
+        instance.start()
+        for _ in range(3):
+            instance.ok("fmi2SetReal", references, len(chosen), api.reals(good))
+        for place, v in enumerate(chosen):
+            for value in beyond(v):
+                spoiled = api.reals([*good[:place], value, *good[place + 1 :]])
+                with refused(instance, "fmi2SetReal", v.name) as answer:
+                    answer.append(instance.call("fmi2SetReal", references, len(chosen), spoiled))
+
+
+def beyond(v):
+    """Finite values that the bounds of a variable exclude."""
+    values = [-1e-9] if v.low == 0 else []
+    return [*values, 0.5, 1.0000001] if v.high == 1 else values
 
 
 @pytest.mark.parametrize("function", ["fmi2SetReal", "fmi2GetReal"])

@@ -529,6 +529,42 @@ def test_target_lost_for_longer_than_allowed_aborts_at_that_instant(fmu):
     assert unit.get("rule_violated") == 6
 
 
+@pytest.mark.parametrize("axes", [0, 1])
+@pytest.mark.parametrize("dv_H", [(0, 0, 0), (0.02, -0.03, 0.01)])
+def test_a_lost_target_is_left_in_the_axes_of_its_last_valid_state(fmu, axes, dv_H):
+    """Hill axes turn by 0.03 rad and the target by 0.5 rad until the abort; what the inputs say
+    meanwhile is not looked at.
+    """
+    axis, turn = np.array((0.6, 0, 0.8)), Rotation.from_euler("xyz", (0.3, -0.5, 1))
+    p = SPHERE | {"lost_time": 20, "act": 1, "corridor_axis": axis, "corridor_axes": axes}
+    unit = fmu("safety_monitor", p | {"abort_dv_H": dv_H, "abort_speed": 0.07, "abort_force": 0})
+    for k in range(40):
+        spun = (Rotation.from_rotvec((0, 0, 0.05 * k)) * turn, np.zeros(3))
+        seen = states(k, (0, 20, 0), (0, 0, 0), T=spun)
+        if k > 10:
+            seen |= states(k, (0, -5, 3), (0.4, 2, 1), T=(turn, np.ones(3))) | {"v_TN_N": (1, 2, 3)}
+        unit.step(1, seen | {"relative_valid": k <= 10})
+        assert unit.get("abort") == (k > 30)
+    C_NH, C_NT = hill(10)[0], (Rotation.from_rotvec((0, 0, 0.5)) * turn).as_matrix()
+    out = (C_NT if axes else C_NH) @ (0.07 * axis)
+    expected = C_NH @ dv_H if np.any(dv_H) else out
+    assert np.max(np.abs(unit.get("dv_left_N") - expected)) < 1e-12
+
+
+def test_a_target_that_is_found_again_begins_a_new_arc_with_its_velocity(fmu):
+    """Within the limit before and after the loss; the path in between, a jump with another
+    velocity, is not judged, and the next arc begins with the velocity at which it was found.
+    """
+    p = SPHERE | DEEP | {"use_speed_limit": 1, "speed_at_zero": 0.5, "speed_slope": 0}
+    unit = fmu("safety_monitor", p | {"approaching": 1})
+    flown = [(0.0, 0.1, 1), (0.1, 0.1, 1), (7.0, 3.0, 0), (9.0, 0.2, 1), (9.3, 0.4, 1)]
+    for k, (y, speed, valid) in enumerate(flown):
+        position, velocity = (0, 20 + y, 0), (0, speed, 0)
+        unit.step(1, states(k, position, velocity, 0) | {"relative_valid": valid})
+    assert unit.get("least_margin")[2] == pytest.approx(0.5 - 0.4, abs=2e-7)
+    assert not unit.get("violated").any()
+
+
 def test_what_happens_while_the_target_is_lost_is_not_judged(fmu):
     unit = fmu("safety_monitor", SPHERE | DEEP)
     for k, (y, valid) in enumerate(((-20.0, 1), (0.0, 0), (20.0, 1), (21.0, 1))):

@@ -5,6 +5,7 @@ patent's scheme, what cannot be done.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -13,12 +14,15 @@ from scipy.integrate import simpson
 
 from tests.compliance.probe import Fmu, Instance
 
+from ..reference import assembly as point_masses
+from ..reference import transposition as reference
+from ..reference.attitude import multiply
 from .assembly_cases import C_HO, N_ORBIT, Q_FLIGHT, Assembly, C_SO_of, quintic
 from .driver import archive
 from .refusals import refusal
 
 FULL = {"nodes": 90}
-NAMES = ("q_DH", "omega_DN_D", "alpha_DN_D", "h_ref_D", "dh_ref_D", "rotation_ref")
+NAMES = ("q_DH", "omega_DN_D", "alpha_DN_D", "h_ref_D", "dh_ref_D", "rotation_ref", "eps_ref")
 
 
 @pytest.fixture(scope="module")
@@ -113,6 +117,104 @@ def test_momentum_at_the_start_is_part_of_the_plan(fmu):
     assert unit.get("status") == 0
     assert unit.get("h_ref_D") == pytest.approx([0, 400, 0])
     assert unit.get("peak")[0] != fmu("transposition_guidance", FULL).get("peak")[0]
+
+
+# ---- the plan of the point masses
+
+
+def tried(unit):
+    """Peak and rotation of every history that the iteration has tried."""
+    count = int(unit.get("iterations")) + 1
+    return unit.get("peak")[:count], unit.get("rotation")[:count]
+
+
+def nodes_of(unit):
+    """The reference at the nodes."""
+    dt = unit.get("window") / unit.get("nodes")
+    unit.step(unit.time + 1e-3 * dt)
+    rows = []
+    for _ in range(round(unit.get("nodes"))):
+        rows.append(unit.get("eps_ref"))
+        unit.step(dt)
+    return np.array([*rows, unit.get("eps_ref")])
+
+
+@pytest.mark.parametrize("weight", [0, 2])
+def test_without_air_the_plan_is_that_of_the_point_masses(fmu, weight):
+    """The drag of a box has edges in the attitude, where finite differences depend on the step."""
+    changes = {"rho": 0, "nodes": 24, "weight": weight, "h_0_S": (0, 300, 100)}
+    unit = fmu("transposition_guidance", changes | {"sample_period": 225})
+    planning = reference.Planning(intervals=24, weight_power=weight)
+    without = replace(point_masses.Assembly(), rho=0.0)
+    plan = reference.Planner(without, planning, h_0=(0, 300, 100)).plan()
+    peaks, rotations = tried(unit)
+    assert unit.get("status") == 0
+    assert len(peaks) > 1
+    assert peaks == pytest.approx(np.array(plan.peaks), rel=1e-8)
+    assert rotations == pytest.approx(np.array(plan.rotations), abs=1e-9)
+    assert nodes_of(unit) == pytest.approx(plan.nodes, abs=1e-9)
+
+
+def test_with_air_the_plan_is_that_of_the_point_masses(fmu):
+    """Within the ambiguity of finite differences over the edges of the boxes, some 1e-6."""
+    unit = fmu("transposition_guidance", {"nodes": 24, "sample_period": 225})
+    plan = reference.Planner(p=reference.Planning(intervals=24)).plan()
+    assert tried(unit)[0] == pytest.approx(np.array(plan.peaks), rel=1e-5)
+    assert nodes_of(unit) == pytest.approx(plan.nodes, abs=1e-6)
+
+
+@pytest.mark.parametrize("scheme", [1, 2])
+def test_the_differences_of_the_patent_are_those_of_the_point_masses(fmu, scheme):
+    """1: second difference corrected, 2: as printed."""
+    few = {"iterations_max": 1, "rotation_max": 3.0, "nodes": 16, "rho": 0}
+    unit = fmu("transposition_guidance", few | {"scheme": scheme})
+    planning = reference.Planning(intervals=16, largest=1, limit=3.0)
+    without = replace(point_masses.Assembly(), rho=0.0)
+    patent = reference.PatentPlanner(without, planning, printed=scheme == 2)
+    assert tried(unit)[0] == pytest.approx(np.array(patent.plan().peaks), rel=1e-8)
+
+
+def test_reference_rates_and_momentum_are_those_of_the_planned_attitude(flown):
+    """Attitude, its derivatives as of a differentiated matrix, momentum of the gyros by Gauss'
+    rule of three points in every second; edges of the boxes in the stream are left to the
+    tolerance.
+    """
+    plan, planner = flown(1.0), reference.Planner()
+    nodes = np.concatenate((plan["eps_ref"][::60], np.zeros((1, 3))))
+    rows = slice(None, None, 7)
+    motion = reference.reference(N_ORBIT, planner.curve(nodes), plan["t"][rows])
+    q = np.array([multiply(Q_FLIGHT, q_SO) for q_SO in motion.q_SO])
+    assert plan["q_DH"][rows] == pytest.approx(q * np.sign(q[:, :1]), abs=1e-13)
+    assert plan["omega_DN_D"][rows] == pytest.approx(motion.omega, abs=1e-15)
+    assert plan["alpha_DN_D"][rows] == pytest.approx(motion.alpha, abs=1e-17)
+    h = planner.predicted(nodes)
+    assert plan["h_ref_D"] == pytest.approx(h[:-1], abs=2e-5)
+    assert plan["dh_ref_D"] == pytest.approx(np.diff(h, axis=0), abs=2e-5)
+
+
+def test_momentum_is_predicted_by_gauss_rule_of_two_points_on_a_sixteenth_of_the_grid(flown):
+    """Steps between nodes of 60 s, to the last digits; another number of steps would be off by
+    1e-7 where edges of the boxes turn into the stream.
+    """
+    plan, planner = flown(3.75), reference.Planner()
+    nodes = np.concatenate((plan["eps_ref"][::16], np.zeros((1, 3))))
+    h = planner.predicted(nodes, period=3.75, points=2)
+    assert plan["h_ref_D"] == pytest.approx(h[:-1], abs=1e-9)
+
+
+def test_a_later_window_has_the_same_plan(fmu):
+    """The orbit looks the same everywhere."""
+    late = {"window_start": 900, "swing_start": 1500}
+    units = [
+        fmu("transposition_guidance", {"sample_period": 225} | changes) for changes in ({}, late)
+    ]
+    assert units[1].get("status") == 0
+    for name in ("peak", "rotation", "momentum_max", "rotation_largest"):
+        assert units[1].get(name) == pytest.approx(units[0].get(name), rel=1e-9)
+    units[0].step(2000.0)
+    units[1].step(2900.0)
+    for name in NAMES[3:]:
+        assert units[1].get(name) == pytest.approx(units[0].get(name), rel=1e-8), name
 
 
 # ---- the reference

@@ -13,10 +13,12 @@ import argparse
 import json
 import tempfile
 from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from itertools import islice
 from pathlib import Path
 
 from tests.mutation.faults import Fault, drawn
-from tests.mutation.judge import ILL, SURVIVED, Tree, judged
+from tests.mutation.judge import ILL, ROOT, SURVIVED, UNREAD, Tree, judged
 
 
 def main() -> None:
@@ -24,31 +26,52 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.mutation")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, default=300, help="faults that compile")
+    parser.add_argument("--jobs", type=int, default=1, help="faults judged at the same time")
     parser.add_argument("-o", "--output", type=Path, help="lines of JSON; goes on with it")
+    parser.add_argument(
+        "--again", action="store_true", help="look once more at those of the file that survived"
+    )
     parser.add_argument("files", nargs="*", help="files below fmus/ (default: all)")
     print(_text(_campaign(parser.parse_args())))
 
 
 def _campaign(a: argparse.Namespace) -> Counter[str]:
+    known = _known(a.output)
+    if a.again:
+        known = {fault: outcome for fault, outcome in known.items() if outcome != SURVIVED}
     counts: Counter[str] = Counter()
-    with tempfile.TemporaryDirectory(prefix="faults-") as folder:
-        tree = Tree(Path(folder))
-        known = _known(a.output)
-        for fault in drawn(tree.fmus, a.seed, 100 * a.count, a.files):
-            if sum(counts.values()) == a.count:
+    left = iter(drawn(ROOT / "fmus", a.seed, 100 * a.count, a.files))
+    with (
+        tempfile.TemporaryDirectory(prefix="faults-") as folder,
+        ProcessPoolExecutor(a.jobs, initializer=_prepare, initargs=(folder,)) as workers,
+    ):
+        while missing := a.count - counts.total():
+            if not (some := list(islice(left, missing))):
                 break
-            if fault in known:
-                counts[known[fault]] += 1
-                continue
-            outcome, where = judged(tree, fault)
-            if outcome == ILL:
-                continue
-            counts[outcome] += 1
-            shown = fault.shown((tree.fmus / fault.file).read_text(encoding="utf-8"))
-            if outcome == SURVIVED:
-                print(f"{shown}  [{where}]", flush=True)
-            _keep(a.output, {"fault": shown, "outcome": outcome, "where": where, **fault._asdict()})
+            counts.update(known[fault] for fault in some if fault in known)
+            for row in workers.map(_row, [fault for fault in some if fault not in known]):
+                if row["outcome"] in (ILL, UNREAD):
+                    continue
+                counts[row["outcome"]] += 1
+                if row["outcome"] == SURVIVED:
+                    print(f"{row['fault']}  [{row['where']}]", flush=True)
+                _keep(a.output, row)
     return counts
+
+
+_TREES: list[Tree] = []
+"""Of this process."""
+
+
+def _prepare(folder: str) -> None:
+    _TREES.append(Tree(Path(tempfile.mkdtemp(dir=folder))))
+
+
+def _row(fault: Fault) -> dict[str, object]:
+    (tree,) = _TREES
+    shown = fault.shown((tree.fmus / fault.file).read_text(encoding="utf-8"))
+    outcome, where = judged(tree, fault)
+    return {"fault": shown, "outcome": outcome, "where": where, **fault._asdict()}
 
 
 def _known(file: Path | None) -> dict[Fault, str]:

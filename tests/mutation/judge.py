@@ -2,7 +2,10 @@
 """What the tests say of a deliberate fault: a copy of the tree with the fault, the FMUs whose
 machine code it changes built anew, and the tests that name them run until one fails.
 
-Tests run in forks of this process, which has read the large libraries already.
+A fault in the adapter is looked for in three FMUs: the shortest one, one whose outputs have bounds
+and alarms, one whose inputs have bounds and lie scattered. One in the link is looked for by the
+tests of the link, over TCP. Tests run in forks of this process, which has read the large libraries
+already.
 """
 
 from __future__ import annotations
@@ -12,12 +15,13 @@ import os
 import re
 import resource
 import shutil
+import signal
 import subprocess
 import sys
 import traceback
 import zipfile
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 
 import fmpy
@@ -35,17 +39,26 @@ ROOT = Path(__file__).resolve().parents[2]
 READ_BEFOREHAND = (fmpy.fmi2, numpy, scipy)
 
 HEADERS = ("adapter", "maths", "models", "ports", "physics")
-FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-fvisibility=hidden")
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fPIC")
 IGNORED = shutil.ignore_patterns("__pycache__")
-UNIT = "tests/unit/core_headers.c"
-SECONDS = 120
-"""Processor time of the tests of one FMU; a fault that needs more is caught: it never ends."""
+UNITS = {
+    "core_headers": ("tests/unit", "--ignore=tests/unit/test_elementary.py"),
+    "elementary": ("tests/unit/test_elementary.py",),
+}
+"""C files of the unit tests and the tests of each."""
+ADAPTER_IN = ("ideal_propulsion", "servicer", "los_guidance")
+LINK = {"link": ("link", "link_unused", "client", "stream", "processor"), "board": ("board",)}
+"""Libraries of the link and their files."""
+SECONDS, PATIENCE = 120, 900
+"""Processor time, time of the tests of one FMU; a fault that needs more is caught: it never
+ends."""
 BYTES = 8 << 30
 
 PACKAGING = ("test_archive", "test_rebuild", "test_static", "test_tools")
 """Tests of the archive and of its other contents, which are not those of the faulty source."""
 
-CAUGHT, SURVIVED, SAME, ILL = "caught", "survived", "same machine code", "does not compile"
+CAUGHT, SURVIVED, SAME = "caught", "survived", "same machine code"
+ILL, UNREAD = "does not compile", "part of no program here"
 
 
 class Tree:
@@ -55,6 +68,7 @@ class Tree:
         self.root, self.fmus, self.build = folder, folder / "fmus", folder / "build"
         for part in ("fmus", "tests"):
             shutil.copytree(ROOT / part, folder / part, ignore=IGNORED)
+        (folder / "few/fmus").mkdir(parents=True)
         for part in ("pyproject.toml", "ssp", "docs", "harness", "examples", "LICENSE"):
             (folder / part).symlink_to(ROOT / part)
         shutil.copytree(ROOT / "build/fmus", folder / "good")
@@ -62,7 +76,9 @@ class Tree:
         sources = [p for side in ("plant", "flight") for p in (self.fmus / side).glob("*.c")]
         self.models = {path.stem: path for path in sorted(sources)}
         self.adapter = sorted((self.fmus / "core/adapter").glob("*.c"))
-        self.readers = {p: self._reads(p) for p in (*sources, *self.adapter, folder / UNIT)}
+        link = [self.fmus / f"core/link/{part}.c" for parts in LINK.values() for part in parts]
+        units = [folder / f"tests/unit/{unit}.c" for unit in UNITS]
+        self.readers = {p: self._reads(p) for p in (*units, *self.adapter, *sources, *link)}
         self.objects = {p: self.compiled(p) for p in self.readers}
 
     def _compiler(self) -> list[str]:
@@ -81,9 +97,9 @@ class Tree:
     def compiled(self, source: Path) -> bytes | None:
         """Its machine code; None if it does not compile."""
         target = self.object(source)
-        made = subprocess.run(
-            [*self._compiler(), "-w", "-c", source, "-o", target], check=False, capture_output=True
-        )
+        seen = "-fvisibility=default" if source.stem == "board" else "-fvisibility=hidden"
+        command = [*self._compiler(), seen, "-w", "-c", source, "-o", target]
+        made = subprocess.run(command, check=False, capture_output=True)
         return target.read_bytes() if made.returncode == 0 else None
 
     def object(self, source: Path) -> Path:
@@ -106,6 +122,12 @@ class Tree:
                 for entry in good.infolist():
                     faulty.writestr(entry, new.get(entry.filename) or good.read(entry))
 
+    def link(self, name: str) -> None:
+        """A library of the link from what was compiled last."""
+        parts = [self.build / f"{part}.o" for part in LINK[name]]
+        command = ["cc", "-shared", *parts, "-o", self.build / f"{name}.so", "-lm"]
+        subprocess.run(command, check=True)
+
     def restore(self, name: str) -> None:
         """The FMU as it was."""
         shutil.copy(self.root / "good" / f"{name}.fmu", self.build / "fmus")
@@ -127,9 +149,11 @@ def _described(describe: Path, archive: zipfile.ZipFile) -> bytes:
 def judged(tree: Tree, fault: Fault) -> tuple[str, str]:
     """Outcome of a fault, and the test that has caught it, or the FMUs that carry it."""
     file = tree.fmus / fault.file
+    readers = [path for path, read in tree.readers.items() if file in read]
+    if not readers:
+        return UNREAD, ""
     source = file.read_text(encoding="utf-8")
     file.write_text(fault.applied(source), encoding="utf-8")
-    readers = [path for path, read in tree.readers.items() if file in read]
     try:
         return _judged(tree, sorted(readers, key=lambda path: _effort(tree, path)))
     finally:
@@ -139,8 +163,10 @@ def judged(tree: Tree, fault: Fault) -> tuple[str, str]:
 
 
 def _effort(tree: Tree, source: Path) -> int:
-    """The unit tests first, then the adapter, then the FMUs with the fewest tests."""
-    return len(tests_of(tree, source.stem)) if source.stem in tree.models else -1
+    """The unit tests first, then the link, the adapter, then the FMUs with the fewest tests."""
+    if source in tree.adapter:
+        return 1
+    return len(tests_of(tree, source.stem)) + 2 if source.stem in tree.models else 0
 
 
 def _judged(tree: Tree, readers: list[Path]) -> tuple[str, str]:
@@ -158,24 +184,47 @@ def _judged(tree: Tree, readers: list[Path]) -> tuple[str, str]:
 
 
 def _first_failure(tree: Tree, source: Path) -> str:
-    if source == tree.root / UNIT:
-        return failure(tree, ["tests/unit"])
-    name = source.stem if source.stem in tree.models else "ideal_propulsion"
+    if source.stem in UNITS:
+        return failure(tree, UNITS[source.stem])
+    for library, parts in LINK.items():
+        if source.stem in parts:
+            return _failure_of_link(tree, library)
+    names = ADAPTER_IN if source in tree.adapter else (source.stem,)
+    return next(filter(None, (_failure_of(tree, name) for name in names)), "")
+
+
+def _failure_of_link(tree: Tree, library: str) -> str:
+    try:
+        tree.link(library)
+        return failure(tree, ["tests/link"])
+    except subprocess.CalledProcessError as error:
+        return f"{library}: build ends with {error.returncode}"
+    finally:
+        (tree.build / f"{library}.so").unlink(missing_ok=True)
+
+
+def _failure_of(tree: Tree, name: str) -> str:
     try:
         tree.package(name)
-        return next(filter(None, (failure(tree, tests) for tests in _stages(tree, name))), "")
+        tests = tests_of(tree, name)
+        if tests and (found := failure(tree, tests)):
+            return found
+        return _failure_of_compliance(tree, name)
     except subprocess.CalledProcessError as error:
         return f"{name}: build ends with {error.returncode}"
     finally:
         tree.restore(name)
 
 
-def _stages(tree: Tree, name: str) -> Iterator[list[str]]:
-    """Tests of one FMU, what is most likely to fail first."""
-    if tests := tests_of(tree, name):
-        yield tests
+def _failure_of_compliance(tree: Tree, name: str) -> str:
+    """With few other FMUs, since collecting all tests takes longer than running those of one."""
+    few = tree.root / "few"
+    for other in {name, *ADAPTER_IN}:
+        shutil.copy(tree.build / f"fmus/{other}.fmu", few / "fmus")
     ignored = (f"--ignore=tests/compliance/{part}.py" for part in PACKAGING)
-    yield ["tests/compliance", *ignored, "-k", name]
+    found = failure(tree, ["tests/compliance", *ignored, "-k", name], few)
+    (few / f"fmus/{name}.fmu").unlink()
+    return found
 
 
 def tests_of(tree: Tree, name: str) -> list[str]:
@@ -197,12 +246,12 @@ def _with_imports(path: Path) -> str:
     return text + "".join(p.read_text(encoding="utf-8") for p in sorted(cases) if p.is_file())
 
 
-def failure(tree: Tree, tests: Iterable[str]) -> str:
+def failure(tree: Tree, tests: Iterable[str], build: Path | None = None) -> str:
     """The first of these tests that fails, or how they ended; "" if all pass."""
     output = tree.build / "output.txt"
     pid = os.fork()
     if pid == 0:
-        _run(tree, list(tests), output)
+        _run(tree, list(tests), output, build or tree.build)
     _, status = os.waitpid(pid, 0)
     if status == 0:
         return ""
@@ -214,12 +263,13 @@ def failure(tree: Tree, tests: Iterable[str]) -> str:
     raise RuntimeError(f"{' '.join(tests)}: pytest ends with {os.WEXITSTATUS(status)}\n{text}")
 
 
-def _run(tree: Tree, tests: list[str], output: Path) -> None:
+def _run(tree: Tree, tests: list[str], output: Path, build: Path) -> None:
     """Be the process that runs the tests."""
     resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS + 5))
     resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    os.environ["SERVICING_FMUS_BUILD"] = str(tree.build)
+    signal.alarm(PATIENCE)
+    os.environ["SERVICING_FMUS_BUILD"] = str(build)
     os.chdir(tree.root)
     sys.path[:] = [p for p in sys.path if Path(p or ".").resolve() != ROOT]
     for name in [name for name in sys.modules if name.split(".")[0] == "tests"]:

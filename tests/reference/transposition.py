@@ -155,15 +155,15 @@ class Planner:
         tau_N = self.torque_N(motion.C, t)
         return left(motion, own, self.h_0, np.diff(t)[:, None] * (tau_N[1:] + tau_N[:-1]) / 2)
 
-    def predicted(self, nodes: Array, period: float = 1.0) -> Array:
-        """The same at multiples of a period, the torques integrated by Gauss' rule of three points
-        in every period.
+    def predicted(self, nodes: Array, period: float = 1.0, points: int = 3) -> Array:
+        """The same at multiples of a period, the torques integrated by Gauss' rule in every
+        period.
         """
         t = np.linspace(0.0, self.p.stop, round(self.p.stop / period) + 1)
-        roots, weights = np.polynomial.legendre.leggauss(3)
+        roots, weights = np.polynomial.legendre.leggauss(points)
         between = (t[:-1, None] + period / 2 * (1 + roots)).ravel()
         C = reference(self.a.n, self.curve(nodes), between).C
-        tau_N = self.torque_N(C, between).reshape(-1, 3, 3)
+        tau_N = self.torque_N(C, between).reshape(-1, points, 3)
         gain = period / 2 * np.einsum("g,kgi->ki", weights, tau_N)
         return left(*self.own(nodes, t), self.h_0, gain)
 

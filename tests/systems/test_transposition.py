@@ -5,7 +5,6 @@ claims.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -24,7 +23,6 @@ from ..reference.transposition import (
     Loop,
     PatentPlanner,
     Planner,
-    Planning,
     Printed,
 )
 
@@ -92,39 +90,6 @@ def peaks(result):
     return result["guidance.peak"][0, : int(result["guidance.iterations"][0]) + 1]
 
 
-@pytest.mark.parametrize("weight", [0, 2])
-def test_without_air_the_plan_is_that_of_the_point_masses(weight):
-    """The drag of a box has edges in the attitude, where finite differences depend on the step."""
-    known = {f"{part}__rho": 0.0 for part in ("guidance", "controller", "assembly")}
-    result = flight(**known, guidance__nodes=30, guidance__weight=weight)
-    planning = Planning(intervals=30, weight_power=weight)
-    plan = Planner(replace(Assembly(), rho=0.0), planning).plan()
-    assert plan.iterations == result["guidance.iterations"][0] > 0
-    assert peaks(result) == pytest.approx(np.array(plan.peaks), rel=1e-8)
-    assert nodes(result, 30) == pytest.approx(plan.nodes, abs=1e-9)
-    rotations = result["guidance.rotation"][0, : len(plan.rotations)]
-    assert rotations == pytest.approx(np.array(plan.rotations), abs=1e-9)
-
-
-def test_the_plan_of_the_scenario_is_that_of_the_point_masses():
-    """Within the ambiguity of finite differences over the edges of the boxes, some 1e-6."""
-    plan, result = planner().plan(), flight()
-    assert plan.iterations == result["guidance.iterations"][0]
-    assert peaks(result) == pytest.approx(np.array(plan.peaks), rel=1e-5)
-    assert nodes(result) == pytest.approx(plan.nodes, abs=1e-6)
-
-
-@pytest.mark.parametrize("scheme", [1, 2])
-def test_the_differences_of_the_patent_are_those_of_the_point_masses(scheme):
-    """1: second difference corrected, 2: as printed."""
-    known = {f"{part}__rho": 0.0 for part in ("guidance", "controller", "assembly")}
-    few = {"guidance__iterations_max": 1, "guidance__rotation_max": 3.0, "guidance__nodes": 30}
-    result = flight(**known, **few, guidance__scheme=scheme)
-    planning = Planning(intervals=30, largest=1, limit=3.0)
-    patent = PatentPlanner(replace(Assembly(), rho=0.0), planning, printed=scheme == 2)
-    assert peaks(result) == pytest.approx(np.array(patent.plan().peaks), rel=1e-8)
-
-
 def test_the_second_difference_as_printed_misses_the_momentum_by_far():
     """Along the planned history; corrected, it errs by what Euler steps of 60 s cost."""
     plan, h = nodes(flight()), planner().history(nodes(flight()))[::4]
@@ -134,24 +99,6 @@ def test_the_second_difference_as_printed_misses_the_momentum_by_far():
     ]
     assert off[0] < 0.5
     assert off[1] > 10
-
-
-def test_reference_rates_and_momentum_are_those_of_the_planned_attitude():
-    """Attitude, its derivatives as of a differentiated matrix, momentum of the gyros by Gauss'
-    rule of three points in every second; edges of the boxes in the stream are left to the
-    tolerance.
-    """
-    result = flight()
-    rows = slice(1, None, 7)
-    t = result.time[:-1][::7]
-    motion = reference.reference(N, planner().curve(nodes(result)), t)
-    q = np.array([multiply(Q_OH, q_SO) for q_SO in motion.q_SO])
-    assert same_attitude(result["guidance.q_DH"][rows], q) == pytest.approx(q, abs=1e-13)
-    assert result["guidance.omega_DN_D"][rows] == pytest.approx(motion.omega, abs=1e-15)
-    assert result["guidance.alpha_DN_D"][rows] == pytest.approx(motion.alpha, abs=1e-17)
-    h = predicted("ideal")
-    assert result["guidance.h_ref_D"][1:] == pytest.approx(h[:-1], abs=2e-5)
-    assert result["guidance.dh_ref_D"][1:] == pytest.approx(np.diff(h, axis=0), abs=2e-5)
 
 
 # ---- closed loop
