@@ -46,12 +46,22 @@ typedef struct {
     Arc arc[2]; /* in Hill axes, in target axes */
 } Interval;
 
+/* arcs that no rule asks for are left out */
+static inline int asked(const SafetyParameters *p, double axes)
+{
+    return (p->keep_out_shape != NO_ZONE && p->keep_out_axes == axes) ||
+           (p->use_corridor && p->corridor_axes == axes) ||
+           (p->use_speed_limit && axes == HILL_AXES);
+}
+
 static inline Interval interval(const SafetyParameters *p, const SafetyInput *from,
                                 const SafetyInput *to, double t, double h)
 {
-    Relative a = in_hill(p, from), b = in_hill(p, to);
-    Relative c = in_body(from, &from->T), d = in_body(to, &to->T);
-    return (Interval){p, from, to, t, h, {joined(a, b, h), joined(c, d, h)}};
+    Interval i = {.p = p, .from = from, .to = to, .t = t, .h = h};
+    if (asked(p, HILL_AXES)) i.arc[HILL_AXES] = joined(in_hill(p, from), in_hill(p, to), h);
+    if (asked(p, TARGET_AXES))
+        i.arc[TARGET_AXES] = joined(in_body(from, &from->T), in_body(to, &to->T), h);
+    return i;
 }
 
 static inline Finding along(const Interval *i, Margin m, const Arc *arc)
