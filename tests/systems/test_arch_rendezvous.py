@@ -2,16 +2,17 @@
 """The system arch_rendezvous: the flight of the benchmark's equations, the eleven published
 verdicts, margins of the monitor against the recorded flight, and a campaign over all starts.
 
-The equations are integrated here by matrix exponentials in the benchmark's units (m, min, kg).
+What is expected comes from the benchmark's equations in closed form: tests/reference/rendezvous.py.
 """
 
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from scipy.stats import qmc
 
 from harness import campaign as campaign_of
 from harness import run
@@ -20,13 +21,12 @@ from harness.claims.arch_comp_spre import PAPERS
 from harness.claims.report import report
 from harness.files import paths
 from harness.system.tables import read_toml
-from harness.validation.rendezvous import INSTANCES, NEVER, START, campaign
 
-N = np.sqrt(3.986e14 * 3600 / 42164e3**3)
-FREE = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [3 * N**2, 0, 0, 2 * N], [0, 0, -2 * N, 0]])
-PUSH = np.array([[0, 0], [0, 0], [1 / 500, 0], [0, 1 / 500]])
-K1 = [[-28.8287, 0.1005, -1449.9754, 0.0046], [-0.087, -33.2562, 0.00462, -1451.5013]]
-K2 = [[-288.0288, 0.1312, -9614.9898, 0.0], [-0.1312, -288.0, 0.0, -9614.9883]]
+from ..reference import rendezvous as spre
+from ..reference.rendezvous import INSTANCES, NEVER, START
+
+RESTING = 1e9
+SYSTEM = Path(__file__).parents[2] / "ssp" / "arch_rendezvous.toml"
 MONITOR_ALONE = {"monitor.passive_time": 0}
 
 
@@ -36,15 +36,11 @@ def flight(name):
     return run("arch_rendezvous", params=name, every=50, set=MONITOR_ALONE)
 
 
-def benchmark(abort_min, dt=0.005):
-    """Times [min] and states, thrust in continuous time."""
-    flows = [expm((FREE + PUSH @ np.array(K)) * dt) for K in (K1, K2)] + [expm(FREE * dt)]
-    s, attempt, rows = np.array((-900.0, -400.0, 0, 0)), False, []
-    for k in range(round(300 / dt) + 1):
-        attempt |= s[0] >= -100
-        rows.append(s)
-        s = flows[2 if k * dt >= abort_min - 1e-9 else int(attempt)] @ s
-    return dt * np.arange(len(rows)), np.array(rows)
+def instance(name):
+    return next(i for i in INSTANCES if i.name == name)
+
+
+CENTRE = spre.starts(np.array([(-900.0, -400.0)]))
 
 
 @pytest.mark.parametrize("name", ["SRNA01", "SRA01", "SRU01"])
@@ -53,13 +49,37 @@ def test_flight_is_that_of_the_benchmark(name):
     rate; nonlinear gravity at 900 m of 42,164 km adds 2 cm.
     """
     result = flight(name)
-    abort = next(i for i in INSTANCES if i.name == name).abort[1]
-    t, s = benchmark(abort)
+    expected = spre.flights(CENTRE, instance(name).abort[1]).at(result.time / 60)[0]
     rho = result["controller.rho_H"]
-    for axis in (0, 1):
-        expected = np.interp(result.time / 60, t, s[:, axis])
-        assert np.max(np.abs(rho[:, axis] - expected)) < 0.15
+    assert np.max(np.abs(rho[:, :2] - expected[:, :2])) < 0.15
     assert np.max(np.abs(rho[:, 2])) < 1e-6
+
+
+def check_margins(found, flights, step):
+    """found: box, line of sight [m] and speed [m/s], an array each.
+
+    Force is held: distances by a thousandth, the speed at the beginning of the attempt by
+    0.0045 m/min, per second of step. Aborts while it gathers speed (time constants of 21 s and 3 s)
+    are left out: there a switch that is one step late counts.
+    """
+    expected = spre.margins(flights, samples=6000)
+    since = flights.off - np.where(flights.off > flights.tried, flights.tried, 0)
+    tried, steady = np.isfinite(expected.corridor), since > 3
+    assert np.array_equal(found[1] < RESTING, tried)
+    for margin, distance in zip(found, (expected.box, expected.corridor), strict=False):
+        there = np.isfinite(distance) & steady
+        off = np.abs(margin - distance)[there]
+        assert np.all(off < step * (1e-4 + 1e-3 * np.abs(distance[there])))
+    higher = (expected.speed - 60 * found[2])[tried & steady]
+    assert np.all((higher > 0) & (higher < 0.005 * step))
+    return expected
+
+
+@pytest.mark.parametrize("name", [i.name for i in INSTANCES])
+def test_margins_are_those_of_the_closed_form(name):
+    result = flight(name)
+    abort = result.parameters["controller.t_abort"] / 60
+    check_margins(result["monitor.least_margin"][-1:, :3].T, spre.flights(CENTRE, abort), 0.2)
 
 
 @pytest.mark.parametrize("instance", INSTANCES, ids=lambda i: i.name)
@@ -70,7 +90,7 @@ def test_verdict_of_each_instance_is_the_published_one(instance):
     assert [c.evaluate(result).verdict for c in paper.claims] == [Verdict.REPRODUCED] * 3
     assert not [c for c in paper.conditions if c.difference(result)]
     abort = result.parameters["controller.t_abort"] / 60
-    assert instance.abort[0] <= abort <= instance.abort[1] or instance.abort[0] > NEVER / 100
+    assert instance.abort[0] <= abort <= instance.abort[1] or instance.abort[0] == NEVER
     violated = result["monitor.violated"][-1]
     assert violated.tolist() == [0.0 if instance.safe else 1.0, 0, 0, 0, 0, 0]
 
@@ -112,9 +132,7 @@ def test_least_margins_are_those_of_the_recorded_flight():
 def test_first_violation_is_when_the_drift_enters_the_box():
     result = flight("SRU01")
     entered = result["monitor.t_first"][-1, 0]
-    t, s = benchmark(260)
-    inside = np.max(np.abs(s[:, :2]), axis=1) < 0.2
-    assert abs(entered - 60 * t[np.flatnonzero(inside & (t >= 260))[0]]) < 3
+    assert abs(entered - 60 * spre.margins(spre.flights(CENTRE, 260)).entry[0]) < 1
 
 
 def test_passive_safety_of_the_proof_is_predicted_from_every_sample():
@@ -128,30 +146,83 @@ def test_passive_safety_of_the_proof_is_predicted_from_every_sample():
     assert 240 * 60 < result["monitor.t_first"][-1, 3] < 260 * 60
 
 
+# ---- from all starts
+
+
+def in_the_start_box(n, *more):
+    """n points of a Sobol sequence in the start box and further intervals."""
+    low, high = np.array((*START, *more)).T
+    return low + (high - low) * qmc.Sobol(len(low), seed=3).random(n)
+
+
+def flown(definition, path):
+    return campaign_of(definition, path / "x.zarr", workers=0).data
+
+
+def check_study(found, abort):
+    """The abort waits for the next step."""
+    xy = np.stack([found[f"servicer.rho_0_H[{k}]"].values for k in (1, 2)], axis=1)
+    flights = spre.flights(spre.starts(xy), np.ceil(60 * abort / STEP) * STEP / 60)
+    return check_margins(margins_in(found), flights, STEP)
+
+
+def margins_in(found):
+    return [found[name].values for name in ("keep_out", "corridor", "speed")]
+
+
+STUDY = read_toml(paths.campaigns()["arch_rendezvous"])
+STEP = STUDY["fixed"]["step"]
+
+
+@pytest.mark.parametrize("instance", INSTANCES, ids=lambda i: i.name)
+def test_closed_form_has_the_published_verdict_from_every_start(instance):
+    """Starts and aborts all over the box; of an unsafe interval the late aborts break the rule."""
+    low, high = np.minimum(instance.abort, spre.END)
+    x, y, abort = in_the_start_box(32, (low, high)).T
+    found = spre.margins(spre.flights(spre.starts(np.stack((x, y), axis=1)), abort), samples=1000)
+    assert np.all(found.corridor > 0)
+    assert np.all(found.speed > 0)
+    assert np.all(found.box > 0) == instance.safe
+    assert np.all(found.box[abort <= 240] > 0)
+
+
+def test_study_finds_the_published_verdicts_and_the_margins_of_the_closed_form(tmp_path):
+    found = flown(STUDY | {"runs": 2}, tmp_path)
+    safe = np.array([instance(name).safe for name in found["params"].values])
+    assert len(safe) == 22
+    assert np.array_equal(found["violated"].values == 0, safe)
+    assert np.array_equal(np.isnan(found["at"].values), safe)
+    assert np.all(found["published"].values == 1)
+    for k, (low, high) in enumerate(START, start=1):
+        x = found[f"servicer.rho_0_H[{k}]"].values
+        assert np.all((low < x) & (x < high))
+    sets = read_toml(SYSTEM)["sets"]
+    aborts = {name: s.get("controller", {}).get("t_abort", NEVER) / 60 for name, s in sets.items()}
+    abort = np.array([aborts[name] for name in found["params"].values])
+    expected = check_study(found, abort)
+    assert np.allclose(found["at"].values[~safe], 60 * expected.entry[~safe], atol=6)
+
+
+def test_study_of_aborts_finds_no_violation_before_240_min(tmp_path):
+    found = flown(read_toml(paths.campaigns()["arch_rendezvous_aborts"]) | {"runs": 8}, tmp_path)
+    abort = found["controller.t_abort"].values / 60
+    assert np.all(found["late"].values == 1)
+    assert np.ptp(abort) > 150
+    check_study(found, abort)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("instance", INSTANCES, ids=lambda i: i.name)
-def test_campaign_over_starts_and_abort_times(instance):
-    """50 flights: corners, then a Sobol sequence. It finds what the proofs say, and proves nothing
-    itself.
+def test_campaign_over_starts_and_the_aborts_of_the_interval(instance, tmp_path):
+    """200 flights per instance beside the closed form. A campaign finds violations and proves
+    nothing itself.
     """
-    flights = campaign(instance, 50)
-    worst = min(flights, key=lambda f: min(f.margins))
-    assert len(flights) == 50
-    assert worst.safe == instance.safe, worst
-
-
-def test_study_finds_the_published_verdict_of_every_instance_from_a_start_of_the_box(tmp_path):
-    definition = read_toml(paths.campaigns()["arch_rendezvous"]) | {"runs": 1}
-    found = campaign_of(definition, tmp_path / "x.zarr", workers=1).data
-    unsafe = dict(zip(found["params"].values, found["violated"].values, strict=True))
-    assert unsafe == {i.name: float(not i.safe) for i in INSTANCES}
-    assert np.all(np.isnan(found["at"].values) == (found["violated"].values == 0))
-    for k, (low, high) in enumerate(START, start=1):
-        assert low < found[f"servicer.rho_0_H[{k}]"].values[0] < high
-
-
-def test_campaign_begins_with_the_corners_and_finds_the_unsafe_instance():
-    unsafe = next(i for i in INSTANCES if i.name == "SRU01")
-    flights = campaign(unsafe, 2)
-    assert [f.start for f in flights] == [(-925, -425), (-925, -375)]
-    assert [f.safe for f in flights] == [False, False]
+    low, high = (60 * a for a in instance.abort)
+    aborts = {"uniform": {"low": low, "high": high}} if high > low else {"list": [low]}
+    box = {name: STUDY["factors"][name] for name in STUDY["factors"] if name != "params"}
+    found = flown(STUDY | {"runs": 200, "factors": box | {"controller.t_abort": aborts}}, tmp_path)
+    abort = found["controller.t_abort"].values / 60
+    expected = check_study(found, abort)
+    clear = abs(expected.box) > 1e-3
+    assert np.array_equal((found["violated"].values > 0)[clear], (expected.box < 0)[clear])
+    assert np.any(found["violated"].values > 0) != instance.safe
