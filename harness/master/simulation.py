@@ -20,6 +20,7 @@ from harness.master import messages
 from harness.master.changes import Changes, apply
 from harness.master.executors import EXECUTORS, Clock
 from harness.master.fmu import Instance
+from harness.master.initialization import initialize
 from harness.master.pacer import Pacer
 from harness.master.progress import Watch, shown
 from harness.master.recorder import Recorder
@@ -28,11 +29,6 @@ from harness.results.result import Result
 from harness.system.graph import Checked, Node, Slot, checked, constants, rechecked
 from harness.system.model import System
 from harness.system.schedule import schedule
-
-MAX_ROUNDS = 200
-"""Rounds of initial propagation; a loop of two units and gain 1/2 has settled to the last bit after
-half of them.
-"""
 
 CHUNK_SECONDS = 0.1
 """Wall-clock time between two looks at the keyboard and two updates of the progress bar."""
@@ -102,6 +98,7 @@ class Simulation:
         self.clock = Clock(system.experiment.start, system.experiment.step or 0.0)
         self.bus: NDArray[np.float64] = np.zeros(len(self.graph.slots))
         self.settled: NDArray[np.intp] = np.zeros(len(self.graph.slots), dtype=np.intp)
+        """Per slot the round of initial propagation in which it changed last."""
         self.recorder = recorder
         self.pace = math.inf
         """Time of a macro step so far, of the quickest stretch between two looks [s]."""
@@ -248,46 +245,19 @@ class Simulation:
 
         Raises RunError: a refused parameter, a failing FMU, or an output that is not finite.
         """
-        start, stop = self.clock.start, self.clock.time(self.steps)
-        for instance in self.instances:
-            instance.set_start_values(start)
-            instance.enter_initialization(start, stop)
-        self._settle(start)
-        for instance in self.instances:
-            instance.exit_initialization(start)
-        for instance in self.instances:
-            instance.propagate_outputs(self.bus, start)
-            instance.check_outputs(start)
+        self.settled, undecided = initialize(
+            self.instances, self.bus, self.clock.start, self.clock.time(self.steps)
+        )
+        if undecided.any():
+            self._warn_of_loop([self.graph.slots[i].name for i in np.flatnonzero(undecided)])
         self._initialised = True
         self.recorder.record(0, self.bus)
 
-    def _settle(self, start: float) -> None:
-        """Rounds of GET and SET until nothing changes; a chain of n units needs n + 1.
-
-        Where flight software reads back its own command there is a loop. If it does not settle, its
-        last values are taken. `settled` keeps for every slot the round in which it changed last.
-        """
-        for count in range(1, MAX_ROUNDS + 1):
-            changed = self._round(start)
-            self.settled[changed] = count
-            if not changed.any():
-                return
-        names = [slot.name for slot, moves in zip(self.graph.slots, changed, strict=True) if moves]
+    def _warn_of_loop(self, names: Sequence[str]) -> None:
         shown = ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
         _log.warning(
             "%s: initial values do not settle (an algebraic loop): %s", self.system.name, shown
         )
-
-    def _round(self, start: float) -> NDArray[np.bool_]:
-        """One round of initial propagation; returns which slots it has changed (NaN counts as a
-        value).
-        """
-        before = self.bus.copy()
-        for instance in self.instances:
-            instance.propagate_outputs(self.bus, start)
-        for instance in self.instances:
-            instance.propagate_inputs(self.bus, start)
-        return np.asarray(self.bus.view(np.uint64) != before.view(np.uint64))
 
     # ---- running
 
