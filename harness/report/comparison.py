@@ -13,7 +13,8 @@ import numpy as np
 from harness.errors import ResultsError
 from harness.figures import OVERLAYS, Figure, Overlay
 from harness.figures.style import SCREEN
-from harness.report import facts, painted, plots, scene
+from harness.report import facts, painted, plots
+from harness.report.approach_scene import pairs
 from harness.report.arrays import Arrays
 from harness.report.plots import Canvas
 from harness.report.template import render
@@ -39,7 +40,7 @@ def of_folder(folder: Path) -> str:
     canvas = Canvas(arrays, int(np.clip(NUMBERS / PER_POINT / curves, *POINTS)))
     drawn = _figures(canvas, results)
     data = {
-        "scene": scene.replay_of_many(results, arrays),
+        "scene": pairs(results, arrays),
         "figures": [{"name": "figures", "figures": drawn}] if drawn else [],
         "runs": list(results),
     }

@@ -9,9 +9,10 @@ import numpy as np
 
 from harness.figures import FIGURES, Drawing, Figure
 from harness.figures.style import SCREEN
-from harness.report import facts, painted, phases, plots, scene
+from harness.report import facts, painted, phases, plots
 from harness.report.arrays import Arrays
 from harness.report.plots import Canvas
+from harness.report.replay import replay
 from harness.report.template import render
 from harness.results.result import Result
 
@@ -45,7 +46,7 @@ def of_run(result: Result) -> str:
     canvas = Canvas(arrays, _points(len(result.columns)))
     drawn = _figures(canvas, result) if len(result.time) > 1 else []
     data = {
-        "scene": scene.replay(result, arrays),
+        "scene": replay(result, arrays),
         "figures": drawn,
         "signals": plots.signals(canvas, result) if len(result.time) > 1 else [],
     }
