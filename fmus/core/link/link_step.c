@@ -1,0 +1,55 @@
+/* link_step.c - the step of a link FMU: one exchange, and what is done if the answer is late. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#include "link.h"
+
+/* from where the board is to t + h */
+static bool send_exchange(Link *l, double t, double h, fmi2Boolean final)
+{
+    Writer w = new_request(&l->client);
+    put_list(l, &w, is_pending, true);
+    put_double(&w, l->behind ? l->time : t);
+    put_double(&w, l->behind ? t + h - l->time : h);
+    put_number(&w, final != 0, 1);
+    put_list(l, &w, is_read, false);
+    forget(l, true);
+    l->time = t + h;
+    l->behind = false;
+    return send_request(&l->client, EXCHANGE, &w);
+}
+
+static unsigned hold(Link *l)
+{
+    for (Entry *e = l->entry; e < l->entry + l->entries; e++) e->valid = e->read;
+    return fmi2OK;
+}
+
+/* within the deadline, or what is to be done without an answer: wait, keep the outputs, stop */
+static unsigned timely(Link *l)
+{
+    Client *c = &l->client;
+    unsigned status = FAILED_REQUEST;
+    if (c->config.deadline <= 0) return finish_exchange(l, conclude(c));
+    if (await(c, now_s() + c->config.deadline, &status) != TOO_LATE)
+        return finish_exchange(l, status);
+    l->late++;
+    if (c->config.late == LATE_WAIT) return finish_exchange(l, conclude(c));
+    if (c->config.late == LATE_HOLD && now_s() < c->sent + c->config.timeout) return hold(l);
+    snprintf(c->said, sizeof c->said, "fmi2DoStep: no answer within the deadline of %g s",
+             c->config.late == LATE_HOLD ? c->config.timeout : c->config.deadline);
+    return fmi2Error;
+}
+
+fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boolean final)
+{
+    Link *l = component;
+    unsigned status = fmi2OK;
+    if (l->client.outstanding) {
+        status = timely(l); /* of an earlier step */
+        l->behind |= l->client.outstanding;
+    }
+    lock_stream(&l->client.stream);
+    if (status <= fmi2Warning && !l->client.outstanding)
+        status = send_exchange(l, t, h, final) ? timely(l) : FAILED_REQUEST;
+    unlock_stream(&l->client.stream);
+    return told(l, status);
+}
