@@ -80,8 +80,9 @@ pil: build
 	     apt-get install -y --no-install-recommends $(PIL_PACKAGES); }
 	$(BIN)/pytest -rs -m "pil or not pil" tests/link
 
-# what every flight FMU takes of every processor; writes the page docs/targets.md from the runs
-FLIGHT := $(basename $(notdir $(wildcard fmus/flight/*.c)))
+# what every flight FMU takes of every processor; writes the page docs/targets.md from the runs. What
+# has been flown with the same files is not flown again, so it may be interrupted.
+FLIGHT := $(sort $(basename $(notdir $(wildcard fmus/flight/*.c))))
 targets: build
 	$(BIN)/harness target $(FLIGHT) --write docs/targets.md
 

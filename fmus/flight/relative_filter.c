@@ -183,19 +183,19 @@ static Ratios ratios_of(mat3 J)
         {k * J.row[1].y, k * J.row[2].z, k * J.row[0].y, k * J.row[0].z, k * J.row[1].z}};
 }
 
-static Estimate start_estimate(const Parameters *p, const Input *u)
+static void start_estimate(const Parameters *p, const Input *u, Estimate *x)
 {
     HillFrame H = hill_frame(p->model.planet.mu, u->S.r, u->S.v);
-    Estimate x = {.rho = tmul(H.C_HN, p->rho_0_H),
-                  .v = tmul(H.C_HN, rate_in_N(&H, p->rho_0_H, p->drho_0_H)),
-                  .q = quat_of_mrp(p->sigma_TN_0),
-                  .w = p->omega_TN_T_0,
-                  .kappa = ratios_of(p->J_T),
-                  .d = p->p_GT_T};
-    start_covariance(&p->sigma_0, x.P);
-    add_diagonal(x.P, RHO, V, p->sigma_0.rho * p->sigma_0.rho);
-    add_diagonal(x.P, THETA, W, p->sigma_0.att * p->sigma_0.att);
-    return x;
+    x->rho = tmul(H.C_HN, p->rho_0_H);
+    x->v = tmul(H.C_HN, rate_in_N(&H, p->rho_0_H, p->drho_0_H));
+    x->q = quat_of_mrp(p->sigma_TN_0);
+    x->w = p->omega_TN_T_0;
+    x->kappa = ratios_of(p->J_T);
+    x->d = p->p_GT_T;
+    x->a = vec(0, 0, 0);
+    start_covariance(&p->sigma_0, x->P);
+    add_diagonal(x->P, RHO, V, p->sigma_0.rho * p->sigma_0.rho);
+    add_diagonal(x->P, THETA, W, p->sigma_0.att * p->sigma_0.att);
 }
 
 /* ---- delay: ring, anchor, head ---- */
@@ -252,7 +252,8 @@ static void begin(const Parameters *p, const Input *u, State *x, double k)
     x->index = x->anchor_index = k;
     x->late = 0;
     x->pose = new_track(&p->gate, -p->sample_period / 2);
-    x->head = x->anchor = start_estimate(p, u);
+    start_estimate(p, u, &x->anchor);
+    x->head = x->anchor;
 }
 
 static Servicer coasted(Servicer s, double T)

@@ -139,7 +139,7 @@ static void expand(double link, mat3 S, vec3 Q_error, vec3 Q_rate, double t_0, E
     set_block(&x->S, 3, 3, S);
     set_block(&Q, 0, 0, diagonal3(Q_error));
     set_block(&Q, 3, 3, diagonal3(Q_rate));
-    x->T0 = riccati(A0, x->S, Q);
+    x->T0 = riccati(A0, x->S, Q, &x->solver);
     lyapunov_inverse(sum6(1, A0, -1, product6(x->S, x->T0)), &x->solver);
     x->t_0 = t_0;
 }

@@ -108,7 +108,7 @@ class Monolith:
                 for m, x, c in zip(self._models, self._memory, self._copies, strict=True)
             )
         )
-        self._initialize()
+        self.initialize()
 
     def _find(self, node: Node) -> int:
         model = self._lib.find_model(node.interface.model.modelName.encode())
@@ -142,9 +142,9 @@ class Monolith:
             *(_Copy(self._slots[w.slot], self._place(i, w.variable.reference)) for w in wires)
         )
 
-    def _initialize(self) -> None:
-        """As many rounds as there are parts: every initial value has then travelled through the
-        longest chain.
+    def initialize(self) -> None:
+        """All parts at the start time, in as many rounds as there are parts: every initial value
+        has then travelled through the longest chain.
         """
         for _ in self._models:
             for i, copies in enumerate(self._copies):

@@ -127,13 +127,13 @@ def target_command(  # noqa: PLR0913, PLR0917 - one argument per option
     ] = None,
     stop: Annotated[float | None, typer.Option(help="stop time [s]")] = None,
     clock: Annotated[float | None, typer.Option(help="of the processor [Hz]")] = None,
-    write: Annotated[Path | None, typer.Option(help="write the page to this Markdown file")] = None,
+    write: Annotated[Path | None, typer.Option(help="put the rows on this page")] = None,
 ) -> None:
     """Show what FMUs take of a flight processor.
 
     Code, constants, data, stack, instructions of a step, and whether the bits are equal.
     """
-    from harness.studies import target
+    from harness.studies import target, target_table
 
     rows = target.measure(
         fmus,
@@ -143,9 +143,9 @@ def target_command(  # noqa: PLR0913, PLR0917 - one argument per option
         clock=clock,
         said=lambda row: typer.echo(f"{row.fmu} on {row.target}", err=True),
     )
-    typer.echo(target.table(rows))
+    typer.echo(target_table.table(rows))
     if write is not None:
-        target.write(write, rows, stop)
+        target_table.write(write, rows)
     if any(row.difference for row in rows):
         raise typer.Exit(1)
 

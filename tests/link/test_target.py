@@ -9,9 +9,12 @@ import pytest
 
 from harness.errors import UsageError
 from harness.files.paths import fmus
-from harness.remote.firmware import _sizes, sizes
+from harness.master.links import Cost
+from harness.remote.firmware import Sizes, _sizes, sizes
 from harness.remote.targets import TARGETS
-from harness.studies.target import HEAD, markdown, measure, table
+from harness.studies import target
+from harness.studies.target import measure
+from harness.studies.target_table import HEAD, Row, markdown, table
 from tests.link.test_processor import needs
 
 MAP = """
@@ -44,6 +47,61 @@ def test_an_fmu_that_flies_nowhere_needs_a_place():
         measure(["adaptive_controller"], [], place="controller")
 
 
+def row(fmu, target, largest, until=None):
+    cost = Cost(600, 600 * 1000, largest, 3.0, 500, 8104, 0)
+    place = "sync_approach.controller"
+    return Row(fmu, target, place, Sizes(1, 2, 3, 4), cost, 0.1, 400e6, 601, until, "")
+
+
+def test_a_page_keeps_the_rows_that_were_not_flown_again():
+    earlier = markdown([row("b", "riscv32", 1), row("b", "cortex-m7", 2), row("a", "riscv64", 3)])
+    page = markdown([row("b", "cortex-m7", 4000, 60.0), row("a", "cortex-m7", 5)], earlier)
+    lines = [line.strip("| ").split(" | ") for line in page.splitlines() if line[:1] == "|"]
+    assert tuple(lines[0]) == HEAD
+    assert [(line[0], line[1], line[8]) for line in lines[2:]] == [
+        ("a", "cortex-m7", "5"),
+        ("a", "riscv64", "3"),
+        ("b", "cortex-m7", "4 000"),
+        ("b", "riscv32", "1"),
+    ]
+    assert [line[-1] for line in lines[4:]] == ["yes, 601 rows (to 60 s)", "yes, 601 rows"]
+    assert float(lines[4][-2]) == 0.01  # percent: 4000 instructions of 400e6 Hz * 0.1 s
+    assert markdown([], page) == page
+    assert markdown([], "| other | columns |") == markdown([])
+
+
+@needs("cortex-m7")
+def test_fmus_of_a_system_fly_together_and_once(monkeypatch):
+    flown, fly = [], target._flown
+    monkeypatch.setattr(target, "_flown", lambda *of: flown.append(of) or fly(*of))
+    wanted = ["pid_controller", "sync_guidance", "adaptive_controller"]
+    rows = measure(wanted, ["cortex-m7"], stop=2.0)
+    assert [r.fmu for r in rows] == wanted
+    assert [(r.rows, r.difference) for r in rows] == [(41, ""), (21, ""), (21, "")]
+    assert [list(of[1]) for of in flown if len(of) > 1] == [
+        ["controller"],
+        ["guidance", "controller"],
+    ]
+    assert measure(wanted, ["cortex-m7"], stop=2.0) == rows
+    assert len(flown) == 4  # two systems here and there; the second time nothing
+
+
+@needs("cortex-m7")
+def test_a_difference_is_said_with_its_place(monkeypatch):
+    wrong = target._flown
+
+    def flown(system, linked=()):
+        result, costs = wrong(system, linked)
+        if not linked:
+            result.values[7, result.columns.index("controller.F_cmd_S[2]")] += 1e-12
+        return result, costs
+
+    monkeypatch.setattr(target, "_flown", flown)
+    (one,) = measure(["adaptive_controller"], ["cortex-m7"], stop=1.5)
+    assert one.difference == "controller.F_cmd_S[2] at 0.7 s"
+    assert one.verdict() == "no: controller.F_cmd_S[2] at 0.7 s"
+
+
 @pytest.mark.pil
 @needs("cortex-m7", "cortex-m4")
 def test_the_table_of_a_controller(tmp_path):
@@ -56,10 +114,9 @@ def test_the_table_of_a_controller(tmp_path):
     assert 2000 < hard.cost.mean <= hard.cost.largest < 0.1 * soft.cost.largest
     assert 500 < hard.cost.stack < 40000
     assert hard.share == pytest.approx(hard.cost.largest / 400e6 / 0.1)
-    text, page = table([hard, soft]), markdown([hard, soft], 5.0)
+    text = table([hard, soft])
     assert [line.split()[0] for line in text.splitlines()] == ["FMU", "mine", "mine"]
-    assert page.count("yes, 51 rows") == 2
-    assert " | ".join(HEAD) in page
+    assert text.count("yes, 51 rows (to 5 s)") == 2
 
 
 @pytest.mark.pil

@@ -79,7 +79,7 @@ CALL(mat6, product6, (mat6 a, mat6 b), (a, b))
 CALL(mat6, transpose6, (mat6 a), (a))
 CALL(mat6, solve6, (mat6 a, mat6 b), (a, b))
 CALL(double, largest6, (mat6 a), (a))
-CALL(mat6, riccati, (mat6 A, mat6 S, mat6 Q), (A, S, Q))
+CALL(mat6, riccati, (mat6 A, mat6 S, mat6 Q), (A, S, Q, &(LyapunovInverse){{{0}}}))
 
 mat6 call_lyapunov(mat6 A, mat6 C);
 mat6 call_lyapunov(mat6 A, mat6 C)

@@ -89,7 +89,7 @@ typedef struct {
 
 /* ---- refusing parameter values: one line each, all of them ---- */
 typedef struct {
-    char text[8000];
+    char text[4000]; /* of some fifty problems; more are counted */
     size_t count;
 } Problems;
 

@@ -13,24 +13,30 @@ static const char *category_name(unsigned category)
 }
 
 /* The callback reads its last argument as a printf format, so a percent sign must not reach it. */
-void log_message(const Instance *instance, fmi2Status status, unsigned category, const char *text)
+static void hand_over(const Instance *instance, fmi2Status status, unsigned category, char *line)
 {
-    char line[LINE_SIZE];
-    if (!instance->call.logger || (category != LOG_ERRORS && !(instance->categories & category)))
-        return;
-    snprintf(line, sizeof line, "%s", text);
     for (char *c = line; *c; c++)
         if (*c == '%') *c = ' ';
     instance->call.logger(instance->call.componentEnvironment, instance->name ? instance->name : "",
                           status, category_name(category), line);
 }
 
-fmi2Status failure(const Instance *instance, const char *function, const char *text)
+RARE void log_message(const Instance *instance, fmi2Status status, unsigned category,
+                      const char *text)
 {
     char line[LINE_SIZE];
-    if (!instance) return fmi2Error;
+    if (!instance->call.logger || (category != LOG_ERRORS && !(instance->categories & category)))
+        return;
+    snprintf(line, sizeof line, "%s", text);
+    hand_over(instance, status, category, line);
+}
+
+RARE fmi2Status failure(const Instance *instance, const char *function, const char *text)
+{
+    char line[LINE_SIZE];
+    if (!instance || !instance->call.logger) return fmi2Error;
     snprintf(line, sizeof line, "%s: %s", function, text);
-    log_message(instance, fmi2Error, LOG_ERRORS, line);
+    hand_over(instance, fmi2Error, LOG_ERRORS, line);
     return fmi2Error;
 }
 
@@ -122,13 +128,10 @@ static bool outputs_in_bounds(const Instance *instance, const void *model)
     return true;
 }
 
-static bool result_is_good(const Instance *instance, const char *function, const void *model,
-                           double t)
+RARE static bool refuse_result(const Instance *instance, const char *function, const void *model,
+                               double t)
 {
     char broken[FINDING_SIZE], text[FINDING_SIZE + 80];
-    if (all_finite(tail_const(model), tail_size() / sizeof(double)) &&
-        outputs_in_bounds(instance, model))
-        return true;
     const char *what = first_broken_output(model, broken);
     snprintf(text, sizeof text, "result at t = %.9g s refused: %s", t,
              what ? what : "an internal state is not finite");
@@ -136,14 +139,27 @@ static bool result_is_good(const Instance *instance, const char *function, const
     return false;
 }
 
-bool initialize_checked(const Instance *instance, const char *function, void *model)
+static bool result_is_good(const Instance *instance, const char *function, const void *model,
+                           double t)
+{
+    if (all_finite(tail_const(model), tail_size() / sizeof(double)) &&
+        outputs_in_bounds(instance, model))
+        return true;
+    return refuse_result(instance, function, model, t);
+}
+
+RARE static bool parameters_are_good(const Instance *instance, const char *function,
+                                     const void *model)
 {
     Problems problems = {{0}, 0};
     check_parameters(model, &problems);
-    if (problems.count) {
-        failure(instance, function, problems.text);
-        return false;
-    }
+    if (problems.count) failure(instance, function, problems.text);
+    return problems.count == 0;
+}
+
+bool initialize_checked(const Instance *instance, const char *function, void *model)
+{
+    if (!parameters_are_good(instance, function, model)) return false;
     memcpy(tail(model), tail_const(fmu_model.start), tail_size());
     fmu_model.initialize(model, instance->now.start);
     return result_is_good(instance, function, model, instance->now.start);
@@ -161,7 +177,7 @@ static double good_value(const Instance *instance, Scalar s)
     return ((const double *)(const void *)((const char *)instance->good + offset))[s.element];
 }
 
-static void report_alarm(const Instance *instance, Scalar s, double t)
+RARE static void report_alarm(const Instance *instance, Scalar s, double t)
 {
     char name[NAME_SIZE], text[FINDING_SIZE];
     snprintf(text, sizeof text, "t = %.9g s: %s (%s)", t, element_name(name, s), s.row->text);

@@ -43,6 +43,13 @@ typedef struct {
     KnownCalls written, read;
 } Instance;
 
+/* with text buffers that are to be no part of the stack of a step that goes well */
+#if defined __GNUC__
+#define RARE __attribute__((noinline))
+#else
+#define RARE
+#endif
+
 extern const char *const log_categories[3];
 
 void log_message(const Instance *instance, fmi2Status status, unsigned category, const char *text);

@@ -45,12 +45,14 @@ static uint64_t rounded(uint64_t m, int e)
     return bits < INFINITE ? bits : INFINITE;
 }
 
+static int smaller_of(int a, int b) { return a < b ? a : b; }
+
 /* leading one at bit 52 + EXTRA, or exponent 1 */
 static uint64_t normalised(uint64_t m, int e)
 {
     if (m >> (53 + EXTRA)) return rounded(shifted(m, 1), e + 1);
-    for (; e > 1 && !(m >> (52 + EXTRA)); e--) m <<= 1;
-    return rounded(m, e);
+    int places = smaller_of(__builtin_clzll(m | 1) - (11 - EXTRA), e - 1);
+    return rounded(m << places, e - places);
 }
 
 static uint64_t special(uint64_t a, uint64_t b, uint64_t size_a, uint64_t size_b)

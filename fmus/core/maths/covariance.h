@@ -44,28 +44,37 @@ static inline void symmetrise(double *P, size_t n)
             P[i * n + j] = P[j * n + i] = (P[i * n + j] + P[j * n + i]) / 2;
 }
 
-/* to = (I + F)(from)^T, F of `moving` rows */
-static inline void transition_times_transposed(const double *F, size_t moving, const double *from,
-                                               double *to, size_t n)
+static inline void transpose_in_place(double *M, size_t n)
 {
-    double turned[MOST_STATES * MOST_STATES];
     for (size_t i = 0; i < n; i++)
-        for (size_t j = 0; j < n; j++) turned[i * n + j] = from[j * n + i];
-    memcpy(to, turned, n * n * sizeof(double));
+        for (size_t j = 0; j < i; j++) {
+            double held = M[i * n + j];
+            M[i * n + j] = M[j * n + i];
+            M[j * n + i] = held;
+        }
+}
+
+/* to = (I + F) from, F of `moving` rows */
+static inline void transition_times(const double *F, size_t moving, const double *from, double *to,
+                                    size_t n)
+{
+    memcpy(to, from, n * n * sizeof(double));
     for (size_t i = 0; i < moving; i++)
         for (size_t k = 0; k < n; k++) {
             double f = F[i * n + k];
             if (f == 0) continue;
-            for (size_t j = 0; j < n; j++) to[i * n + j] += f * turned[k * n + j];
+            for (size_t j = 0; j < n; j++) to[i * n + j] += f * from[k * n + j];
         }
 }
 
-/* P <- (I + F) P (I + F)^T, to be symmetrised after the noise is added */
+/* P <- (I + F) P (I + F)^T = (I + F) ((I + F) P^T)^T, to be symmetrised after the noise is added */
 static inline void propagate_covariance(double *P, const double *F, size_t moving, size_t n)
 {
     double half[MOST_STATES * MOST_STATES];
-    transition_times_transposed(F, moving, P, half, n);
-    transition_times_transposed(F, moving, half, P, n);
+    transpose_in_place(P, n);
+    transition_times(F, moving, P, half, n);
+    transpose_in_place(half, n);
+    transition_times(F, moving, half, P, n);
 }
 
 /* noise of a rate that drives three states and their rates: q [T^3/3, T^2/2; T^2/2, T] */

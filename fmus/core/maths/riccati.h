@@ -177,15 +177,15 @@ static inline mat6 lyapunov(const LyapunovInverse *inverse, mat6 C)
 
 /* ---- Riccati, refined ---- */
 /* a Newton step: X of (A - S X)^T X+ + X+ (A - S X) = -(Q + X S X) */
-static inline mat6 refined(mat6 A, mat6 S, mat6 Q, mat6 X)
+static inline mat6 refined(mat6 A, mat6 S, mat6 Q, mat6 X, LyapunovInverse *workspace)
 {
-    LyapunovInverse inverse;
     mat6 SX = product6(S, X);
-    lyapunov_inverse(sum6(1, A, -1, SX), &inverse);
-    return lyapunov(&inverse, sum6(-1, Q, -1, product6(X, SX)));
+    lyapunov_inverse(sum6(1, A, -1, SX), workspace);
+    return lyapunov(workspace, sum6(-1, Q, -1, product6(X, SX)));
 }
 
-static inline mat6 riccati(mat6 A, mat6 S, mat6 Q)
+/* the workspace is the caller's, of 3.5 kB that need not be on the stack */
+static inline mat6 riccati(mat6 A, mat6 S, mat6 Q, LyapunovInverse *workspace)
 {
     Doubling d = doubling_start(A, S, Q);
     for (int k = 0; k < 60; k++) {
@@ -196,7 +196,7 @@ static inline mat6 riccati(mat6 A, mat6 S, mat6 Q)
     }
     mat6 X = sum6(0.5, d.H, 0.5, transpose6(d.H));
     for (int k = 0; k < 3; k++)
-        X = refined(A, S, Q, X); /* what the doubling loses in stiff problems */
+        X = refined(A, S, Q, X, workspace); /* what the doubling loses in stiff problems */
     return X;
 }
 
