@@ -216,6 +216,18 @@ def test_quaternion_never_jumps_while_the_servicer_flies_around_the_target(fmu):
     assert flips > 0
 
 
+def test_of_both_signs_of_a_quaternion_the_nearer_to_the_last_one_is_published(fmu, rng):
+    """Also where the line of sight jumps to anywhere."""
+    unit, last, signs = fmu("los_guidance"), None, set()
+    for _ in range(60):
+        unit.step(0.1, seen_at(100 * random_direction(rng)))
+        q = unit.get("q_DN")
+        assert last is None or q @ last > 0
+        signs.add(np.sign(q[0]))
+        last = q
+    assert signs == {-1, 1}
+
+
 def test_near_the_sun_the_panel_axis_is_held(fmu):
     """The line of sight crosses the Sun 0.01 deg beside it: flagged, and y turns by no more than
     the line of sight.

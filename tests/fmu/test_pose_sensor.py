@@ -158,6 +158,15 @@ def test_moving_bodies_are_seen_as_they_were_at_the_sample(fmu):
             assert unit.get("r_GK_K")[0] == pytest.approx(20 + 5 * time - 0.5, abs=1e-9)
 
 
+def test_nothing_before_the_first_pose(fmu):
+    unit = fmu("pose_sensor", {"latency": 0.7})
+    for _ in range(2):
+        assert (unit.get("pose_time"), unit.get("pose_valid")) == (-1, 0)
+        assert unit.get("q_TK").tolist() == [1, 0, 0, 0]
+        assert not unit.get("r_GK_K").any()
+        unit.step(0.6)
+
+
 def test_same_bits_for_any_steps(fmu, rng):
     p, u, _, _ = scene(rng)
     p |= {"p_outlier": 0.3, "p_flip": 0.3, "latency": 0.7}

@@ -153,6 +153,8 @@ def test_rate_is_along_the_axis_of_the_transition_up_to_its_limit(fmu, rng, atti
         wanted *= min(1, largest / np.linalg.norm(wanted))
         assert omega_D == pytest.approx(wanted, abs=1e-15)
         assert dcm_of_quaternion(L).T @ omega_D == pytest.approx(wanted, abs=1e-15)
+        assert not unit.get("alpha_DN_D").any()  # a command, not a derivative
+        assert not unit.get("ddrho_ref_N").any()
 
 
 def test_rate_limit_0_is_none(fmu):

@@ -152,7 +152,9 @@ def test_corridor_ends_at_its_length(fmu):
     p = {"use_corridor": 1, "corridor_axis": (0, 1, 0), "corridor_half_angle": 0.5}
     aside = np.array((30.0, 12.0, 0.0)), np.zeros(3), None, None
     assert point(fmu, p, aside).get("corridor_margin") < 0
-    assert abs(point(fmu, p | {"corridor_length": 10}, aside).get("corridor_margin") - 2) < 1e-8
+    for length in (10, 0.5):
+        unit = point(fmu, p | {"corridor_length": length}, aside)
+        assert abs(unit.get("corridor_margin") - (12 - length)) < 1e-8
 
 
 def test_speed_margin_is_the_limit_at_this_range_minus_the_speed_in_the_hill_frame(fmu, rng):

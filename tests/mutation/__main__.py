@@ -13,7 +13,7 @@ import argparse
 import json
 import tempfile
 from collections import Counter
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from itertools import islice
 from pathlib import Path
 
@@ -49,7 +49,8 @@ def _campaign(a: argparse.Namespace) -> Counter[str]:
             if not (some := list(islice(left, missing))):
                 break
             counts.update(known[fault] for fault in some if fault in known)
-            for row in workers.map(_row, [fault for fault in some if fault not in known]):
+            for done in as_completed(workers.submit(_row, f) for f in some if f not in known):
+                row = done.result()
                 if row["outcome"] in (ILL, UNREAD):
                     continue
                 counts[row["outcome"]] += 1

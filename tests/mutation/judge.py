@@ -2,10 +2,9 @@
 """What the tests say of a deliberate fault: a copy of the tree with the fault, the FMUs whose
 machine code it changes built anew, and the tests that name them run until one fails.
 
-A fault in the adapter is looked for in three FMUs: the shortest one, one whose outputs have bounds
-and alarms, one whose inputs have bounds and lie scattered. One in the link is looked for by the
-tests of the link, over TCP. Tests run in forks of this process, which has read the large libraries
-already.
+A fault in the adapter is looked for in four FMUs: the shortest one, two with bounds on inputs, one
+of them a switch, and one with angles and alarms. One in the link is looked for by the tests of the
+link, over TCP. Tests run in forks of this process, which has read the large libraries already.
 """
 
 from __future__ import annotations
@@ -46,7 +45,7 @@ UNITS = {
     "elementary": ("tests/unit/test_elementary.py",),
 }
 """C files of the unit tests and the tests of each."""
-ADAPTER_IN = ("ideal_propulsion", "servicer", "los_guidance")
+ADAPTER_IN = ("ideal_propulsion", "servicer", "space_robot", "los_guidance")
 LINK = {"link": ("link", "link_unused", "client", "stream", "processor"), "board": ("board",)}
 """Libraries of the link and their files."""
 SECONDS, PATIENCE = 120, 900
@@ -281,7 +280,8 @@ def _run(tree: Tree, tests: list[str], output: Path, build: Path) -> None:
     options += ["--assert=plain"]
     status = 99
     try:
-        status = int(pytest.main([*options, *tests], [_QuickestFirst(tree.root / "seconds.json")]))
+        seconds = tree.root.parent / "seconds.json"
+        status = int(pytest.main([*options, *tests], [_QuickestFirst(seconds)]))
     except BaseException:
         traceback.print_exc()
     finally:
@@ -289,7 +289,9 @@ def _run(tree: Tree, tests: list[str], output: Path, build: Path) -> None:
 
 
 class _QuickestFirst:
-    """One case of every test first, and the quickest first as far as earlier faults have shown."""
+    """One case of every test first, and the quickest first as far as earlier faults have shown, in
+    this process or in one beside it.
+    """
 
     def __init__(self, file: Path) -> None:
         self.file = file
@@ -309,4 +311,6 @@ class _QuickestFirst:
             self.seconds[report.nodeid] = report.duration
 
     def pytest_sessionfinish(self) -> None:
-        self.file.write_text(json.dumps(self.seconds))
+        mine = self.file.with_suffix(f".{os.getpid()}")
+        mine.write_text(json.dumps(self.seconds))
+        mine.replace(self.file)
