@@ -18,7 +18,7 @@ from harness.system.graph import say_warnings, say_warnings_of
 from harness.system.interface import read_interface
 from harness.system.model import System
 from harness.system.swap import find_fmu
-from harness.system.values import parse, plain
+from harness.system.values import plain
 
 if TYPE_CHECKING:
     from harness.studies.campaign.campaign import Campaign
@@ -180,8 +180,7 @@ def linearize(
     """
     from harness.studies import linearize as linear
 
-    given = {name: parse(v) if isinstance(v, str) else v for name, v in pairs("--set", set)}
-    path = find_fmu(fmu)
+    path, given = find_fmu(fmu), dict(pairs("--set", set))
     say_warnings_of(read_interface(path))
     model: linear.LinearModel = guarded([path], linear.linearize, path, at, step, given)
     return model

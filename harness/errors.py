@@ -8,7 +8,8 @@ for the user.
     ├── StructureError       a system contradicts itself; carries all problems, one line each
     ├── FmuError             an FMU cannot be read, loaded or instantiated
     ├── RunError             an FMU failed in initialization or in a step; carries the rows so far
-    │   └── InterruptionError    the user stopped the run
+    │   ├── InterruptionError    the user stopped the run
+    │   └── RefusalError         an FMU refuses values of parameters
     ├── ComparisonError      runs of a comparison ended early, a line each; the others are complete
     ├── RequirementError     requirements are not met, a line each; the results are complete
     └── ResultsError         a results file cannot be written or read
@@ -92,6 +93,16 @@ class InterruptionError(RunError):
 
     def __init__(self, system: str, time: float) -> None:
         super().__init__(system, time, "interrupted")
+
+
+class RefusalError(RunError):
+    """An FMU refuses values of its parameters; `refusals` holds the rules that are broken, see
+    harness.master.refusals.
+    """
+
+    def __init__(self, component: str, time: float, refusals: tuple[Any, ...]) -> None:
+        self.refusals = refusals
+        super().__init__(component, time, "; ".join(map(str, refusals)))
 
 
 class ComparisonError(HarnessError):

@@ -128,7 +128,7 @@ static void check(const Parameters *p, Problems *problems)
 {
     if (determinant(full(p->eta_hat_0.A)) <= 0 && p->use_wheels)
         refuse(problems, "eta_hat_0", determinant(full(p->eta_hat_0.A)),
-               "the wheel inertia estimate must have a positive determinant");
+               "the wheel inertia estimate must have a positive determinant (use_wheels = 1)");
 }
 
 /* ---- translation ---- */

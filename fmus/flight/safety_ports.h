@@ -88,7 +88,7 @@ static inline void check_safety(const SafetyParameters *p, Problems *problems)
         refuse(problems, "keep_out_shape", shape, "must be 0, 1 or 2");
     if (fabs(axis - 1) > 1e-9) refuse(problems, "corridor_axis", axis, "must be a unit vector");
     if (p->passive_time > 0 && shape == NO_ZONE)
-        refuse(problems, "passive_time", p->passive_time, "needs a keep-out zone");
+        refuse(problems, "passive_time", p->passive_time, "needs a keep-out zone (keep_out_shape)");
     if (p->passive_time > 1e5 * p->passive_step)
         refuse(problems, "passive_step", p->passive_step, "must not be below passive_time / 1e5");
     check_acute(problems, "corridor_half_angle", p->corridor_half_angle);

@@ -87,7 +87,8 @@ static void check(const Parameters *p, Problems *problems)
 {
     check_thrusters(problems, &p->thrusters);
     if (!p->pulsed) return;
-    if (p->sample_period == 0) refuse(problems, "sample_period", 0, "must be > 0 with pulses");
+    if (p->sample_period == 0)
+        refuse(problems, "sample_period", 0, "must be > 0 with pulses (pulsed = 1)");
     else if (!is_multiple(p->pulse_period, p->sample_period))
         refuse(problems, "pulse_period", p->pulse_period, "must be a multiple of sample_period");
     if (p->min_on_time > p->pulse_period)

@@ -107,7 +107,7 @@ static void check_window(const Parameters *p, Problems *problems)
     if (s->start < p->window_start)
         refuse(problems, "swing_start", s->start, "must not be before window_start");
     if (s->start + s->duration > p->window_start + p->window)
-        refuse(problems, "window", p->window, "must not end before the swing does");
+        refuse(problems, "window", p->window, "must not end before swing_start + swing_duration");
 }
 
 static void check(const Parameters *p, Problems *problems)

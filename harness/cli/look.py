@@ -63,19 +63,24 @@ def show_command(
 
 
 @app.command()
+@takes_changes(
+    "params", "set", "swap", "map", "on", "latency", "step", "stop", "algorithm", "require"
+)
 def check(
-    name: Annotated[
+    system: Annotated[
         str, typer.Argument(metavar="SYSTEM_OR_FMU", help="name, or path of an .ssp or .fmu")
     ],
     strict: Annotated[bool, typer.Option("--strict", help="warnings are errors")] = False,
+    changes: Any = None,
 ) -> None:
     """Find all that is wrong with a system or an FMU.
 
-    Errors keep it from being run (exit status 1); warnings are what is not by the book.
+    Errors keep it from being run (exit status 1); warnings are what is not by the book. With
+    changes: what a run with them would fly.
     """
     from harness.studies import check as study
 
-    verdict = study.check(name, strict)
+    verdict = study.check(system, strict, **changes)
     for warning in verdict.warnings:
         typer.echo(printable(f"harness: warning: {warning}"), err=True)
     typer.echo(printable(str(verdict)))

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-import re
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
@@ -22,7 +21,7 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 from numpy.typing import NDArray
 
-from harness.errors import FmuError, RunError
+from harness.errors import FmuError, RefusalError, RunError
 from harness.files import cache
 from harness.files.archive import unpack
 from harness.files.paths import is_ours
@@ -334,6 +333,6 @@ class Instance:
             messages.take_error(self.name)
             or f"{STATUS.get(status, f'status {status}')}, without a message"
         )
-        if not self._stepping and refusals(reason, self.node.interface.named("parameter")):
-            return RunError(self.name, time, re.sub(r"^fmi2\w+: ", "", reason))
+        if not self._stepping and (found := refusals(reason, self.node.interface.settable())):
+            return RefusalError(self.name, time, found)
         return RunError(self.name, time, f"{doing}: {reason}", variable)

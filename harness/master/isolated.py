@@ -25,12 +25,14 @@ from harness.master import simulation as here
 from harness.master.child import GRACE_SECONDS, OUTCOME, Child, Send
 from harness.master.pacer import Pacer
 from harness.master.progress import Watch, shown
-from harness.master.refusals import as_typed
 from harness.master.simulation import Simulation
 from harness.results.result import Result
 from harness.system.model import System
 
 _log = logging.getLogger("harness")
+
+PATIENCE = 60.0
+"""How long an FMU that is not ours may take for one call where many runs wait for it [s]."""
 
 BEGUN, PACE, OVER = "begun", "pace", "over"
 """Messages: the initial row stands, with the names of the calls of a macro step; the time of one
@@ -49,17 +51,12 @@ def simulate(  # noqa: PLR0913 - every one is an option of the command line
 ) -> Result:
     """Run a system as it is, with foreign FMUs in a child process unless in_process; the arguments
     are those of run().
-
-    Values of --set that an FMU refuses are a UsageError.
     """
-    try:
-        if in_process or all_ours(system):
-            how: Any = {"executor": executor, "every": every, "progress": progress}
-            return here.simulate(system, pacer=pacer, **how)
-        with _Run(system, executor, every, pacer=pacer) as run:
-            return run.result(progress)
-    except RunError as error:
-        raise as_typed(error, system.origin.set) from error.__cause__
+    if in_process or all_ours(system):
+        how: Any = {"executor": executor, "every": every, "progress": progress}
+        return here.simulate(system, pacer=pacer, **how)
+    with _Run(system, executor, every, pacer=pacer) as run:
+        return run.result(progress)
 
 
 def all_ours(system: System) -> bool:
@@ -247,7 +244,7 @@ def _run(  # noqa: PLR0913, PLR0917 - two blocks of memory
 ) -> None:
     """Run the system into shared memory; the outcome is sent before the FMUs are freed."""
     if simulation is None:
-        with _silence():  # the parent has said it already
+        with silence():  # the parent has said it already
             simulation = Simulation(system, executor=executor, every=every, pacer=pacer)
         _share(simulation, table, marks)
 
@@ -270,7 +267,8 @@ def _run(  # noqa: PLR0913, PLR0917 - two blocks of memory
 
 
 @contextmanager
-def _silence() -> Iterator[None]:
+def silence() -> Iterator[None]:
+    """Say nothing of what there is to note."""
     disabled, _log.disabled = _log.disabled, True
     try:
         yield

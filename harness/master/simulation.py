@@ -13,7 +13,7 @@ from typing import Any, Self, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import InterruptionError, RunError, UsageError
+from harness.errors import InterruptionError, RefusalError, RunError, UsageError
 from harness.files import signals
 from harness.files.temporary import PrivateFolder
 from harness.master import messages
@@ -24,6 +24,7 @@ from harness.master.initialization import initialize
 from harness.master.pacer import Pacer
 from harness.master.progress import Watch, shown
 from harness.master.recorder import Recorder
+from harness.master.refusals import as_typed
 from harness.results.provenance import flown
 from harness.results.result import Result
 from harness.system.graph import Checked, Node, Slot, checked, constants, rechecked
@@ -276,7 +277,8 @@ class Simulation:
         was not done.
 
         progress: called now and then with the number of complete steps. Raises RunError
-        (InterruptionError on Ctrl-C) whose `partial` holds everything recorded.
+        (InterruptionError on Ctrl-C) whose `partial` holds everything recorded; values of --set
+        that an FMU refuses are a UsageError.
         """
         try:
             if self._folder is None:
@@ -286,6 +288,9 @@ class Simulation:
             self._advance(self.steps if to is None else min(to, self.steps), progress)
         except KeyboardInterrupt:
             raise self._partial(InterruptionError(self.system.name, self.time)) from None
+        except RefusalError as error:
+            typed = as_typed(error, self.system.origin.set, f"{error.component}.")
+            raise typed from error.__cause__
         except RunError as error:
             raise self._partial(error) from error.__cause__
 

@@ -8,15 +8,17 @@ the book.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Unpack
 
 from harness.errors import FmuError, HarnessError, StructureError, UsageError
 from harness.files import paths
-from harness.master.changes import choose_set, set_names
+from harness.master.changes import Changes, apply, choose_set, set_names
+from harness.master.refusals import as_typed
+from harness.master.trial import refused
 from harness.rules.judge import judge
 from harness.spelling import did_you_mean
 from harness.ssp import reader
@@ -40,11 +42,12 @@ class Verdict(NamedTuple):
         return f"{self.text}, {count} warning{'s' * (count > 1)}" if count else self.text
 
 
-def check(name: str, strict: bool = False) -> Verdict:
+def check(name: str, strict: bool = False, **changes: Unpack[Changes]) -> Verdict:
     """Verdict on a system or FMU, given by name or path.
 
-    strict: warnings are errors. Raises StructureError or FmuError with everything that is wrong,
-    warnings included.
+    strict: warnings are errors; changes: those of run(), then what it would fly is judged instead
+    of all parameter sets. Raises StructureError or FmuError with everything that is wrong, warnings
+    included, and UsageError for changes that cannot be made.
     """
     systems, fmus = paths.systems(), paths.fmus()
     path = systems.get(name) or fmus.get(name) or Path(name)
@@ -52,7 +55,11 @@ def check(name: str, strict: bool = False) -> Verdict:
         raise UsageError(
             f"{name}: there is no such system or FMU{did_you_mean(name, [*systems, *fmus])}"
         )
-    return (_check_fmu if path.suffix == ".fmu" else _check_system)(path, strict)
+    if path.suffix != ".fmu":
+        return _check_system(path, strict, changes)
+    if changes:
+        raise UsageError(f"{name}: --{next(iter(changes))} changes a system, and this is an FMU")
+    return _check_fmu(path, strict)
 
 
 def _check_fmu(path: Path, strict: bool) -> Verdict:
@@ -82,26 +89,29 @@ def _without_binary(interface: Interface) -> str | None:
     return f"it holds no binary for this platform{shown}"
 
 
-def _check_system(path: Path, strict: bool) -> Verdict:
-    """Everything that is wrong with the file, its wiring with every parameter set, its FMUs and its
-    time span.
+def _check_system(path: Path, strict: bool, changes: Changes) -> Verdict:
+    """Everything that is wrong with the file, its wiring with every parameter set or with these
+    changes, its FMUs, the values that they are given, and its time span.
     """
-    with noted() as notes, reader.examined(path) as (system, problems):
-        errors = [*problems, *_system_errors(system)]
+    with noted() as notes, reader.examined(path) as (found, problems):
+        system = apply(found, **changes) if changes and not problems else found
+        errors = [*problems, *_system_errors(system, [""] if changes else set_names(system))]
     lines = (*errors, *(f"warning: {note}" for note in notes))
     if errors or (strict and lines):
         raise StructureError(lines)
     missing = [name for name in ("step", "stop") if getattr(system.experiment, name) is None]
     counts = (
         f"{len(system.components)} components, {len(system.connections)} connections, "
-        f"{len(set_names(system))} sets"
+        f"{'these changes' if changes else f'{len(set_names(system))} sets'}"
     )
     wanted = f", give {' and '.join(f'--{name}' for name in missing)}" if missing else ""
     return Verdict(f"{system.name}: fine ({counts}){wanted}", tuple(notes))
 
 
-def _system_errors(system: System) -> Iterator[str]:
-    """Time span, FMUs, and the wiring with every parameter set as far as the FMUs can be read."""
+def _system_errors(system: System, sets: Sequence[str]) -> Iterator[str]:
+    """Time span, FMUs, and wiring and values with these parameter sets ("": as they are) as far as
+    the FMUs can be read.
+    """
     experiment = system.experiment
     if experiment.step is not None and experiment.stop is not None:
         periods = [max(1, c.every) for c in system.components]
@@ -114,8 +124,11 @@ def _system_errors(system: System) -> Iterator[str]:
         if interface and (problem := _without_binary(interface)):
             yield f"{component.name}: {component.fmu.name}: {problem}"
     yield from size_problems(system, interfaces)
-    for name in set_names(system):
-        yield from graph_problems(choose_set(system, name), interfaces)
+    chosen = [choose_set(system, name) if name else system for name in sets]
+    for each in chosen:
+        yield from graph_problems(each, interfaces)
+    for error in refused(chosen):
+        yield from str(as_typed(error, system.origin.set, f"{error.component}.")).splitlines()
     _say_warnings(interfaces)
 
 

@@ -27,6 +27,9 @@ from harness.errors import HarnessError, RunError, UsageError
 from harness.files.command import command_line, work_for
 from harness.master.changes import apply
 from harness.master.child import end_with_parent
+from harness.master.isolated import PATIENCE
+from harness.master.refusals import as_typed, without
+from harness.master.trial import refused
 from harness.results.files import ResultFile, read
 from harness.results.requirements import findings
 from harness.results.result import Result
@@ -107,6 +110,7 @@ def compare(  # noqa: PLR0913 - what a comparison can be told
     *,
     limits: Limits | None = None,
     every: int | None = None,
+    patience: float = PATIENCE,
     progress: Callable[[int], None] | None = None,
 ) -> Comparison:
     """Run all variants in parallel and measure them; results go to `directory` as LABEL.nc, the
@@ -114,13 +118,15 @@ def compare(  # noqa: PLR0913 - what a comparison can be told
 
     limits: bands and keep-out radius that the runs are held against; every: record every N-th
     macro step (default: as many that a run has at most 20 000 rows);
-    progress: called with the number of runs that are over. Raises what run() raises before its
-    first step, and ResultsError; a run that fails under way ends early, the others go on.
+    patience: how long an FMU that is not ours may take for one call [s]; progress: called with the
+    number of runs that are over. Raises what run() raises before its first step, and ResultsError;
+    a run that fails under way ends early, the others go on.
     """
-    steps = _check(system, variants, ResultFile(directory / "any.nc"), every)
+    steps = _check(system, variants, ResultFile(directory / "any.nc"), every, patience)
     files = [ResultFile(directory / f"{variant.file}.nc").path for variant in variants]
     thinning = [_thinning(n) if every is None else every for n in steps]
-    outcomes = _run_all(system, list(zip(variants, files, thinning, strict=True)), progress)
+    flights = list(zip(variants, files, thinning, strict=True))
+    outcomes = _run_all(system, flights, patience, progress)
     results = {outcome.variant.label: read(outcome.file) for outcome in outcomes if outcome.file}
     held = (limits or Limits()).common(results)
     taken = measures(results, held)
@@ -132,7 +138,11 @@ def compare(  # noqa: PLR0913 - what a comparison can be told
 
 
 def _check(
-    system: str | Path, variants: Sequence[Variant], file: ResultFile, every: int | None
+    system: str | Path,
+    variants: Sequence[Variant],
+    file: ResultFile,
+    every: int | None,
+    patience: float,
 ) -> list[int]:
     """Find everything that is wrong with a variant before any is run; returns the macro steps of
     each.
@@ -146,7 +156,26 @@ def _check(
         for changed in systems:
             file.accept(changed)
             steps.append(checked(changed).steps)
+        _try_fixed_values(variants, systems, patience)
     return steps
+
+
+def _try_fixed_values(
+    variants: Sequence[Variant], systems: Sequence[System], patience: float
+) -> None:
+    """UsageError if an FMU refuses a value that all variants have."""
+    kinds: dict[object, System] = {}
+    for variant, system in zip(variants, systems, strict=True):
+        kinds.setdefault((variant.changes.get("params"), *system.origin.swaps.values()), system)
+    varied = variants[0].varied
+    given = systems[0].origin.set
+    fixed = {name: value for name, value in given.items() if name not in varied}
+    components = {name.partition(".")[0] for name in fixed}
+    for error in refused(kinds.values(), components, patience):
+        common = without(error, varied)
+        typed = common and as_typed(common, fixed, f"{error.component}.")
+        if isinstance(typed, UsageError):
+            raise typed
 
 
 def _applied(system: System, variant: Variant) -> System:
@@ -154,10 +183,14 @@ def _applied(system: System, variant: Variant) -> System:
     try:
         return apply(system, **variant.changes)
     except UsageError as error:
-        lines = str(error).splitlines()
-        for name in variant.varied:
-            lines = [re.sub(rf"^--set (?={re.escape(name)}\b)", "--vary ", line) for line in lines]
-        raise UsageError("\n".join(lines)) from error.__cause__
+        raise UsageError(_as_given(variant, str(error))) from error.__cause__
+
+
+def _as_given(variant: Variant, text: str) -> str:
+    """A text with the option that gave each value."""
+    for name in variant.varied:
+        text = re.sub(rf"--set (?={re.escape(name)}(?!\w))", "--vary ", text)
+    return text
 
 
 def _thinning(steps: int) -> int:
@@ -174,6 +207,7 @@ def _thinning(steps: int) -> int:
 def _run_all(
     system: str | Path,
     variants: Sequence[tuple[Variant, Path, int]],
+    patience: float,
     progress: Callable[[int], None] | None,
 ) -> tuple[Outcome, ...]:
     """Run as many variants at once as there are processors.
@@ -183,7 +217,7 @@ def _run_all(
     count = min(len(variants), os.cpu_count() or 1)
     free: SimpleQueue[_Lane] = SimpleQueue()
     for _ in range(count):
-        free.put(_Lane(system))
+        free.put(_Lane(system, patience))
     with ThreadPoolExecutor(count) as pool:
         jobs = [pool.submit(_in_a_lane, free, *variant) for variant in variants]
         try:
@@ -211,8 +245,9 @@ def _end(jobs: Iterable[Future[Outcome]]) -> None:
 class _Lane:
     """A process that runs one variant after the other, exchanged when one has ended it."""
 
-    def __init__(self, system: str | Path) -> None:
+    def __init__(self, system: str | Path, patience: float) -> None:
         self.system = system
+        self.patience = patience
         self.process: ProcessPoolExecutor | None = None
 
     def run(self, variant: Variant, file: Path, every: int) -> Outcome:
@@ -222,7 +257,7 @@ class _Lane:
             given = self.system, command_line()
             self.process = ProcessPoolExecutor(1, context, _get_ready, given)
         try:
-            return self.process.submit(_attempt, variant, file, every).result()
+            return self.process.submit(_attempt, variant, file, every, self.patience).result()
         except BrokenProcessPool:
             self.close()
             crash = "its process was ended from outside, or by a crash inside an FMU"
@@ -262,17 +297,17 @@ def _get_ready(system: str | Path, command: str | None) -> None:
     atexit.register(_warm.close)
 
 
-def _attempt(variant: Variant, path: Path, every: int) -> Outcome:
+def _attempt(variant: Variant, path: Path, every: int, patience: float) -> Outcome:
     file = ResultFile(path)
     try:
         assert _warm is not None
-        result = _warm.fly(variant.changes, every)
+        result = _warm.fly(variant.changes, every, patience)
         _retire_table(path.parent)
         file.write(result)
     except RunError as error:
         return _ended(variant, file, error)
     except HarnessError as error:
-        return Outcome(variant, None, str(error))
+        return Outcome(variant, None, _as_given(variant, str(error)))
     return Outcome(variant, path, "", _warm.pace)
 
 

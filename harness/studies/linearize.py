@@ -22,13 +22,14 @@ import numpy as np
 from fmpy.fmi2 import FMU2Slave
 from numpy.typing import NDArray
 
-from harness.errors import FmuError, RunError, UsageError
+from harness.errors import FmuError, RefusalError, RunError, UsageError
 from harness.files.archive import unpack
 from harness.files.temporary import PrivateFolder
 from harness.master import messages, place
+from harness.master.refusals import as_typed, refusals
 from harness.system.interface import Interface, read_interface
 from harness.system.names import base, index
-from harness.system.values import assign, coerce
+from harness.system.values import assign, coerce, parse
 
 Array = NDArray[np.float64]
 RELATIVE_STATE, RELATIVE_INPUT = 1e-4, 1e-2
@@ -85,8 +86,8 @@ def linearize(
     """Linear model of an FMU after running alone for `at` seconds.
 
     at: operating point [s], a multiple of step; step: h [s]; values: parameters and held inputs by
-    name, vectors as lists. Raises UsageError for unknown names or a time that is no multiple of the
-    step, FmuError, RunError.
+    name, as texts or numbers, vectors as lists. Raises UsageError for unknown names, refused values
+    or a time that is no multiple of the step, FmuError, RunError.
     """
     if not _is_multiple(at, step):
         raise UsageError(
@@ -94,8 +95,11 @@ def linearize(
             "be positive"
         )
     interface = read_interface(fmu)
-    with _Bench(interface, _settings(interface, values or {})) as bench:
-        return _Differences(bench, at, step).model()
+    try:
+        with _Bench(interface, _settings(interface, values or {})) as bench:
+            return _Differences(bench, at, step).model()
+    except RefusalError as error:
+        raise as_typed(error, values or {}, "") from error
 
 
 def _is_multiple(at: float, step: float) -> bool:
@@ -108,7 +112,8 @@ def _settings(interface: Interface, values: Mapping[str, Any]) -> dict[str, floa
     settings: dict[str, float] = {}
     for name, value in values.items():
         try:
-            found = assign(name, value, interface.settable())
+            read = parse(value) if isinstance(value, str) else value
+            found = assign(name, read, interface.settable())
             settings |= {k: float(coerce(v, "Real")) for k, v in found.items()}
         except ValueError as error:
             raise UsageError(f"{name}: {error}") from error
@@ -186,9 +191,10 @@ class _Bench:
             found = np.array(self._call("getReal", [self._reference(n) for n in self.outputs]))
         except Exception as error:
             name = self.interface.model.modelName
-            raise RunError(
-                name, start, messages.take_error(name) or " ".join(str(error).split())
-            ) from error
+            reason = messages.take_error(name) or " ".join(str(error).split())
+            if refused := refusals(reason, self.interface.settable()):
+                raise RefusalError(name, start, refused) from error
+            raise RunError(name, start, reason) from error
         return self._finite(found, start + steps * h)
 
     def _finite(self, outputs: Array, time: float) -> Array:

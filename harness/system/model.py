@@ -7,7 +7,7 @@ All classes are frozen; a variant of a system is made with dataclasses.replace()
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -168,3 +168,16 @@ class System:
     def component(self, name: str) -> Component:
         """The component of that name; KeyError if there is none."""
         return {c.name: c for c in self.components}[name]
+
+    def alone(self, name: str) -> System:
+        """One component, with nothing that drives it and nobody who reads it."""
+        return replace(
+            self,
+            components=(self.component(name),),
+            connections=(),
+            sets=(),
+            alternatives=(),
+            strict=False,
+            requirements={},
+            declared={},
+        )

@@ -5,6 +5,7 @@ and goes on.
 
 from __future__ import annotations
 
+import re
 from contextlib import contextmanager
 
 from tests.compliance.api import Status
@@ -24,7 +25,13 @@ def refused(instance, function, *words):
     (message,) = host.errors
     assert message.startswith(f"{function}: ")
     assert [word for word in words if word not in message] == []
+    assert_readable(message)
     assert instance.snapshot() == before
+
+
+def assert_readable(message):
+    """No sign of a NaN or of a zero in it, which say nothing."""
+    assert not re.search(r"-nan|nan\(|-0(?![.\d])", message), message
 
 
 def assert_usable(instance):

@@ -14,6 +14,7 @@ from tests.compliance import api
 from tests.compliance.api import Status
 from tests.compliance.fmus import ARCHIVES
 from tests.compliance.probe import Fmu, Instance
+from tests.compliance.refusals import assert_readable, refused
 from tests.compliance.states import MARKS, STATES, allowed, attempt, bring, overflow, right_answer
 
 in_every_state = pytest.mark.parametrize("state", STATES)
@@ -99,6 +100,15 @@ def test_a_failed_step_keeps_the_last_good_state_and_says_what_happened(fmu):
         assert message.startswith("fmi2DoStep: ")
         assert "finite" in message
         assert "t = 10.5 s" in message
+        assert_readable(message)
+
+
+def test_numbers_in_messages_have_no_sign_that_says_nothing(fmu):
+    with Instance(fmu) as instance:
+        instance.start()
+        instance.fly(5)
+        with refused(instance, "fmi2DoStep", "t = nan s", "step = 0 s") as answer:
+            answer.append(instance.call("fmi2DoStep", -math.nan, -0.0, 0))
 
 
 def test_a_failed_step_can_be_undone_by_a_saved_state(fmu):

@@ -348,7 +348,7 @@ def test_flight_attitude_can_be_asked_for(fmu):
         ({"nodes": 7}, "nodes = 7: must be a whole number from 8 to 120"),
         ({"nodes": 90.5}, "nodes = 90.5: must be a whole number from 8 to 120"),
         ({"nodes": 121}, "nodes = 121: must be a whole number from 8 to 120"),
-        ({"window": 3599}, "window = 3599: must not end before the swing does"),
+        ({"window": 3599}, "window = 3599: must not end before swing_start + swing_duration"),
         ({"swing_start": -1}, "swing_start = -1: must not be before window_start"),
         ({"H_sat": 0}, "H_sat = 0: must be > 0"),
         ({"H_sat": -5}, "H_sat = -5: must be > 0"),

@@ -419,6 +419,20 @@ def test_runs_that_fail_are_data(system, tmp_path):
     assert f"failed: run 0: {wanted}" in text
 
 
+def test_a_refused_value_that_is_fixed_keeps_a_campaign_from_starting(tmp_path):
+    given = {"system": "relay_approach", "runs": 4, "fixed": {"stop": 1.0}, "metrics": {}}
+    given["factors"] = {"guidance.rho1": {"uniform": {"low": -1.0, "high": 1.0}}}
+    given["fixed"]["set"] = {"guidance.rho2": 0.001, "guidance.zeta2": 1e9}
+    with pytest.raises(StructureError) as caught:
+        campaign(given, tmp_path / "out.zarr", workers=0)
+    assert str(caught.value) == "campaign: fixed: guidance.zeta2=1000000000.0: must be below zeta1"
+    assert not (tmp_path / "out.zarr").exists()
+    given["fixed"]["set"] = {"guidance.rho2": 0.001}
+    store = campaign(given, tmp_path / "out.zarr", workers=0).store
+    for value, message in zip(store.array("guidance.rho1"), store.array("message"), strict=True):
+        assert message == f"guidance.rho1={value}: must be {'below rho2' if value > 0 else '>= 0'}"
+
+
 def test_an_fmu_that_crashes_costs_its_own_run_only(fmus, tmp_path):
     model = Model("crash_if", [u("u"), y("y"), p("k")], "y = u;", "if (k > 0.5) abort();")
     toml = TOML.replace('"failing"', '"crash_if"').replace("t_fail = 100.0", "k = 0.0")

@@ -8,16 +8,18 @@ import tomllib
 import zipfile
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from harness.authoring.build import build
 from harness.cli.app import main
-from harness.errors import RunError, UsageError
-from harness.master.refusals import as_typed, refusals
+from harness.errors import RefusalError, UsageError
+from harness.files import paths
+from harness.master.refusals import as_typed, refusals, without
 from harness.spelling import did_you_mean
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
+from harness.system.names import base
 
 
 @pytest.fixture
@@ -75,11 +77,58 @@ def test_a_refused_value_of_a_file_names_component_and_parameter(said, tmp_path)
     )
 
 
+@pytest.mark.parametrize(
+    ("system", "values", "lines"),
+    [
+        (
+            "sync_approach",
+            ["servicer.J_S=[[1,0,0],[0,1,0],[0,0,5]]"],
+            [
+                "must keep the triangle rule (no principal moment above the sum of the other two)",
+                "J_S - A_w = -14 must be positive definite",
+            ],
+        ),
+        ("sync_approach", ["servicer.J_S[1,2]=1"], ["J_S = 1 must be symmetric", "J_S - A_w = 1 "]),
+        ("sync_approach", ["guidance.p_T=[1,1,0]"], ["must be a unit vector"]),
+        ("relay_approach", ["guidance.rho2=0.001"], ["rho1 = 0.004 must be below rho2"]),
+        (
+            "ppc_tracking",
+            ["controller.range.beta=1e9"],
+            ["range.lambda * range.beta = 4.3e+09 must be below 1"],
+        ),
+        (
+            "sync_approach_navigated",
+            ["relative_filter.q_KS=[1,1,0,0]"],
+            ["|q_KS| = 1.41421356 must be a unit quaternion"],
+        ),
+        ("transposition", ["guidance.swing_duration=1e5"], ["window = 5400 must not end before "]),
+    ],
+)
+def test_a_rule_over_several_numbers_blames_what_was_typed(said, system, values, lines):
+    changes = [text for value in values for text in ("--set", value)]
+    status, told = said("run", system, "-q", "-o", "x.nc", *changes)
+    assert status == 2
+    typed = " ".join(f"--set {value}" for value in values)
+    assert len(told) == len(lines)
+    for line, wanted in zip(told, lines, strict=True):
+        assert line.startswith(f"harness: {typed}: {wanted}")
+
+
+def test_linearize_tells_a_refused_value_as_it_was_typed(said, tmp_path):
+    wanted = (2, ["harness: --set mass_0=-5: must be > 0"])
+    assert said("linearize", "servicer", "-o", tmp_path / "x.npz", "--set", "mass_0=-5") == wanted
+
+
+def refused(message, names):
+    return RefusalError("servicer", 0.0, refusals(message, names))
+
+
 def test_only_values_that_were_typed_are_blamed():
-    error = RunError("servicer", 0.0, "mass_0 = -5: must be > 0; e = 2: must be below 1")
-    assert as_typed(error, {"servicer.mass_0": "-5"}) is error
-    assert as_typed(error, {"target.mass_0": "-5", "target.e": "2"}) is error
-    both = as_typed(error, {"servicer.mass_0": "-5", "servicer.e": "2"})
+    error = refused("mass_0 = -5: must be > 0; e = 2: must be below 1", ["mass_0", "e"])
+    assert str(error) == ("servicer: mass_0 = -5: must be > 0; e = 2: must be below 1 (at t = 0 s)")
+    assert as_typed(error, {"servicer.mass_0": "-5"}, "servicer.") is error
+    assert as_typed(error, {"target.mass_0": "-5", "target.e": "2"}, "servicer.") is error
+    both = as_typed(error, {"servicer.mass_0": "-5", "servicer.e": "2"}, "servicer.")
     assert isinstance(both, UsageError)
     assert str(both).splitlines() == [
         "--set servicer.mass_0=-5: must be > 0",
@@ -87,10 +136,80 @@ def test_only_values_that_were_typed_are_blamed():
     ]
 
 
+def test_a_value_is_not_blamed_for_another_element_or_for_an_article():
+    names = ["K[1]", "K[2]", "a", "p"]
+    other = refused("K[2] = -1: must be >= 0", names)
+    assert as_typed(other, {"servicer.K[1]": "-1"}, "servicer.") is other
+    axis = refused("p = 2: must be a unit vector", names)
+    assert as_typed(axis, {"servicer.a": "1"}, "servicer.") is axis
+    start = refused("p = 0: must be > 0 when the start is given by elements (a > 0)", names)
+    assert str(as_typed(start, {"servicer.a": "1"}, "servicer.")).startswith(
+        "--set servicer.a=1: p = 0 must be > 0"
+    )
+
+
+def test_what_holds_for_all_runs_is_told_apart_from_what_varies():
+    names = ["rho1", "rho2", "e"]
+    error = refused("rho1 = 5: must be below rho2; e = 2: must be below 1", names)
+    assert [r.name for r in without(error, ["servicer.rho2"]).refusals] == ["e"]
+    assert without(error, ["servicer.rho1", "servicer.e"]) is None
+    assert len(without(error, ["target.rho1"]).refusals) == 2
+
+
 @settings(max_examples=200)
 @given(st.text(), st.lists(st.text(max_size=5), max_size=3))
+@example("K[2] = -1: must be >= 0", ["K[1]", "K[2]"])
+@example("J - A = -14: must be positive definite; e = 2: no", ["e", "J[1,1]"])
 def test_any_message_is_about_known_parameters_or_about_none(message, names):
-    assert all(name in names or name.split("[")[0] in names for name in refusals(message, names))
+    for refusal in refusals(message, names):
+        assert any(name in refusal.name or base(name) in refusal.name for name in names)
+
+
+# ---- check
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        ("--set", "servicer.mass_0=-5"),
+        ("--set", "servicer.J_S=[[1,0,0],[0,1,0],[0,0,5]]"),
+        ("--swap", "controller=target"),
+        ("--swap", "controller=nothing"),
+        ("--params", "nothing"),
+        ("--on", "controller=abacus"),
+        ("--map", "a=b"),
+        ("--latency", "controller=-1"),
+        ("--step", "7"),
+        ("--require", "guidance.nothing > 3"),
+    ],
+    ids=" ".join,
+)
+def test_check_says_of_changes_what_a_run_with_them_says(said, changes):
+    status, lines = said("check", "sync_approach", *changes)
+    run_status, run_lines = said("run", "sync_approach", "-q", "-o", "x.nc", *changes)
+    assert lines == run_lines
+    assert status in (1, run_status)
+    assert run_status != 0
+
+
+def test_check_judges_the_values_of_a_system_and_of_all_its_sets(said, fmus, tmp_path):
+    toml = (
+        'name = "heavy"\n[experiment]\nstop = 2.0\nstep = 1.0\n[components]\na = "servicer"\n'
+        "[sets.light.parameters.a]\nmass_0 = -1.0\n"
+    )
+    path = tmp_path / "heavy.ssp"
+    write_ssp(system_of(tomllib.loads(toml), paths.fmus()), path)
+    line = "harness: a: mass_0 = -1: must be > 0 (at t = 0 s)"
+    assert said("check", path) == (1, [line])
+    assert said("check", path, "--params", "default") == (0, [])
+    assert said("run", path, "-q", "-o", tmp_path / "x.nc", "--params", "light") == (1, [line])
+
+
+def test_check_knows_no_changes_of_an_fmu(said):
+    assert said("check", "servicer", "--set", "servicer.mass_0=5") == (
+        2,
+        ["harness: servicer: --set changes a system, and this is an FMU"],
+    )
 
 
 # ---- compare
@@ -125,6 +244,19 @@ def test_a_mistake_in_vary_is_not_blamed_on_set(said, value, line):
     assert status == 2
     assert len(lines) == 1
     assert lines[0].startswith(f"harness: {line}")
+
+
+def test_a_comparison_is_refused_for_a_fixed_value_and_goes_on_after_a_varied_one(said, tmp_path):
+    given = "compare", "relay_approach", "--vary", "guidance.rho1=5,0.001", "--stop", "1", "-q"
+    given += "--no-figures", "-o", tmp_path
+    status, lines = said(*given, "--set", "guidance.zeta2=1e9")
+    assert status == 2
+    assert lines == ["harness: --set guidance.zeta2=1e9: must be below zeta1"]
+    assert not list(tmp_path.iterdir())
+    status, lines = said(*given)
+    assert status == 1
+    assert lines == ["harness: guidance.rho1=5: --vary guidance.rho1=5: must be below rho2"]
+    assert (tmp_path / "guidance.rho1_0.001.nc").is_file()
 
 
 def test_a_mistake_in_set_stays_one_of_set(said):

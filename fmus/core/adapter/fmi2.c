@@ -295,8 +295,8 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean no_se
     if (!allowed(instance, "fmi2DoStep", STEPPING)) return fmi2Error;
     const char *rule = why_no_step(&instance->now, t, h);
     if (rule) {
-        snprintf(text, sizeof text, "t = %.17g s, step = %.17g s, expected t = %.17g s: %s", t, h,
-                 instance->now.time, rule);
+        snprintf(text, sizeof text, "t = %.17g s, step = %.17g s, expected t = %.17g s: %s",
+                 readable(t), readable(h), readable(instance->now.time), rule);
         return failure(instance, "fmi2DoStep", text);
     }
     keep_good(instance);

@@ -87,6 +87,9 @@ typedef struct {
 #define ANGLE_OUTPUT(member, text) \
     ROW_AS(OUTPUT_ROW, y, #member, member, 1, "rad", text, ANGLE_VALUE)
 
+/* a number for a message: no zero and no NaN has a sign (the payload of a NaN is the compiler's) */
+static inline double readable(double value) { return isnan(value) ? NAN : value + 0.0; }
+
 /* ---- refusing parameter values: one line each, all of them ---- */
 typedef struct {
     char text[4000]; /* of some fifty problems; more are counted */
@@ -97,7 +100,7 @@ static inline void refuse(Problems *all, const char *name, double value, const c
 {
     size_t used = strlen(all->text);
     snprintf(all->text + used, sizeof all->text - used, "%s%s = %.9g: %s", all->count ? "; " : "",
-             name, value, rule);
+             name, readable(value), rule);
     all->count++;
 }
 

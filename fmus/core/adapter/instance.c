@@ -101,8 +101,8 @@ static const char *first_broken_output(const void *model, char text[FINDING_SIZE
             const char *rule =
                 s.row->causality == OUTPUT_ROW ? broken_rule(s.row->rule, value) : NULL;
             if (!rule) continue;
-            snprintf(text, FINDING_SIZE, "%s = %.9g: %s (%s)", element_name(name, s), value, rule,
-                     s.row->text);
+            snprintf(text, FINDING_SIZE, "%s = %.9g: %s (%s)", element_name(name, s),
+                     readable(value), rule, s.row->text);
             return text;
         }
     return NULL;

@@ -36,7 +36,7 @@ static inline void check_orbit(Problems *problems, const Orbit *o, vec3 r_0_N)
     if (o->a > 0 && o->mu == 0)
         refuse(problems, "mu", o->mu, "must be > 0 when the start is given by elements (a > 0)");
     if (o->a == 0 && o->mu > 0 && norm(r_0_N) == 0)
-        refuse(problems, "r_0_N", 0, "must not be the centre of the planet when mu > 0");
+        refuse(problems, "r_0_N", 0, "must not be the centre of the planet when mu > 0 and a = 0");
 }
 
 #endif

@@ -76,7 +76,7 @@ static inline void check_thrusters(Problems *problems, const Thrusters *all)
         double length = norm(all->direction.row[i]);
         snprintf(name, sizeof name, "|thruster_direction[%d]|", i + 1);
         if (all->nominal[i] > 0 && !(fabs(length - 1) <= 1e-9))
-            refuse(problems, name, length, "must be a unit vector");
+            refuse(problems, name, length, "must be a unit vector where thrust_nominal > 0");
     }
 }
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import product
@@ -21,7 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import HarnessError, StructureError
-from harness.master.changes import Changes, apply
+from harness.master.changes import Changes, apply, pairs
+from harness.master.isolated import PATIENCE
+from harness.master.refusals import as_typed, without
+from harness.master.trial import refused
 from harness.results.result import Result
 from harness.spelling import did_you_mean
 from harness.ssp.library import find_system, load
@@ -38,8 +41,6 @@ KEYS = {
 }  # fmt: skip
 FIXED = ("params", "set", "swap", "latency", "step", "stop", "algorithm")
 NAMED = ("swap", "latency")
-PATIENCE = 60.0
-"""How long an FMU that is not ours may take for a call unless the campaign says otherwise [s]."""
 KEEP = {"histories", "bands", "rows"}
 
 Values = dict[str, Any]
@@ -325,16 +326,29 @@ class _Draft:
 
     def _flies(self, system: System) -> None:
         """Every structure, and what metrics and histories need of the first."""
+        ready = []
         for run in self.plan.structures():
             try:
-                found = checked(apply(system, **self.plan.changes(self.plan.values(run))))
+                changed = apply(system, **self.plan.changes(self.plan.values(run)))
+                found = checked(changed)
             except HarnessError as error:
                 self._complain(f"run {run}", error)
                 continue
+            ready.append(changed)
             if run == 0:
                 slots = tuple(slot.name for slot in found.graph.slots)
                 empty = np.empty((1, len(slots)))
                 self._names(Result("", np.zeros(1), slots, ("",) * len(slots), empty))
+        self._try(ready)
+
+    def _try(self, systems: Sequence[System]) -> None:
+        """What FMUs refuse in every run, because it is about nothing that varies."""
+        fixed = dict(pairs("set", self.plan.fixed.get("set", ())))
+        varied = [*(f.name for f in self.plan.factors), *self.plan.seeds]
+        components = {name.partition(".")[0] for name in fixed}
+        for error in refused(systems, components, self.plan.patience):
+            if common := without(error, varied):
+                self._complain("fixed", as_typed(common, fixed, f"{error.component}."))
 
     def _names(self, result: Result) -> None:
         wanted = [(f"metrics.{k}", t) for k, t in self.plan.definition.get("metrics", {}).items()]

@@ -114,7 +114,7 @@ def _fly(pilot: _Pilot, changes: Changes) -> Row:
             return _row(pilot, FAILED, str(error), error.partial)
         return lost(task, str(error), error.time)
     except HarnessError as error:
-        return lost(task, str(error))
+        return lost(task, str(error).replace("--set ", ""))
 
 
 def lost(task: Task, message: str, time: float = float("nan")) -> Row:

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Values that FMUs refuse, found before any run: what an FMU demands of its parameters it says when
+it is initialised, and for that it needs none of the others.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import replace
+
+from harness.errors import HarnessError, RefusalError
+from harness.files.paths import is_ours
+from harness.master.isolated import silence, timed
+from harness.master.simulation import Simulation
+from harness.system.model import Origin, System
+
+
+def refused(
+    systems: Iterable[System], foreign: Collection[str] = (), patience: float = math.inf
+) -> Iterator[RefusalError]:
+    """What the FMUs of these systems refuse, one error per component and its values.
+
+    foreign: components that are tried although their FMUs are not ours, each in a process of its
+    own; patience: how long such a one may take for one call [s].
+    """
+    tried = set()
+    for system in systems:
+        for component in system.components:
+            values = component.name, component.fmu, frozenset(component.parameters.items())
+            if values in tried or not (is_ours(component.fmu) or component.name in foreign):
+                continue
+            tried.add(values)
+            try:
+                _try(_alone(system, component.name), patience)
+            except RefusalError as error:
+                yield error
+            except HarnessError:  # of anything else the run itself speaks
+                continue
+
+
+def _alone(system: System, name: str) -> System:
+    """One component for one macro step."""
+    experiment = system.experiment
+    (component,) = (alone := system.alone(name)).components
+    step = experiment.step or 1.0
+    span = replace(experiment, step=step, stop=experiment.start + max(1, component.every) * step)
+    return replace(alone, experiment=span, origin=Origin())
+
+
+def _try(system: System, patience: float) -> None:
+    (component,) = system.components
+    with silence():
+        if not is_ours(component.fmu):
+            timed(system, patience=patience)
+            return
+        with Simulation(system) as simulation:
+            simulation.initialize()
