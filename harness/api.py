@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 from harness.master.changes import Changes, Pairs, pairs
-from harness.master.isolated import guarded, simulate
+from harness.master.isolated import PATIENCE, guarded, simulate
 from harness.master.pacer import Pacer, timely
 from harness.master.simulation import Simulation
 from harness.results.files import read
@@ -52,6 +53,7 @@ def run(  # noqa: PLR0913 - every one is an option of the command line
     every: int = 1,
     progress: bool = False,
     in_process: bool = False,
+    patience: float = math.inf,
     realtime: float | None = None,
     late: str | None = None,
     **changes: Unpack[Changes],
@@ -60,11 +62,11 @@ def run(  # noqa: PLR0913 - every one is an option of the command line
 
     system: name of a system of the project, path of an .ssp, or a System; executor: c or python
     (same bits); every: record every N-th macro step; progress: show a bar on stderr; in_process:
-    run FMUs that are not ours in this process too (docs/robustness.md); realtime: simulated seconds
-    per second, late: what a component elsewhere does that does not keep this pace, wait, hold or
-    stop (docs/processors.md); changes: what shall be
-    otherwise than the system says, see harness.master.changes.Changes (params, set, swap, map,
-    latency, step, stop, algorithm, require).
+    run FMUs that are not ours in this process too, patience: how long one of them may take for one
+    call else [s] (docs/robustness.md); realtime: simulated seconds per second, late: what a
+    component elsewhere does that does not keep this pace, wait, hold or stop (docs/processors.md);
+    changes: what shall be otherwise than the system says, see harness.master.changes.Changes
+    (params, set, swap, map, on, latency, step, stop, algorithm, require).
 
     Raises UsageError, ArchiveError, StructureError, FmuError, or RunError, whose `partial` is what
     was recorded so far.
@@ -79,6 +81,7 @@ def run(  # noqa: PLR0913 - every one is an option of the command line
             every=every,
             progress=progress,
             in_process=in_process,
+            patience=patience,
             pacer=pacer,
         )
 
@@ -94,20 +97,23 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     algorithm: Sequence[str] = (),
     set: Pairs = (),
     map: Pairs = (),
+    on: Pairs = (),
     step: float | None = None,
     stop: float | None = None,
     require: Sequence[str] | Mapping[str, str] = (),
     limits: Limits | None = None,
     every: int | None = None,
+    patience: float = PATIENCE,
     progress: Callable[[int], None] | None = None,
 ) -> Comparison:
     """Run every combination of the values given, in parallel, and measure the runs.
 
     params: parameter sets or files; swap: FMUs by component; latency: macro steps by component;
-    vary: values by `component.parameter`; algorithm: names; set, map, step, stop, require: as for
-    run(), the same for all. Results and the table comparison.csv go to `folder`. limits: bands and
-    keep-out radius; every: record every N-th macro step (default: at most 20 000 rows); progress:
-    called with the number of runs that are over.
+    vary: values by `component.parameter`; algorithm: names; set, map, on, step, stop, require: as
+    for run(), the same for all. Results and the table comparison.csv go to `folder`. limits: bands
+    and keep-out radius; every: record every N-th macro step (default: at most 20 000 rows);
+    patience: how long an FMU that is not ours may take for one call [s]; progress: called with the
+    number of runs that are over.
 
     Raises UsageError, what run() raises before its first step, and ResultsError; a run that fails
     under way ends early (Comparison.failures), the others go on.
@@ -120,10 +126,16 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     for option, given in (("swap", swap), ("latency", latency), ("set", vary)):
         varied += [(option, text) for text in _texts(given)]
 
-    fixed: Changes = {"set": set, "map": map, "step": step, "stop": stop, "require": require}
-    chosen = combinations(fixed, varied)
+    fixed: Changes = {"set": set, "map": map, "on": on, "require": require}
+    chosen = combinations({**fixed, "step": step, "stop": stop}, varied)
     return comparison.compare(
-        system, chosen, Path(folder), limits=limits, every=every, progress=progress
+        system,
+        chosen,
+        Path(folder),
+        limits=limits,
+        every=every,
+        patience=patience,
+        progress=progress,
     )
 
 

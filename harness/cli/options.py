@@ -59,6 +59,11 @@ def _completed(known: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]
     return complete
 
 
+def _completed_by(known: Callable[[str], Iterable[str]]) -> Callable[[str], list[str]]:
+    """The same for names that depend on the beginning."""
+    return lambda incomplete: _completed(lambda: known(incomplete))(incomplete)
+
+
 def _systems() -> Iterable[str]:
     from harness.files import paths
 
@@ -147,6 +152,15 @@ def seconds(text: str) -> float:
         raise typer.BadParameter(f"{text}: expected a number of seconds, as in 600") from None
 
 
+def some_seconds(text: str) -> float:
+    """A time that must be above 0."""
+    if not (time := seconds(text)) > 0:
+        raise typer.BadParameter(f"{text}: expected a number of seconds above 0, as in 60")
+    return time
+
+
+_completed_shown = _completed_by(_shown)
+
 SystemArgument = Annotated[
     str,
     typer.Argument(
@@ -160,7 +174,7 @@ ShownArgument = Annotated[
     typer.Argument(
         metavar="WHAT",
         help="SYSTEM, SYSTEM.component or FMU, by name or path",
-        autocompletion=lambda incomplete: _completed(lambda: _shown(incomplete))(incomplete),
+        autocompletion=_completed_shown,
     ),
 ]
 PlaceOption = Annotated[
@@ -169,7 +183,7 @@ PlaceOption = Annotated[
         "--for",
         metavar="SYSTEM.COMPONENT",
         help="in whose place",
-        autocompletion=lambda incomplete: _completed(lambda: _shown(incomplete))(incomplete),
+        autocompletion=_completed_shown,
     ),
 ]
 ReportArgument = Annotated[
@@ -191,6 +205,14 @@ RequireOption = Annotated[
 ]
 StrictOption = Annotated[
     bool, typer.Option("--strict", help="requirements of the system decide on the status too")
+]
+PatienceOption = Annotated[
+    float | None,
+    typer.Option(
+        metavar="SECONDS",
+        parser=some_seconds,
+        help="time that a foreign FMU may take for one call [s]",
+    ),
 ]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="no progress bar, no summary")]
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from pathlib import Path
 from time import perf_counter
@@ -11,6 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from harness.cli.options import (
+    PatienceOption,
     QuietOption,
     StrictOption,
     completed_systems,
@@ -80,6 +82,7 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     every: RecordOption = None,
     like: LikeOption = None,
     in_process: InProcessOption = False,
+    patience: PatienceOption = None,
     start: StartOption = None,
     epoch: EpochOption = None,
     strict: StrictOption = False,
@@ -104,6 +107,7 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
         "executor": executor or wanted.executor,
         "every": wanted.every if every is None else every,
         "in_process": in_process,
+        "patience": math.inf if patience is None else patience,
     }
     if watch:
         from harness.cli.watch import watched

@@ -15,6 +15,7 @@ from harness.cli.options import (
     Format,
     FormatOption,
     Look,
+    PatienceOption,
     QuietOption,
     StrictOption,
     StyleOption,
@@ -62,7 +63,7 @@ ResumeOption = Annotated[bool, typer.Option("--resume", help="go on after an int
 
 
 @app.command("compare")
-@takes_changes("set", "map", "step", "stop", "require")
+@takes_changes("set", "map", "on", "step", "stop", "require")
 def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     system: SystemArgument,
     params: ParamsOption = None,
@@ -74,6 +75,7 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     every: ThinOption = None,
     band: BandOption = None,
     keep_out: KeepOutOption = 0.0,
+    patience: PatienceOption = None,
     ending: FormatOption = Format.PNG,
     style: StyleOption = Look.SCREEN,
     figures: FiguresOption = True,
@@ -86,6 +88,7 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     Every combination of the values given is run, in parallel. Results, table and figures go to one
     folder.
     """
+    from harness.master.isolated import PATIENCE
     from harness.master.progress import progress_bar
     from harness.studies.compare import compare
     from harness.studies.variants import combinations
@@ -96,9 +99,16 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     shown = not quiet and sys.stderr.isatty()
     with progress_bar(f"{len(variants)} runs", len(variants), shown) as show:
         found = compare(
-            system, variants, folder, limits=_limits(band, keep_out), every=every, progress=show
+            system,
+            variants,
+            folder,
+            limits=_limits(band, keep_out),
+            every=every,
+            patience=PATIENCE if patience is None else patience,
+            progress=show,
         )
-    typer.echo(printable(found.text()))
+    if found.results:
+        typer.echo(printable(found.text()))
     drawn = _overlaid(found.results, folder, ending, style) if figures else ""
     typer.echo(f"\nresults{',' if figures else ' and'} comparison.csv{drawn} in {folder}")
     if found.failures:

@@ -47,6 +47,7 @@ def simulate(  # noqa: PLR0913 - every one is an option of the command line
     every: int = 1,
     progress: bool | Watch = False,
     in_process: bool = False,
+    patience: float = math.inf,
     pacer: Pacer | None = None,
 ) -> Result:
     """Run a system as it is, with foreign FMUs in a child process unless in_process; the arguments
@@ -55,7 +56,7 @@ def simulate(  # noqa: PLR0913 - every one is an option of the command line
     if in_process or all_ours(system):
         how: Any = {"executor": executor, "every": every, "progress": progress}
         return here.simulate(system, pacer=pacer, **how)
-    with _Run(system, executor, every, pacer=pacer) as run:
+    with _Run(system, executor, every, patience, pacer) as run:
         return run.result(progress)
 
 

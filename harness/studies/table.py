@@ -43,7 +43,7 @@ def _numbers(column: Mapping[str, float], labels: Sequence[str]) -> list[str]:
     sizes = [abs(v) for v in values if math.isfinite(v) and v]
     decimals = max(0, 3 - math.floor(math.log10(max(sizes, default=1.0))))
     small = bool(sizes) and min(sizes) < 0.5 * 10.0 ** -min(decimals, 4)
-    form = ".2e" if small else f".{min(decimals, 4)}f"
+    form = "z.2e" if small else f"z.{min(decimals, 4)}f"  # z: no zero has a sign
     return [format(v, form) if math.isfinite(v) else "-" for v in values]
 
 

@@ -192,10 +192,12 @@ def test_check_says_of_changes_what_a_run_with_them_says(said, changes):
     assert run_status != 0
 
 
-def test_check_judges_the_values_of_a_system_and_of_all_its_sets(said, fmus, tmp_path):
+def test_check_judges_the_values_of_a_system_and_of_all_its_sets(said, tmp_path):
     toml = (
-        'name = "heavy"\n[experiment]\nstop = 2.0\nstep = 1.0\n[components]\na = "servicer"\n'
-        "[sets.light.parameters.a]\nmass_0 = -1.0\n"
+        'name = "heavy"\n[open]\n"a.F_S" = [0, 0, 0]\n"a.M_S" = [0, 0, 0]\n"a.mdot" = 0\n'
+        '"a.wheel_accel_cmd" = [0, 0, 0]\n'
+        '[experiment]\nstop = 2.0\nstep = 1.0\n[components]\na = "servicer"\n'
+        "[sets.light.a]\nmass_0 = -1.0\n"
     )
     path = tmp_path / "heavy.ssp"
     write_ssp(system_of(tomllib.loads(toml), paths.fmus()), path)
@@ -286,6 +288,12 @@ def test_a_time_that_is_no_number_is_told_with_its_unit(said, option, text):
         2,
         [f"harness: Invalid value for '{option}': {text}: expected a number of seconds, as in 600"],
     )
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "nan"])
+def test_patience_must_be_some_time(said, text):
+    line = f"Invalid value for '--patience': {text}: expected a number of seconds above 0, as in 60"
+    assert said("run", "sync_approach", "--patience", text) == (2, [f"harness: {line}"])
 
 
 def test_a_system_without_times_is_not_said_to_run_none(fmus, tmp_path, capsys):

@@ -277,6 +277,32 @@ def test_every_vice_in_every_phase_of_compare(folder, tmp_path, vice, phase):
     judge_compare(folder, tmp_path / "out", outcome, vice, phase)
 
 
+# ---- patience
+
+
+def test_patience_ends_a_run_and_keeps_its_rows(folder, tmp_path):
+    status, out, err = in_process(
+        folder, "run", "two.ssp", "-o", tmp_path / "x.nc", "-q", "--patience", 1,
+        vice="endless_sleep", phase="fmi2DoStep", after=STEPS["fmi2DoStep"],
+    )  # fmt: skip
+    assert (status, out, len(err)) == (1, [], 1)
+    assert err[0].startswith("harness: b: fmi2DoStep has not returned for 1 s (at t = 2 s); 3 rows")
+    assert len(read(tmp_path / "x.partial.nc").time) == 3
+
+
+def test_patience_ends_one_run_of_a_comparison(folder, tmp_path):
+    status, _, err = in_process(
+        folder, "compare", "two.ssp", "--swap", "b=vicious.fmu,good.fmu", "-o", tmp_path / "out",
+        "-q", "--patience", 1, "--no-figures",
+        vice="endless_loop", phase="fmi2ExitInitializationMode",
+    )  # fmt: skip
+    assert status == 1
+    assert [line for line in err if "note:" not in line] == [
+        "harness: vicious: b: fmi2ExitInitializationMode has not returned for 1 s (at t = 0 s)"
+    ]
+    assert read(tmp_path / "out" / "good.nc").complete
+
+
 # ---- campaigns
 
 CAMPAIGN = """
