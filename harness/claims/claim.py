@@ -38,6 +38,11 @@ class Verdict(Enum):
     NOT_REPRODUCED = "not reproduced"
     NOT_JUDGED = "not judged"
 
+    @property
+    def kind(self) -> str:
+        """How it looks: good, fair, bad or none."""
+        return dict(zip(Verdict, ("good", "fair", "bad", "none"), strict=True))[self]
+
 
 @dataclass(frozen=True)
 class Band:

@@ -10,18 +10,12 @@ import sys
 
 import typer
 
-from harness.claims import Verdict
 from harness.claims.report import WIDTH, lines
 from harness.results.result import Result
 from harness.spelling import printable
 
 NARROWEST = 40
-COLOURS = {
-    Verdict.REPRODUCED: "green",
-    Verdict.PARTLY: "yellow",
-    Verdict.NOT_REPRODUCED: "red",
-    Verdict.NOT_JUDGED: "magenta",
-}
+COLOURS = {"good": "green", "fair": "yellow", "bad": "red", "none": "magenta"}
 
 
 def show(result: Result) -> bool:
@@ -38,6 +32,6 @@ def show(result: Result) -> bool:
     for line in found:
         text = Text(printable(line.text))
         if line.verdict:
-            text.stylize(COLOURS[line.verdict], line.begin)
+            text.stylize(COLOURS[line.verdict.kind], line.begin)
         console.print(text)
     return passed

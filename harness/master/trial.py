@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
 
 from harness.errors import HarnessError, RefusalError
-from harness.files.paths import is_ours
+from harness.files.paths import is_file, is_ours
 from harness.master.isolated import silence, timed
 from harness.master.simulation import Simulation
 from harness.system.model import Origin, System
@@ -28,9 +28,11 @@ def refused(
     for system in systems:
         for component in system.components:
             values = component.name, component.fmu, frozenset(component.parameters.items())
-            if values in tried or not (is_ours(component.fmu) or component.name in foreign):
+            if values in tried or not is_file(component.fmu):
                 continue
             tried.add(values)
+            if not (is_ours(component.fmu) or component.name in foreign):
+                continue
             try:
                 _try(_alone(system, component.name), patience)
             except RefusalError as error:

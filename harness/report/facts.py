@@ -24,14 +24,6 @@ from harness.system.names import base
 
 Facts = dict[str, Any]
 
-KINDS = {
-    Verdict.REPRODUCED: "good",
-    Verdict.PARTLY: "fair",
-    Verdict.NOT_REPRODUCED: "bad",
-    Verdict.NOT_JUDGED: "none",
-}
-"""How a verdict looks."""
-
 
 def head(result: Result) -> Facts:
     """Name, span and state of the run."""
@@ -77,7 +69,7 @@ def _paper(each: Judged) -> Facts:
         "differences": listed(each.deviations) if each.deviations else "",
         "other": OTHER if each.deviations else "",
         "count": [
-            {"kind": KINDS[v], "text": v.value, "number": count[v]} for v in Verdict if count[v]
+            {"kind": v.kind, "text": v.value, "number": count[v]} for v in Verdict if count[v]
         ],
         "claims": [
             {
@@ -87,7 +79,7 @@ def _paper(each: Judged) -> Facts:
                 "reproduced": claim.criterion(claim.reproduced),
                 "partly": claim.criterion(claim.partly),
                 "verdict": judgement.verdict.value,
-                "kind": KINDS[judgement.verdict],
+                "kind": judgement.verdict.kind,
             }
             for claim, judgement in each.claims
         ],

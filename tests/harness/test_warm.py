@@ -123,7 +123,7 @@ def test_a_run_after_one_that_was_stopped_in_the_middle(monkeypatch):
 def test_a_run_after_one_whose_parameters_an_fmu_refused():
     with load("sync_approach") as system, Simulation(system) as simulation:
         for _ in range(2):
-            with pytest.raises(RunError, match="mass_0"):
+            with pytest.raises(UsageError, match="mass_0"):
                 simulation.fly(set={"servicer.mass_0": -1.0})
         assert same_bits(simulation.fly(stop=2.0), run("sync_approach", stop=2.0))
 

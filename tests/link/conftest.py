@@ -105,3 +105,14 @@ class Listener:
 def board():
     """Boards with the adaptive controller on TCP ports."""
     return lambda bend=None: Listener(fmus()["adaptive_controller"], bend)
+
+
+def flown_twice_from(simulation, step, further):
+    """The result of a simulation that has gone on to `further` and back to `step`."""
+    simulation.advance(to=step)
+    snapshot = simulation.save()
+    simulation.advance(to=further)
+    simulation.restore(snapshot)
+    simulation.free(snapshot)
+    simulation.advance()
+    return simulation.result()

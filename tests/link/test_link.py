@@ -16,7 +16,7 @@ import pytest
 from harness import Simulation, load
 from harness.errors import FmuError, RunError, UsageError
 from harness.files.paths import fmus
-from tests.link.conftest import Listener
+from tests.link.conftest import Listener, flown_twice_from
 from tests.link.frames import ANSWER, CODE, Frame, opened, sealed
 
 SYSTEM, STOP = "sync_approach", 3.0
@@ -69,20 +69,14 @@ def test_a_further_run_resets_the_board(board, wanted):
 
 def test_a_snapshot_of_the_system_continues_bit_for_bit(board, wanted):
     with board() as found, moved(found.place) as simulation:
-        simulation.advance(to=11)
-        snapshot = simulation.save()
-        simulation.advance(to=23)
-        simulation.restore(snapshot)
-        simulation.free(snapshot)
-        simulation.advance()
-        assert_same(simulation.result(), wanted)
+        assert_same(flown_twice_from(simulation, 11, 23), wanted)
 
 
 def test_parameters_refused_by_the_component_are_named(board):
     wrong = {"set": ["controller.Gamma_m=-1"]}
-    with board() as found, pytest.raises(RunError) as there:
+    with board() as found, pytest.raises(UsageError) as there:
         flown(found.place, **wrong)
-    with pytest.raises(RunError, match="Gamma_m = -1: must be >= 0") as here:
+    with pytest.raises(UsageError, match=r"^--set controller\.Gamma_m=-1: must be >= 0$") as here:
         flown("", **wrong)
     assert str(there.value) == str(here.value)
 

@@ -20,6 +20,7 @@ from harness.errors import FmuError, UsageError
 from harness.files.paths import fmus
 from harness.master.changes import apply
 from harness.remote.targets import TARGETS, find_target, missing
+from tests.link.conftest import flown_twice_from
 
 SYSTEM, STOP = "sync_approach", 30.0
 
@@ -86,13 +87,7 @@ def test_two_components_on_two_processors():
 def test_a_snapshot_with_a_processor_continues_bit_for_bit():
     on = {"controller": "cortex-m7"}
     with load(SYSTEM) as system, Simulation(system, on=on, stop=STOP) as simulation:
-        simulation.advance(to=100)
-        snapshot = simulation.save()
-        simulation.advance(to=200)
-        simulation.restore(snapshot)
-        simulation.free(snapshot)
-        simulation.advance()
-        first = simulation.result().values.tobytes()
+        first = flown_twice_from(simulation, 100, 200).values.tobytes()
         again = simulation.fly(on=on, stop=STOP).values.tobytes()
     assert first == again == flown({}).values.tobytes()
 
