@@ -46,7 +46,7 @@ UNITS = {
 }
 """C files of the unit tests and the tests of each."""
 ADAPTER_IN = ("ideal_propulsion", "servicer", "space_robot", "los_guidance")
-LINK = {"link": ("link", "link_unused", "client", "stream", "processor"), "board": ("board",)}
+LINK = {"link": ("link*.c", "client.c", "stream.c", "processor.c"), "board": ("board.c",)}
 """Libraries of the link and their files."""
 SECONDS, PATIENCE = 120, 900
 """Processor time, time of the tests of one FMU; a fault that needs more is caught: it never
@@ -75,7 +75,11 @@ class Tree:
         sources = [p for side in ("plant", "flight") for p in (self.fmus / side).glob("*.c")]
         self.models = {path.stem: path for path in sorted(sources)}
         self.adapter = sorted((self.fmus / "core/adapter").glob("*.c"))
-        link = [self.fmus / f"core/link/{part}.c" for parts in LINK.values() for part in parts]
+        self.libraries = {
+            name: [p for part in parts for p in sorted((self.fmus / "core/link").glob(part))]
+            for name, parts in LINK.items()
+        }
+        link = [path for parts in self.libraries.values() for path in parts]
         units = [folder / f"tests/unit/{unit}.c" for unit in UNITS]
         self.readers = {p: self._reads(p) for p in (*units, *self.adapter, *sources, *link)}
         self.objects = {p: self.compiled(p) for p in self.readers}
@@ -123,7 +127,7 @@ class Tree:
 
     def link(self, name: str) -> None:
         """A library of the link from what was compiled last."""
-        parts = [self.build / f"{part}.o" for part in LINK[name]]
+        parts = map(self.object, self.libraries[name])
         command = ["cc", "-shared", *parts, "-o", self.build / f"{name}.so", "-lm"]
         subprocess.run(command, check=True)
 
@@ -185,8 +189,8 @@ def _judged(tree: Tree, readers: list[Path]) -> tuple[str, str]:
 def _first_failure(tree: Tree, source: Path) -> str:
     if source.stem in UNITS:
         return failure(tree, UNITS[source.stem])
-    for library, parts in LINK.items():
-        if source.stem in parts:
+    for library, parts in tree.libraries.items():
+        if source in parts:
             return _failure_of_link(tree, library)
     names = ADAPTER_IN if source in tree.adapter else (source.stem,)
     return next(filter(None, (_failure_of(tree, name) for name in names)), "")

@@ -10,6 +10,8 @@
 #include "motion.h"
 #include "riccati.h"
 #include "rigid_body.h"
+#include "small_rotation.h"
+#include "symmetric3.h"
 #include "time_grid.h"
 
 #define CALL(result, function, parameters, arguments) \
@@ -64,6 +66,23 @@ CALL(vec3, mrp_G, (vec3 s, vec3 w), (s, w))
 CALL(vec3, mrp_G_transposed, (vec3 s, vec3 w), (s, w))
 CALL(vec3, mrp_rate, (vec3 s, vec3 w), (s, w))
 CALL(vec3, mrp_inside, (vec3 s), (s))
+
+/* mat3.h */
+CALL(mat3, plus, (mat3 a, mat3 b), (a, b))
+CALL(mat3, minus, (mat3 a, mat3 b), (a, b))
+CALL(mat3, scaled, (double k, mat3 a), (k, a))
+CALL(mat3, outer, (vec3 a, vec3 b), (a, b))
+CALL(mat3, tilde, (vec3 a), (a))
+CALL(mat3, inertia_product, (vec3 a, vec3 b), (a, b))
+
+/* symmetric3.h */
+CALL(mat3, pseudo_inverse, (mat3 m, double share), (m, share))
+
+/* small_rotation.h */
+CALL(quat, rotation, (vec3 a), (a))
+CALL(vec3, rotation_error, (quat q), (q))
+CALL(vec3, rotation_vector, (quat q), (q))
+CALL(quat, turn, (vec3 phi), (phi))
 
 /* motion.h */
 CALL(Motion, neg_motion, (Motion a), (a))
