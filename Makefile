@@ -32,7 +32,8 @@ $(TOOLS): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and \
 	  "Python 3.11 or newer is needed: make PYTHON=python3.x")'
 	$(PYTHON) -m venv $(VENV)
-	$(PIP) "scikit-build-core>=0.10" cmake ninja "fmpy>=0.3.22" lxml "pillow>=10.1"
+	$(PIP) "scikit-build-core>=0.10" cmake ninja "fmpy>=0.3.22" lxml "pillow>=10.1" \
+	  "setuptools>=70.1" # of dependencies without a wheel; from Python 3.12 on venv brings none
 	@touch $@
 
 $(READY): $(TOOLS) CMakeLists.txt $(SOURCES)
