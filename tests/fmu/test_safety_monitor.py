@@ -263,6 +263,99 @@ def test_grazing_the_corridor_and_the_plume(fmu, miss):
     assert abs(column(rows, "plume_margin").min() - miss) < RESOLUTION + 1e-9
 
 
+def curved(p0, v0, a):
+    """Constant acceleration in deep space: the cubic arc is exact."""
+    p0, v0, a = (np.asarray(x, dtype=float) for x in (p0, v0, a))
+    return lambda t: (p0 + t * v0 + t * t / 2 * a, v0 + t * a)
+
+
+def grazing_the_ellipsoid(miss):
+    """Along a tangent plane: |p|_Z is least where the line touches, there 1 + miss/b."""
+    d = np.array((2.0, 5.0, 3.0))
+    touch = d * np.array((0.48, -0.6, 0.64))
+    along = np.cross(touch / d**2, (0.3, 0.2, 1.0))
+    u = 0.4 * along / np.linalg.norm(along)
+    return {"keep_out_shape": 1, "keep_out_half": d}, straight((1 + miss / 2) * touch - 17.3 * u, u)
+
+
+def grazing_the_corridor(miss):
+    """Along the edge x = y tan 30 deg and up to it from inside, least margin at 17.3 s."""
+    edge, out = np.array((0.5, np.sqrt(0.75), 0)), np.array((np.sqrt(0.75), -0.5, 0))
+    u, a = 0.3 * edge, -0.02 * out
+    touch = 20 * edge - miss * out
+    start = touch - 17.3 * u + 17.3**2 / 2 * a
+    p = {"use_corridor": 1, "corridor_half_angle": np.pi / 6}
+    return p, curved(start, u - 17.3 * a, a)
+
+
+def grazing_the_speed_limit(miss):
+    """The limit falls with the range, which is least at 17.3 s."""
+    limit = {"use_speed_limit": 1, "speed_slope": 0.1, "speed_at_zero": 0.8 - 0.3 + miss}
+    return limit, straight((-17.3 * 0.8, 3, 0), (0.8, 0, 0))
+
+
+GRAZING = {
+    "keep_out": grazing_the_ellipsoid,
+    "corridor": grazing_the_corridor,
+    "speed": grazing_the_speed_limit,
+}
+
+
+@pytest.mark.parametrize("h", [0.7, 5.0, 40.0])
+@pytest.mark.parametrize("miss", [1e-6, -1e-6])
+@pytest.mark.parametrize("rule", GRAZING)
+def test_every_rule_sees_a_graze_and_takes_a_miss_by_a_micrometre_for_none(fmu, rule, miss, h):
+    p, motion = GRAZING[rule](miss)
+    unit, rows = watch(fmu, OFF | DEEP | p, motion, h, 40)
+    assert abs(column(rows, f"{rule}_margin").min() - miss) < RESOLUTION + 1e-12
+    assert unit.get("violated")[RULES.index(rule)] == (miss < 0)
+    if miss < 0:
+        assert abs(unit.get("t_first")[RULES.index(rule)] - 17.3) < 0.1
+
+
+@pytest.mark.parametrize("miss", [1e-6, -1e-6])
+def test_a_drift_that_grazes_the_zone_hours_later(fmu, miss):
+    """2300 s ahead, between two integration steps of 30 s."""
+    unit = fmu("safety_monitor", DRIFT | DEEP)
+    unit.step(1, states(0, (-23.0, 3 + miss, 0), (0.01, 0, 0), 0))
+    assert abs(unit.get("passive_margin") - miss) < RESOLUTION + 1e-12
+    assert unit.get("violated")[3] == (miss < 0)
+    expected = (23 - np.sqrt(9 - (3 + miss) ** 2)) / 0.01 if miss < 0 else NOT_YET
+    assert abs(unit.get("passive_entry") - expected) < 1e-3
+
+
+def test_first_violation_in_axes_that_turn_is_the_same_at_10_hz_and_1_hz(fmu):
+    """Target and servicer turn at 1 and 2 deg/s; where the truth falls below zero by brentq."""
+    motion = straight((-1.5, 6.4, -0.7), (0.0, -0.1, 0.05))
+    spin, d = np.array((0.012, 0.011, -0.009)), np.array((6.0, 2.0, 3.0))
+    F, y = np.array((0.3, 1.0, 0.2)), np.array((0.0, 1.0, 0.0))
+    p = OFF | DEEP | {"keep_out_shape": 2, "keep_out_half": d, "keep_out_axes": 1}
+    p |= {"use_plume": 1, "plume_half_angle": 0.4, "plume_range": 50}
+    p |= {"use_corridor": 1, "corridor_axes": 1, "corridor_half_angle": 0.9}
+
+    def body(rate, t):
+        return Rotation.from_rotvec(rate * t), rate
+
+    def seen(rate, t):
+        return body(rate, t)[0].inv().apply(motion(t)[0])
+
+    truth = {
+        0: lambda t: box(seen(spin, t), d),
+        1: lambda t: cone(seen(spin, t), y, 0.9),
+        4: lambda t: -cone(seen(-2 * spin, t), F / np.linalg.norm(F), 0.4),
+    }
+    for h in (0.1, 1.0):
+        unit = fmu("safety_monitor", p)
+        for k in range(round(45 / h)):
+            T, S = body(spin, k * h), body(-2 * spin, k * h)
+            unit.step(h, states(k * h, *motion(k * h), 0, T=T, S=S) | {"F_cmd_S": F})
+        for rule, margin in truth.items():
+            grid = np.linspace(0, 45, 451)
+            k = np.flatnonzero([margin(t) < 0 for t in grid])[0]
+            first = brentq(margin, grid[k - 1], grid[k])
+            assert abs(unit.get("t_first")[rule] - first) < 1e-3, RULES[rule]
+
+
 # ---- between samples: drift ellipses ----
 
 ELLIPSES = {
