@@ -17,10 +17,10 @@
  *
  * F_safe_S is F_cmd_S at every call, between samples too. Abort manoeuvre (act = 1): after the abort
  * it is abort_force along a velocity increment, until that is spent: abort_dv_H or, if that is zero,
- * abort_speed outwards along the corridor, both as they point in the last valid state. Without one (target lost) nothing
- * is judged, margins keep their values, and the next valid state begins a new arc. At zero range
- * the zone is violated, corridor and plume are on their edge. Inputs that are not numbers are
- * refused by the interface. Equations: docs/models.md G. */
+ * abort_speed outwards along the corridor, both as they point in the last valid state. Without one
+ * (target lost) and before t_armed (filters settle) nothing is judged, margins keep their values,
+ * and the next valid state begins a new arc. At zero range the zone is violated, corridor and plume
+ * are on their edge. Inputs that are not numbers are refused by the interface. Equations: docs/models.md G. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "safety_judgement.h"
 
@@ -135,12 +135,18 @@ static void predict(const Parameters *p, const Input *u, State *x, Output *y, do
     x->t_foreseen = t;
 }
 
+static int armed(const Parameters *p, double t)
+{
+    return p->t_armed == 0 || reached(t, p->t_armed);
+}
+
 static void judge_navigation(const Parameters *p, const Input *u, State *x, double t)
 {
     if (u->relative_valid) x->t_valid = t;
-    if (p->lost_time == 0) return;
-    double left = x->t_valid + p->lost_time - t;
-    keep_first(x, NAVIGATION, (Finding){left, left < 0 ? x->t_valid + p->lost_time : NEVER});
+    if (p->lost_time == 0 || !armed(p, t)) return;
+    double since = p->t_armed > 0 ? larger(x->t_valid, p->t_armed) : x->t_valid;
+    double left = since + p->lost_time - t;
+    keep_first(x, NAVIGATION, (Finding){left, left < 0 ? since + p->lost_time : NEVER});
 }
 
 /* the size by which the margin of a rule is compared with those of others */
@@ -237,7 +243,8 @@ static State begun(double t)
 static void watch(const Parameters *p, const Input *u, State *x, Output *y, double t, double period)
 {
     if (!x->begun) *x = begun(t);
-    if (u->relative_valid) {
+    int judged = u->relative_valid && armed(p, t);
+    if (judged) {
         double t0 = x->seen ? x->t : t;
         Interval i = interval(p, x->seen ? &x->last : u, u, t0, t - t0);
         judge(&i, x);
@@ -245,7 +252,7 @@ static void watch(const Parameters *p, const Input *u, State *x, Output *y, doub
         y->nearest = nearest(p, u, x);
         x->last = *u;
     }
-    x->seen = x->foreseen = u->relative_valid != 0;
+    x->seen = x->foreseen = judged;
     x->t = t;
     judge_navigation(p, u, x, t);
     decide(p, x);

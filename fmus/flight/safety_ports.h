@@ -18,7 +18,7 @@ typedef struct {
     double use_speed_limit, speed_at_zero, speed_slope;
     double passive_time, passive_step, passive_period;
     double use_plume, plume_half_angle, plume_range, plume_force_min;
-    double lost_time;
+    double lost_time, t_armed;
     double abort_on[RULES];
     double act, mass, abort_force, abort_speed;
     vec3 abort_dv_H;
@@ -58,6 +58,9 @@ typedef struct {
         POSITIVE(plume_range, "m", "the exhaust does no harm beyond this distance"),               \
         NONNEGATIVE(plume_force_min, "N", "smaller forces make no plume"),                         \
         NONNEGATIVE(lost_time, "s", "longest time without a valid relative state; 0 = rule off"),  \
+        NONNEGATIVE(t_armed, "s",                                                                  \
+                    "nothing is judged before this time, as while filters settle; 0 = from the "   \
+                    "start"),                                                                      \
         SWITCH(abort_on,                                                                           \
                "1: a violation of this rule aborts; order of the rules: keep-out, corridor, "      \
                "speed, passive, plume, navigation"),                                               \

@@ -667,6 +667,32 @@ def test_what_happens_while_the_target_is_lost_is_not_judged(fmu):
     assert not unit.get("violated").any()
 
 
+def test_nothing_is_judged_before_the_monitor_is_armed(fmu):
+    """A cold filter: within the zone, too fast and not valid until 6 s, outside and slow after."""
+    p = SPHERE | DEEP | {"use_speed_limit": 1, "speed_slope": 0, "lost_time": 3, "act": 1}
+    found = []
+    for t_armed in (0, 5.5, 6):
+        unit = fmu("safety_monitor", p | {"t_armed": t_armed, "passive_time": 100})
+        for k in range(12):
+            y, speed = (1.0, 2.0) if k < 6 else (20.0, 0.01)
+            u = states(k, (0, y, 0), (0, speed, 0), 0) | {"F_cmd_S": (1, k, 0)}
+            unit.step(1, u | {"relative_valid": k in (0, 5, 6, 7)})
+            if t_armed and k < 6:
+                assert unit.get("keep_out_margin") == unit.get("navigation_margin") == RESTING
+            if t_armed and k < 10:
+                assert unit.get("F_safe_S").tolist() == [1, k, 0]
+        found.append(unit.get("t_first").tolist())
+    assert found[0][:4] == [0, NOT_YET, 0, 0]
+    assert found[1] == found[2] == [NOT_YET] * 5 + [10.0]
+
+
+def test_time_without_a_state_counts_from_when_the_monitor_is_armed(fmu):
+    unit = fmu("safety_monitor", OFF | {"lost_time": 3, "t_armed": 5.5})
+    for k in range(10):
+        unit.step(1, states(k, (0, 20, 0), (0, 0, 0)) | {"relative_valid": k == 0})
+    assert unit.get("t_first")[5] == 8.5
+
+
 def test_zero_range_violates_the_zone_and_lies_on_the_edge_of_the_cones(fmu):
     p = SPHERE | {"use_corridor": 1, "use_plume": 1, "use_speed_limit": 1, "passive_time": 100}
     unit = fmu("safety_monitor", p | {"act": 1})
