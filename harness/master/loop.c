@@ -66,7 +66,7 @@ typedef struct {
 static int set_real(const Call *c, const double *bus)
 {
     fmi2Real *value = c->value;
-    for (const Piece *p = c->piece; p < c->piece + c->pieces; value += p++->count)
+    for (const Piece *p = c->piece, *end = p + c->pieces; p < end; value += p++->count)
         memcpy(value, bus + p->slot, p->count * sizeof *value);
     return (int)((fmi2SetRealTYPE *)c->function)(c->component, c->reference, c->count, c->value);
 }
@@ -91,7 +91,7 @@ static int get_real(const Call *c, double *bus)
     int status = (int)((fmi2GetRealTYPE *)c->function)(c->component, c->reference, c->count, value);
     if (status > fmi2Warning) return status;
     if (!all_finite(value, c->count)) return NOT_FINITE;
-    for (const Piece *p = c->piece; p < c->piece + c->pieces; value += p++->count)
+    for (const Piece *p = c->piece, *end = p + c->pieces; p < end; value += p++->count)
         memcpy(bus + p->slot, value, p->count * sizeof *value);
     return status;
 }

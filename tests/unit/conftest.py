@@ -69,6 +69,11 @@ class Core:
             self.library.call_all_finite(x.ctypes.data_as(ctypes.c_void_p), ctypes.c_size_t(x.size))
         )
 
+    def keep_rule(self, rule, x):
+        x = np.ascontiguousarray(x, float)
+        values = x.ctypes.data_as(ctypes.c_void_p)
+        return bool(self.library.call_keep_rule(rule, values, ctypes.c_size_t(x.size)))
+
     def refusals_of_inertia(self, J):
         text = ctypes.create_string_buffer(8000)
         self.library.refusals_of_inertia(to_c("mat3", J), text)

@@ -6,6 +6,7 @@
 #include "arc.h"
 #include "attitude.h"
 #include "finite.h"
+#include "interface.h"
 #include "line_of_sight.h"
 #include "motion.h"
 #include "riccati.h"
@@ -147,3 +148,10 @@ size_t samples(double t, double h, double period, size_t room, double at[], doub
 /* finite.h */
 int call_all_finite(const double x[], size_t count);
 int call_all_finite(const double x[], size_t count) { return all_finite(x, count); }
+
+/* interface.h */
+int call_keep_rule(int rule, const double x[], size_t count);
+int call_keep_rule(int rule, const double x[], size_t count)
+{
+    return keep_rule((Rule)rule, x, count);
+}

@@ -49,7 +49,7 @@ static Instance *new_instance(const Instance *caller)
         fmi2FreeInstance(instance);
         return NULL;
     }
-    instance->guarded_count = list_guarded(instance->guarded);
+    list_guarded(instance);
     memcpy(instance->name, caller->name, name_size);
     make_new(instance);
     return instance;

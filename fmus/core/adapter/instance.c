@@ -108,23 +108,29 @@ static const char *first_broken_output(const void *model, char text[FINDING_SIZE
     return NULL;
 }
 
-/* outputs are the last rows */
-size_t list_guarded(const Variable **guarded)
+static void list_outputs(Instance *instance, bool alarms)
 {
-    size_t count = 0;
     for (size_t i = 0; i < fmu_model.variable_count; i++) {
         const Variable *v = &fmu_model.variables[i];
-        if (v->causality == OUTPUT_ROW && v->rule != ANY_VALUE) guarded[count++] = v;
+        if (v->causality != OUTPUT_ROW || v->rule == ANY_VALUE) continue;
+        for (size_t k = 0; k < v->size && (v->rule == ALARM_VALUE) == alarms; k++)
+            add_to_runs(instance->guarded, &instance->guarded_count, (Scalar){v, k}, v->rule);
     }
-    return count;
 }
 
-static bool outputs_in_bounds(const Instance *instance, const void *model)
+void list_guarded(Instance *instance)
 {
-    for (size_t i = 0; i < instance->guarded_count; i++) {
-        const Variable *v = instance->guarded[i];
-        if (!keep_rule(v->rule, values_from(model, (Scalar){v, 0}), v->size)) return false;
-    }
+    instance->guarded_count = 0;
+    list_outputs(instance, true);
+    instance->alarm_count = instance->guarded_count;
+    list_outputs(instance, false);
+}
+
+static bool outputs_in_bounds(const Instance *instance, const double model[])
+{
+    const Run *end = instance->guarded + instance->guarded_count;
+    for (const Run *r = instance->guarded; r < end; r++)
+        if (!keep_rule(r->rule, model + r->first, r->count)) return false;
     return true;
 }
 
@@ -171,10 +177,14 @@ bool step_checked(const Instance *instance, const char *function, void *model, d
     return result_is_good(instance, function, model, t + h);
 }
 
-static double good_value(const Instance *instance, Scalar s)
+static Scalar output_at(size_t place) /* in doubles of the model */
 {
-    size_t offset = s.row->offset - fmu_model.state_offset;
-    return ((const double *)(const void *)((const char *)instance->good + offset))[s.element];
+    size_t i = 0, first = 0;
+    for (; i < fmu_model.variable_count; i++) {
+        first = fmu_model.variables[i].offset / sizeof(double);
+        if (place >= first && place < first + fmu_model.variables[i].size) break;
+    }
+    return (Scalar){&fmu_model.variables[i], place - first};
 }
 
 RARE static void report_alarm(const Instance *instance, Scalar s, double t)
@@ -186,11 +196,11 @@ RARE static void report_alarm(const Instance *instance, Scalar s, double t)
 
 void report_alarms(const Instance *instance, double t)
 {
-    for (size_t i = 0; i < instance->guarded_count; i++)
-        for (size_t k = 0;
-             k < instance->guarded[i]->size && instance->guarded[i]->rule == ALARM_VALUE; k++) {
-            Scalar s = {instance->guarded[i], k};
-            if (good_value(instance, s) == 0 && value_of(instance->model, s) != 0)
-                report_alarm(instance, s, t);
-        }
+    const double *now = instance->model, *before = instance->good;
+    const size_t tail_begins = fmu_model.state_offset / sizeof(double);
+    const Run *end = instance->guarded + instance->alarm_count;
+    for (const Run *r = instance->guarded; r < end; r++)
+        for (size_t k = r->first; k < r->first + r->count; k++)
+            if (before[k - tail_begins] == 0 && now[k] != 0)
+                report_alarm(instance, output_at(k), t);
 }

@@ -36,10 +36,10 @@ typedef struct {
     char *name;
     unsigned categories; /* log categories switched on */
     Progress now;
-    void *model;              /* fmu_model.size bytes */
-    void *good;               /* states and outputs before the step: tail_size() bytes */
-    const Variable **guarded; /* outputs with a rule beyond being finite */
-    size_t guarded_count;
+    void *model;                       /* fmu_model.size bytes */
+    void *good;                        /* states and outputs before the step: tail_size() bytes */
+    Run *guarded;                      /* outputs with a rule beyond being finite */
+    size_t guarded_count, alarm_count; /* alarms are the first of them */
     KnownCalls written, read;
 } Instance;
 
@@ -64,8 +64,8 @@ void release(const Instance *instance, void *memory);
 bool initialize_checked(const Instance *instance, const char *function, void *model);
 bool step_checked(const Instance *instance, const char *function, void *model, double t, double h);
 
-/* outputs with a rule, at most fmu_model.variable_count; returns their number */
-size_t list_guarded(const Variable **guarded);
+/* fill in the outputs with a rule, at most fmu_model.variable_count runs */
+void list_guarded(Instance *instance);
 
 /* warn of every alarm that has risen since the last good state */
 void report_alarms(const Instance *instance, double t);

@@ -68,14 +68,30 @@ static inline Rule rule_when_set(Scalar s)
     return s.row->causality == INPUT_ROW ? s.row->rule : ANY_VALUE;
 }
 /* the same for finite values of one rule, without a reason */
+static inline bool all_flags(const double value[], size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        if (!(value[i] == 0 || value[i] == 1)) return false;
+    return true;
+}
+static inline bool all_positive(const double value[], size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        if (value[i] <= 0) return false;
+    return true;
+}
+static inline bool all_within(const double value[], size_t count, double low, double high)
+{
+    for (size_t i = 0; i < count; i++)
+        if (value[i] < low || value[i] > high) return false;
+    return true;
+}
 static inline bool keep_rule(Rule rule, const double value[], size_t count)
 {
-    const double low = lowest(rule), high = highest(rule);
-    bool kept = true;
-    for (size_t i = 0; i < count; i++) kept &= value[i] >= low && value[i] <= high;
-    for (size_t i = 0; i < count && is_flag(rule); i++) kept &= value[i] == 0 || value[i] == 1;
-    for (size_t i = 0; i < count && rule == POSITIVE_VALUE; i++) kept &= value[i] > 0;
-    return kept;
+    if (rule == ANY_VALUE) return true;
+    if (is_flag(rule)) return all_flags(value, count);
+    if (rule == POSITIVE_VALUE) return all_positive(value, count);
+    return all_within(value, count, lowest(rule), highest(rule));
 }
 
 /* 64-bit FNV-1a over names, units, shapes and start values: the same interface has the same guid

@@ -37,16 +37,14 @@ static inline const KnownCall *known_call(const KnownCalls *known, const unsigne
     return NULL;
 }
 
-static inline bool add_to_runs(KnownCall *c, Scalar s)
+/* at the end of run[0 .. *runs-1]: into the last one if it is its neighbour and has its rule; there
+ * must be room for one more */
+static inline void add_to_runs(Run run[], size_t *runs, Scalar s, Rule rule)
 {
     size_t at = s.row->offset / sizeof(double) + s.element;
-    Rule rule = rule_when_set(s);
-    Run *last = c->run + c->runs - (c->runs > 0);
-    if (c->runs && last->first + last->count == at && last->rule == rule)
-        return last->count++, true;
-    if (c->runs == MOST_RUNS) return false;
-    c->run[c->runs++] = (Run){at, 1, rule};
-    return true;
+    Run *last = run + *runs - (*runs > 0);
+    if (*runs && last->first + last->count == at && last->rule == rule) last->count++;
+    else run[(*runs)++] = (Run){at, 1, rule};
 }
 
 /* in place of the oldest; a call that is too long or too scattered stays unknown */
@@ -56,8 +54,11 @@ static inline void remember_call(KnownCalls *known, const ModelInterface *m, con
     KnownCall *c = &known->call[known->oldest];
     if (count == 0 || count > LONGEST_CALL) return;
     c->count = c->runs = 0;
-    for (size_t i = 0; i < count; i++)
-        if (!add_to_runs(c, scalar_of(m, vr[i]))) return;
+    for (size_t i = 0; i < count; i++) {
+        Scalar s = scalar_of(m, vr[i]);
+        if (c->runs == MOST_RUNS) return;
+        add_to_runs(c->run, &c->runs, s, rule_when_set(s));
+    }
     memcpy(c->reference, vr, count * sizeof *vr);
     c->count = count;
     known->oldest = (known->oldest + 1) % KNOWN_CALLS;
@@ -65,20 +66,20 @@ static inline void remember_call(KnownCalls *known, const ModelInterface *m, con
 
 static inline bool keep_rules(const KnownCall *c, const double value[]) /* of finite values */
 {
-    for (const Run *r = c->run; r < c->run + c->runs; value += r++->count)
-        if (r->rule != ANY_VALUE && !keep_rule(r->rule, value, r->count)) return false;
+    for (const Run *r = c->run, *end = r + c->runs; r < end; value += r++->count)
+        if (!keep_rule(r->rule, value, r->count)) return false;
     return true;
 }
 
 static inline void write_runs(const KnownCall *c, double model[], const double value[])
 {
-    for (const Run *r = c->run; r < c->run + c->runs; value += r++->count)
+    for (const Run *r = c->run, *end = r + c->runs; r < end; value += r++->count)
         memcpy(model + r->first, value, r->count * sizeof *value);
 }
 
 static inline void read_runs(const KnownCall *c, const double model[], double value[])
 {
-    for (const Run *r = c->run; r < c->run + c->runs; value += r++->count)
+    for (const Run *r = c->run, *end = r + c->runs; r < end; value += r++->count)
         memcpy(value, model + r->first, r->count * sizeof *value);
 }
 

@@ -12,7 +12,10 @@ static inline int all_finite(const double x[], size_t count)
 {
     double a = 0, b = 0, c = 0, d = 0;
     size_t i = 0;
-    for (; i + 4 <= count; i += 4) a += x[i], b += x[i + 1], c += x[i + 2], d += x[i + 3];
+    for (; i + 8 <= count; i += 8)
+        a += x[i] + x[i + 4], b += x[i + 1] + x[i + 5], c += x[i + 2] + x[i + 6],
+            d += x[i + 3] + x[i + 7];
+    if (i + 4 <= count) a += x[i], b += x[i + 1], c += x[i + 2], d += x[i + 3], i += 4;
     for (; i < count; i++) a += x[i];
     if (isfinite(a + b + c + d)) return 1;
     for (i = 0; i < count; i++)
