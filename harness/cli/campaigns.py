@@ -48,7 +48,7 @@ def counting(title: str, wanted: bool) -> Iterator[Callable[[Progress], None] | 
 
 def pictures(store: Store, folder: Path, ending: str, style: str) -> list[Path]:
     """Histograms of the metrics, each metric against the factors that matter, bands over time."""
-    place = figures.Place(folder, ending, style_of(style))
+    place = figures.Place(folder, ending, style_of(style), store.units())
     with place.style.used():
         return list(_pictures(store, place))
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.figures.style import SCREEN, Style, legend_above, new_canvas, save, time_axis
+from harness.results.quantities import with_unit
 
 Array = NDArray[np.float64]
 
@@ -25,10 +26,15 @@ class Place(NamedTuple):
     folder: Path
     ending: str = "png"
     style: Style = SCREEN
+    units: Mapping[str, str] = {}
 
     def file(self, stem: str) -> Path:
         """Of a picture."""
         return self.folder / f"{stem}.{self.ending}"
+
+    def label(self, name: str) -> str:
+        """Of an axis."""
+        return with_unit(name, self.units)
 
 
 def histograms(metrics: Mapping[str, Array], to: Place) -> Path:
@@ -36,7 +42,7 @@ def histograms(metrics: Mapping[str, Array], to: Place) -> Path:
     canvas, panels = _grid("Metrics of all runs", len(metrics), to)
     for axes, (name, values) in zip(panels, metrics.items(), strict=True):
         axes.hist(values[np.isfinite(values)], bins="auto", color="C0", edgecolor="white")
-        axes.set(xlabel=name, ylabel="runs")
+        axes.set(xlabel=to.label(name), ylabel="runs")
     return save(canvas, to.file("campaign_histograms"))
 
 
@@ -45,10 +51,10 @@ def scatter(metric: str, values: Array, factors: Mapping[str, Array], to: Place)
     canvas, panels = _grid(metric, len(factors), to)
     for axes, (name, x) in zip(panels, factors.items(), strict=True):
         axes.plot(x, values, ".", markersize=3, alpha=0.5)
-        axes.set(xlabel=name)
+        axes.set(xlabel=to.label(name))
         axes.sharey(panels[0])
     for axes in panels[::COLUMNS]:
-        axes.set(ylabel=metric)
+        axes.set(ylabel=to.label(metric))
     stem = re.sub(r"[^\w.-]+", "_", metric)
     return save(canvas, to.file(f"campaign_{stem}"))
 
@@ -61,12 +67,12 @@ def chart(metric: str, values: Array, factors: Mapping[str, Array], to: Place) -
     colours[np.searchsorted(rows, y), np.searchsorted(columns, x)] = values
     canvas, panels = _grid(metric, 1, to)
     mesh = panels[0].pcolormesh(columns, rows, colours, shading="nearest")
-    panels[0].set(xlabel=x_name, ylabel=y_name)
+    panels[0].set(xlabel=to.label(x_name), ylabel=to.label(y_name))
     panels[0].grid(False)
     for axis, places in ((panels[0].xaxis, columns), (panels[0].yaxis, rows)):
         if len(places) <= TICKS:
             axis.set_ticks(places)
-    canvas.colorbar(mesh, ax=panels[0], label=metric)
+    canvas.colorbar(mesh, ax=panels[0], label=to.label(metric))
     stem = re.sub(r"[^\w.-]+", "_", metric)
     return save(canvas, to.file(f"campaign_map_{stem}"))
 
@@ -82,7 +88,8 @@ def bands(name: str, time: Array, percentiles: Sequence[float], band: Array, to:
             look = {"color": "C0", "alpha": 0.2 * (low + 1), "linewidth": 0, "label": label}
             axes.fill_between(time / clock.seconds, *edges, **look)
         axes.plot(time / clock.seconds, band[len(percentiles) // 2, :, k], "C0", label="median")
-        axes.set(xlabel=clock.label, ylabel=f"{name}[{k + 1}]" if band.shape[2] > 1 else name)
+        element = f"{name}[{k + 1}]" if band.shape[2] > 1 else name
+        axes.set(xlabel=clock.label, ylabel=to.label(element))
     legend_above(panels[0])
     stem = re.sub(r"[^\w.-]+", "_", name)
     return save(canvas, to.file(f"campaign_band_{stem}"))

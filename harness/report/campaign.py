@@ -16,6 +16,7 @@ from harness.errors import ResultsError
 from harness.report.arrays import Arrays
 from harness.report.plots import Canvas, Plot, number
 from harness.report.template import render
+from harness.results.quantities import with_unit
 from harness.studies.campaign import summary
 from harness.studies.campaign.store import Store
 from harness.studies.campaign.worker import COMPLETE, FAILED, PENDING, SUCCESS
@@ -42,26 +43,26 @@ def of_dataset(path: Path) -> str:
 def _page(store: Store, path: Path) -> str:
     status, metrics = store.array("status"), summary.metric_columns(store)
     metrics = {name: x for name, x in metrics.items() if np.isfinite(x).any()}
-    factors = summary.varying_factors(store)
+    units = store.units()
+    shown = {with_unit(name, units): x for name, x in metrics.items()}
+    factors = {with_unit(n, units): x for n, x in summary.varying_factors(store).items()}
     arrays = Arrays()
     canvas = Canvas(arrays, POINTS)
     figures = [
-        _figure("histograms", [_histogram(canvas, n, x) for n, x in metrics.items()]),
-        _figure(
-            "factors", [p for n, x in metrics.items() for p in _against(canvas, n, x, factors)]
-        ),
+        _figure("histograms", [_histogram(canvas, n, x) for n, x in shown.items()]),
+        _figure("factors", [p for n, x in shown.items() for p in _against(canvas, n, x, factors)]),
         _figure("bands", list(_bands(canvas, store))),
     ]
-    shown = [{"name": f["name"], "figures": [f]} for f in figures if f["plots"]]
+    pages = [{"name": f["name"], "figures": [f]} for f in figures if f["plots"]]
     return render(
         "campaign.html",
         arrays,
-        {"scene": None, "figures": shown},
+        {"scene": None, "figures": pages},
         name=path.name,
         system=str(store.group.attrs["system"]),
         count={k: int((status == v).sum()) for k, v in STATES.items()},
         success=_success(store, status),
-        metrics=[_metric(name, x) for name, x in metrics.items()],
+        metrics=[_metric(name, x) for name, x in shown.items()],
         worst=_worst(store, metrics, path) if metrics else None,
         failures=_failures(store, status),
         definition=[{"name": k, "value": _text(v)} for k, v in store.definition()[0].items()],
@@ -170,11 +171,13 @@ def _bands(canvas: Canvas, store: Store) -> Iterator[Plot]:
     if not names:
         return
     time, percentiles = store.array("time"), store.array("percentile").tolist()
+    units = store.units()
     for name in names:
         band = store.array(name)
         plain = name.removesuffix("_band")
         for k in range(band.shape[2]):
-            label = f"{plain}[{k + 1}]" if band.shape[2] > 1 else plain
+            element = f"{plain}[{k + 1}]" if band.shape[2] > 1 else plain
+            label = with_unit(element, units)
             curves = _edges(canvas, time, percentiles, band[:, :, k])
             yield {"title": label, "x": "time [s]", "y": label, "time": True, "curves": curves}
 

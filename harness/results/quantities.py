@@ -10,8 +10,10 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
+from collections.abc import Mapping
 
 from harness.spelling import did_you_mean
+from harness.system.names import base
 from harness.system.units import Base, Unit, compose
 
 SYMBOLS: dict[str, tuple[float, dict[str, int]]] = {
@@ -74,3 +76,9 @@ def convert(value: float, given: str, wanted: str) -> float:
     if given == wanted:
         return value
     return compose(unit(given), (), unit(wanted))(value)
+
+
+def with_unit(name: str, units: Mapping[str, str]) -> str:
+    """`miss [m]`, or the name alone where units know none; an element has that of its vector."""
+    found = units.get(name) or units.get(base(name))
+    return f"{name} [{found}]" if found else name

@@ -22,6 +22,7 @@ from harness.cli.campaigns import pictures
 from harness.errors import StructureError, UsageError
 from harness.files import paths
 from harness.results.files import read
+from harness.results.quantities import with_unit
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from harness.studies.campaign import draws, metrics, summary
@@ -554,3 +555,50 @@ def test_ctrl_c_reaches_us_alone_and_the_workers_say_nothing(system, tmp_path):
     os.killpg(process.pid, signal.SIGINT)  # as the terminal does it
     output, errors = process.communicate(timeout=90)
     assert (output, errors, process.returncode) == ("", "harness: interrupted\n", 1)
+
+
+# ---- what the numbers are
+
+
+def test_a_dataset_says_units_and_meanings_of_factors_metrics_and_bands(tmp_path):
+    """CF attributes; a metric has the unit that follows from its text, or none."""
+    (tmp_path / "mine.py").write_text("def rows(result):\n    return len(result.time)\n")
+    apart = "norm(servicer.r_SN_N - target.r_TN_N)[-1]"
+    done = campaign(
+        {
+            "system": "sync_approach",
+            "fixed": {"stop": 1.0},
+            "factors": {
+                "servicer.mass_0": {"list": [90.0, 100.0]},
+                "target.omega_TN_T_0": {"list": [[0.01, 0.02, 0.0]]},
+                "latency.guidance": {"list": [0]},
+            },
+            "metrics": {
+                "miss": apart,
+                "cost": "delta-v",
+                "turn": f"degrees({apart} / 1000)",
+                "rows": f"{tmp_path / 'mine.py'}:rows",
+                "area": f"{apart} * {apart}",
+            },
+            "success": f"{apart} < 2 km",
+            "keep": {"bands": ["guidance.range"]},
+        },
+        tmp_path / "out.zarr",
+        workers=0,
+    )
+    found = {name: v.attrs.get("units") for name, v in done.data.variables.items()}
+    assert found["servicer.mass_0"] == "kg"
+    assert found["target.omega_TN_T_0"] == "rad/s"
+    assert (found["miss"], found["cost"], found["turn"]) == ("m", "m/s", "deg")
+    assert (found["success"], found["end_time"]) == ("1", "s")
+    assert found["guidance.range_band"] == "m"
+    assert not {found["rows"], found["area"], found["latency.guidance"]} - {None}
+    assert done.data["servicer.mass_0"].attrs["long_name"] == "start mass"
+    assert done.data["miss"].attrs["long_name"] == apart
+    units = dict(zip(done.data["column"].values, done.data["column_units"].values, strict=True))
+    assert units["servicer.v_SN_N[2]"] == "m/s"
+    assert "\ncost [m/s] " in done.summary()
+    assert "\nrows  " in done.summary()
+    assert with_unit("target.omega_TN_T_0[2]", done.store.units()) == (
+        "target.omega_TN_T_0[2] [rad/s]"
+    )

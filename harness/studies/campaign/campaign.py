@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from harness.errors import UsageError
 from harness.files.signals import held
 from harness.master.changes import Changes
@@ -146,9 +144,7 @@ def _block(plan: Plan, store: Store, first: int) -> Block:
 
 def _created(path: Path, plan: Plan, task: Task, found: Layout) -> Store:
     block = max(1, min(LARGEST_BLOCK, plan.runs // BLOCKS, BLOCK_STEPS // found.steps))
-    steps = np.arange(task.rows, dtype=np.float64) * task.stride * plan.every
-    time = found.start + steps * found.step
-    return Store.create(path, plan, task, block, time)
+    return Store.create(path, plan, task, block, found)
 
 
 def _opened(path: Path, plan: Plan) -> Store:

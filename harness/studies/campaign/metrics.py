@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 
-from harness.results.expressions import evaluate, history, parsed, resolved, unit_in
+from harness.results.expressions import evaluate, history, parsed, resolved, unit_in, unit_of
 from harness.results.expressions import variables as named
 from harness.results.result import Result
 from harness.studies.measures import MEASURES, Limits, Measure
@@ -53,6 +53,16 @@ def variables(text: str) -> Iterator[str]:
         return
     names = named(parsed(text, [m.name for m in MEASURES], "measure"))
     yield from (name for name in names if name != "time" and not name.startswith("parameter "))
+
+
+def unit(text: str, kinds: Result) -> str:
+    """Unit of a metric, "" if it is not known; kinds: a result with the units of the variables."""
+    for measure in MEASURES:
+        if measure.name == text:
+            return measure.unit
+    if text.rpartition(":")[0].endswith(".py"):
+        return ""
+    return unit_of(parsed(text), partial(unit_in, kinds))
 
 
 def _function(file: Path, name: str) -> Metric:

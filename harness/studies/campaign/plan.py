@@ -30,7 +30,7 @@ from harness.spelling import did_you_mean
 from harness.ssp.library import find_system, load
 from harness.studies.campaign import draws, metrics
 from harness.studies.campaign.factors import Factor, factor
-from harness.system.graph import checked, say_warnings
+from harness.system.graph import Graph, Slot, checked, constants, say_warnings
 from harness.system.model import System
 from harness.system.tables import read_toml
 from harness.system.values import plain
@@ -336,9 +336,7 @@ class _Draft:
                 continue
             ready.append(changed)
             if run == 0:
-                slots = tuple(slot.name for slot in found.graph.slots)
-                empty = np.empty((1, len(slots)))
-                self._names(Result("", np.zeros(1), slots, ("",) * len(slots), empty))
+                self._names(_kinds(found.graph))
         self._try(ready)
 
     def _try(self, systems: Sequence[System]) -> None:
@@ -401,13 +399,14 @@ def _all_samplers() -> str:
 
 class Layout(NamedTuple):
     """What the dataset needs to know of the results: columns of a row, macro steps of the longest
-    run, start [s], macro step [s].
+    run, start [s], macro step [s]; kinds: names, units and texts of variables and parameters.
     """
 
     columns: tuple[str, ...]
     steps: int
     start: float
     step: float
+    kinds: Result
 
 
 def layout(plan: Plan) -> Layout:
@@ -417,5 +416,23 @@ def layout(plan: Plan) -> Layout:
         say_warnings(*cells)
         found = [checked(cell) for cell in cells]
         first = cells[0].experiment
-        columns = tuple(slot.name for slot in found[0].graph.slots)
-        return Layout(columns, max(f.steps for f in found), first.start, first.step or 0.0)
+        kinds = _kinds(found[0].graph)
+        steps = max(f.steps for f in found)
+        return Layout(kinds.columns, steps, first.start, first.step or 0.0, kinds)
+
+
+def _kinds(graph: Graph) -> Result:
+    """A result of the system before anything has flown: names, units and texts, no values."""
+    return _table(graph.slots, _table([slot for slot, _ in constants(graph)]))
+
+
+def _table(slots: Sequence[Slot], parameters: Result | None = None) -> Result:
+    return Result(
+        "",
+        np.zeros(1),
+        tuple(slot.name for slot in slots),
+        tuple(slot.unit for slot in slots),
+        np.empty((1, len(slots))),
+        tuple(slot.description for slot in slots),
+        parameters=parameters,
+    )

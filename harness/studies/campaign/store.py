@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import ResultsError, UsageError
-from harness.studies.campaign.plan import Plan, Values
+from harness.studies.campaign import labels
+from harness.studies.campaign.plan import Layout, Plan, Values
 from harness.studies.campaign.worker import PENDING, Row, Task
 
 Array = NDArray[np.float64]
@@ -35,7 +36,7 @@ class Store:
     # ---- life
 
     @classmethod
-    def create(cls, path: Path, plan: Plan, task: Task, block: int, time: Array) -> Store:
+    def create(cls, path: Path, plan: Plan, task: Task, block: int, found: Layout) -> Store:
         """A new dataset with every run pending; UsageError if there is one already."""
         import zarr
 
@@ -56,7 +57,7 @@ class Store:
                 "block": block,
             }
         )
-        store._lay_out(plan, task, block, time)
+        store._lay_out(plan, task, block, found)
         return store
 
     @classmethod
@@ -71,31 +72,36 @@ class Store:
             raise ResultsError(f"{path}: is not the dataset of a campaign") from error
         return store
 
-    def _lay_out(self, plan: Plan, task: Task, block: int, time: Array) -> None:
-        n = plan.runs
-        self._array("status", np.int8, (n,), ("run",), block, PENDING)
+    def _lay_out(self, plan: Plan, task: Task, block: int, found: Layout) -> None:
+        n, kinds = plan.runs, found.kinds
+        self._array("status", np.int8, (n,), ("run",), block, PENDING, labels.STATUS)
         self._array("message", str, (n,), ("run",), block, "")
-        self._array("end_time", np.float64, (n,), ("run",), block)
+        self._array("end_time", np.float64, (n,), ("run",), block, about=labels.END)
         columns = len(task.columns)
         self._array("last", np.float64, (n, columns), ("run", "column"), block)
         self._fill("column", np.array(task.columns, dtype=object), ("column",), str)
+        self._fill("column_units", np.array(kinds.units, dtype=object), ("column",), str)
         for name, value in plan.values(0).items():
             kind = str if isinstance(value, str) else np.float64
             shape = np.shape(value)
             axes = tuple(f"{name}_{k + 1}" for k in range(len(shape)))
-            about = {"role": "factor", "whole": plan.whole(name)}
+            about = {"role": "factor", "whole": plan.whole(name), **labels.of_factor(name, kinds)}
             fill = "" if kind is str else np.nan
             self._array(name, kind, (n, *shape), ("run", *axes), block, fill, about)
         for name in task.metrics:
-            self._array(name, np.float64, (n,), ("run",), block, about={"role": "metric"})
+            about = {"role": "metric", **labels.of_metric(name, plan, kinds)}
+            self._array(name, np.float64, (n,), ("run",), block, about=about)
         if task.kept:
-            self._fill("time", time, ("time",), np.float64)
+            rows = np.arange(task.rows, dtype=np.float64) * task.stride * plan.every
+            time = found.start + rows * found.step
+            self._fill("time", time, ("time",), np.float64, labels.TIME)
         for name in task.kept:
             width = len(_elements(name, task.columns))
             label = self._history(plan, name)
             shape = (n, task.rows, width)
             axes = ("run", "time", f"{name}_element")
-            self._array(label, np.float64, shape, axes, block, about={"role": "history"})
+            about = {"role": "history", **labels.of_variable(name, kinds)}
+            self._array(label, np.float64, shape, axes, block, about=about)
 
     def _history(self, plan: Plan, name: str) -> str:
         return name if name in plan.keep.get("histories", ()) else SCRATCH + name
@@ -121,9 +127,16 @@ class Store:
         array.attrs.update(about or {})
         return array
 
-    def _fill(self, name: str, values: Any, axes: tuple[str, ...], kind: Any) -> None:
+    def _fill(
+        self,
+        name: str,
+        values: Any,
+        axes: tuple[str, ...],
+        kind: Any,
+        about: Mapping[str, Any] | None = None,
+    ) -> None:
         fill = "" if kind is str else np.nan
-        self._array(name, kind, np.shape(values), axes, len(values), fill)[...] = values
+        self._array(name, kind, np.shape(values), axes, len(values), fill, about)[...] = values
 
     # ---- blocks
 
@@ -174,6 +187,11 @@ class Store:
         """Factors, metrics or histories by name."""
         return sorted(n for n, a in self.group.arrays() if a.attrs.get("role") == role)
 
+    def units(self) -> dict[str, str]:
+        """Units of factors, metrics and histories by name, of those that have one."""
+        given = {n.removesuffix("_band"): a.attrs.get("units", "") for n, a in self.group.arrays()}
+        return {name: unit for name, unit in given.items() if unit not in {"", "1"}}
+
     def array(self, name: str) -> Any:
         """All values of one array; texts as Python has them."""
         values = np.asarray(self.group[name][...])
@@ -214,8 +232,8 @@ class Store:
         _, rows, width = source.shape
         axes = ("percentile", "time", f"{plain}_element")
         shape = (len(PERCENTILES), rows, width)
-        band = self._array(label, np.float64, shape, axes, len(PERCENTILES))
-        band.attrs["role"] = "band"
+        about = {**source.attrs, "role": "band"}
+        band = self._array(label, np.float64, shape, axes, len(PERCENTILES), about=about)
         step = max(1, 4_000_000 // max(1, source.shape[0] * width))  # some 32 MB at once
         for first in range(0, rows, step):
             part = np.asarray(source[:, first : first + step])

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.results.quantities import with_unit
 from harness.spelling import one_line
 from harness.studies.campaign.store import Store
 from harness.studies.campaign.worker import COMPLETE, FAILED, SUCCESS
@@ -111,7 +112,7 @@ def text(store: Store, shown: str) -> str:
     lines = [f"{flown} runs, {failed} failed"]
     if SUCCESS in store.names("metric"):
         lines.append(_success(store.array(SUCCESS), flown))
-    lines += ["", *_table(metrics)] if metrics else []
+    lines += ["", *_table(metrics, store.units())] if metrics else []
     lines += _expectations(store, metrics)
     factors = _varied(store, status != 0)
     if metrics and factors:
@@ -147,8 +148,9 @@ def _expectations(store: Store, metrics: Mapping[str, Array]) -> Iterator[str]:
         yield f"{name}: mean {mean:.5g}, expected {low:g} to {high:g}: {verdict}"
 
 
-def _table(metrics: Mapping[str, Array]) -> Iterator[str]:
-    width = max(map(len, metrics))
+def _table(metrics: Mapping[str, Array], units: Mapping[str, str]) -> Iterator[str]:
+    shown = {name: with_unit(name, units) for name in metrics}
+    width = max(map(len, shown.values()))
     heads = ("mean", "std", "least", *(f"{p} %" for p in PERCENTILES), "most")
     yield " " * width + "".join(f"{head:>12}" for head in heads)
     for name, column in metrics.items():
@@ -156,7 +158,7 @@ def _table(metrics: Mapping[str, Array]) -> Iterator[str]:
         if len(values):
             middle = np.percentile(values, PERCENTILES)
             numbers = (values.mean(), values.std(), values.min(), *middle, values.max())
-            yield f"{name:{width}}" + "".join(f"{number:12.5g}" for number in numbers)
+            yield f"{shown[name]:{width}}" + "".join(f"{number:12.5g}" for number in numbers)
 
 
 def _ranks(metrics: Mapping[str, Array], factors: Mapping[str, Array]) -> Iterator[str]:
@@ -189,7 +191,7 @@ def worst(store: Store, metrics: Mapping[str, Array]) -> tuple[str, list[int]]:
 
 def _worst(store: Store, metrics: Mapping[str, Array], shown: str) -> Iterator[str]:
     name, found = worst(store, metrics)
-    yield f"worst by {name}"
+    yield f"worst by {with_unit(name, store.units())}"
     system = store.group.attrs["system"]
     for run in found:
         yield f"  {metrics[name][run]:12.5g}  harness run {system} --like {shown}#{run}"
