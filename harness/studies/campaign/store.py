@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,8 @@ from harness.studies.campaign.worker import PENDING, Row, Task
 
 Array = NDArray[np.float64]
 PERCENTILES = (5.0, 25.0, 50.0, 75.0, 95.0)
+COMPRESSED = 4096
+"""Bytes of a chunk from which on it is compressed; for less it costs more than it saves."""
 SCRATCH = "history_of_"
 """Histories that are kept only until their bands are known."""
 
@@ -32,6 +35,7 @@ class Store:
 
     def __init__(self, path: Path, group: Any) -> None:
         self.path, self.group = path, group
+        self._written: dict[str, Any] = {}  # opening an array costs as much as writing to it
 
     # ---- life
 
@@ -116,16 +120,18 @@ class Store:
         fill: Any = np.nan,
         about: Mapping[str, Any] | None = None,
     ) -> Any:
-        array = self.group.create_array(
+        chunks = (min(block, shape[0]), *shape[1:])
+        small = kind is not str and 8 * np.prod(chunks) < COMPRESSED
+        return self.group.create_array(
             name,
             shape=shape,
             dtype=kind,
-            chunks=(min(block, shape[0]), *shape[1:]),
+            chunks=chunks,
+            compressors=None if small else "auto",
             fill_value=fill,
             dimension_names=list(axes),
+            attributes=dict(about or {}),
         )
-        array.attrs.update(about or {})
-        return array
 
     def _fill(
         self,
@@ -167,19 +173,26 @@ class Store:
         self._put("last", place, [row.last for row in rows])
         for name in rows[0].metrics:
             self._put(name, place, [row.metrics[name] for row in rows])
-        for name, shape in self._histories().items():
-            empty = np.full(shape, np.nan)
+        for name in self._histories:
+            empty = np.full(self._opened(name).shape[1:], np.nan)
             plain = name.removeprefix(SCRATCH)
             self._put(name, place, [row.histories.get(plain, empty) for row in rows])
         self._put("status", place, [row.status for row in rows])
 
     def _put(self, name: str, place: slice, values: Sequence[Any]) -> None:
-        array = self.group[name]
+        array = self._opened(name)
         text = bool(values) and isinstance(values[0], str)
         array[place] = np.array(values, dtype=object if text else array.dtype)
 
-    def _histories(self) -> dict[str, tuple[int, ...]]:
-        return {n: self.group[n].shape[1:] for n in self.names("history")}
+    def _opened(self, name: str) -> Any:
+        """An array that is written again and again."""
+        if name not in self._written:
+            self._written[name] = self.group[name]
+        return self._written[name]
+
+    @cached_property
+    def _histories(self) -> list[str]:
+        return self.names("history")
 
     # ---- reading
 
