@@ -93,6 +93,15 @@ def test_reference_begins_and_ends_in_the_flight_attitude_at_rest(fmu):
     assert unit.get("omega_DN_D") == pytest.approx([0, -N_ORBIT, 0], abs=1e-15)
 
 
+def test_the_finest_grid_ends_in_the_flight_attitude_too(fmu):
+    """Its last node is the last that there is room for; a millisecond before the end."""
+    unit = fmu("transposition_guidance", {"nodes": 120})
+    unit.step(5400.0 - 1e-3)
+    unit.step(1e-4)
+    assert unit.get("status") == 0
+    assert np.abs(unit.get("eps_ref")).max() < 1e-10
+
+
 def test_weights_on_the_peak_and_other_grids_reach_the_limit_too(fmu):
     for change in ({"weight": 2}, {"nodes": 45}, {"nodes": 120}, {"lambda": 3e19}):
         unit = fmu("transposition_guidance", FULL | change)

@@ -53,7 +53,7 @@ SECONDS, PATIENCE = 120, 900
 ends."""
 BYTES = 8 << 30
 
-PACKAGING = ("test_archive", "test_rebuild", "test_static", "test_tools")
+PACKAGING = ("test_archive", "test_rebuild", "test_tools")
 """Tests of the archive and of its other contents, which are not those of the faulty source."""
 
 CAUGHT, SURVIVED, SAME = "caught", "survived", "same machine code"

@@ -155,3 +155,6 @@ int call_keep_rule(int rule, const double x[], size_t count)
 {
     return keep_rule((Rule)rule, x, count);
 }
+
+uint64_t call_fold_text(uint64_t hash, const char *text);
+uint64_t call_fold_text(uint64_t hash, const char *text) { return fold_text(hash, text); }
