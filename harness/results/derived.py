@@ -90,6 +90,11 @@ def range_(result: Result) -> Array:
     return _norm(_relative(result))
 
 
+def initial_range(result: Result) -> float:
+    """Distance between servicer and target in the first row [m]."""
+    return float(_norm(result[SERVICER][:1] - result[TARGET][:1])[0])
+
+
 def reference_range(result: Result) -> Array:
     """Range of the reference position, in the row of the state that it belongs to, (rows,) [m]."""
     return _aligned(_norm(_relative(result)), _norm(result[REFERENCE]), lambda _, b: b)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,12 +91,16 @@ class Result(Views):
         """Columns of every variable by its name without indices, in an array of the variable's own
         shape.
         """
-        groups: dict[str, dict[tuple[int, ...], int]] = {}
-        for i, name in enumerate(self.columns):
-            groups.setdefault(base(name), {})[index(name)] = i
-        return {
-            name: array for name, group in groups.items() if (array := _array(group)) is not None
-        }
+        return _vectors(tuple(self.columns))
+
+
+@lru_cache(maxsize=16)
+def _vectors(columns: tuple[str, ...]) -> Mapping[str, NDArray[np.intp]]:
+    """The same for every run of a system, so a campaign asks once."""
+    groups: dict[str, dict[tuple[int, ...], int]] = {}
+    for i, name in enumerate(columns):
+        groups.setdefault(base(name), {})[index(name)] = i
+    return {name: array for name, group in groups.items() if (array := _array(group)) is not None}
 
 
 def _array(group: Mapping[tuple[int, ...], int]) -> NDArray[np.intp] | None:
@@ -109,4 +113,5 @@ def _array(group: Mapping[tuple[int, ...], int]) -> NDArray[np.intp] | None:
     array = np.empty(whole.shape, dtype=np.intp)
     for i, column in group.items():
         array[whole.place(i)] = column
+    array.flags.writeable = False
     return array

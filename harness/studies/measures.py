@@ -18,6 +18,7 @@ from harness.results import derived, estimates, pitch, safety
 from harness.results.derived import (
     assembly_attitude_error,
     attitude_error,
+    initial_range,
     position_error,
     range_,
     range_error,
@@ -47,9 +48,10 @@ class Limits:
 
     def common(self, results: Mapping[str, Result]) -> Limits:
         """The same with the default position band of these runs."""
-        starts = [range_(r)[0] for r in results.values() if r.holds(*POSITION[:2]) and len(r.time)]
-        band = BAND * max(starts, default=0.0)
-        return self if self.position is not None else replace(self, position=float(band))
+        if self.position is not None:
+            return self
+        approaches = (r for r in results.values() if r.holds(*POSITION[:2]) and len(r.time))
+        return replace(self, position=BAND * max(map(initial_range, approaches), default=0.0))
 
     def notes(self) -> Iterator[str]:
         """The definitions of the columns that need one."""
