@@ -25,6 +25,7 @@ from harness.cli.options import (
     size_of,
     takes_changes,
 )
+from harness.errors import UsageError
 from harness.spelling import file_stem, printable
 
 app = typer.Typer()
@@ -68,18 +69,25 @@ def show_command(
 )
 def check(
     system: Annotated[
-        str, typer.Argument(metavar="SYSTEM_OR_FMU", help="name, or path of an .ssp or .fmu")
-    ],
+        str | None,
+        typer.Argument(metavar="[SYSTEM_OR_FMU]", help="name, or path of an .ssp or .fmu"),
+    ] = None,
     strict: Annotated[bool, typer.Option("--strict", help="warnings are errors")] = False,
     changes: Any = None,
 ) -> None:
     """Find all that is wrong with a system or an FMU.
 
     Errors keep it from being run (exit status 1); warnings are what is not by the book. With
-    changes: what a run with them would fly.
+    changes: what a run with them would fly. Without a name: what this machine lacks for the flight
+    processors of --on.
     """
     from harness.studies import check as study
 
+    if system is None:
+        if changes or strict:
+            raise UsageError("check: say which system or FMU")
+        typer.echo("\n".join(study.machine()))
+        return
     verdict = study.check(system, strict, **changes)
     for warning in verdict.warnings:
         typer.echo(printable(f"harness: warning: {warning}"), err=True)

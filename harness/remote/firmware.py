@@ -16,7 +16,7 @@ from harness.errors import FmuError, UsageError
 from harness.files.archive import read_entry, unpack
 from harness.files.paths import link_sources
 from harness.files.safe_xml import parsed
-from harness.remote.targets import Target
+from harness.remote.targets import SPECS, Target
 from harness.system.interface import Interface, read_interface
 
 FLAGS = (
@@ -25,8 +25,7 @@ FLAGS = (
 )
 """As for every other machine (the same bits), and only what is used goes into the image."""
 
-LIBRARY = "--specs=picolibc.specs"
-"""Of C, with start-up code and linker script."""
+LIBRARY = f"--specs={SPECS}"
 
 BOARD = ("board.c", "firmware.c", "soft_double.c")
 

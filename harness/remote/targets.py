@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
+from functools import cache
 from typing import NamedTuple
 
 from harness.errors import UsageError
@@ -41,6 +43,9 @@ class Target(NamedTuple):
 
 
 MIB = 1024 * 1024
+
+SPECS = "picolibc.specs"
+"""Of the C library, with start-up code and linker script."""
 
 SOFT_SUMS = tuple(f"-Wl,--wrap=__aeabi_{name}" for name in ("dadd", "dsub", "drsub"))
 """Sums of doubles by soft_double.c, which rounds where libgcc does not."""
@@ -109,7 +114,17 @@ def missing(target: Target) -> str:
     """What a machine lacks for a processor, as one line; "" if it lacks nothing."""
     tools = (target.compiler, f"{target.tools}objcopy", target.emulator[0])
     lacking = [tool for tool in tools if shutil.which(tool) is None]
+    if target.compiler not in lacking and not _has_library(target):
+        lacking.append(f"picolibc of {target.compiler}")
     if not lacking:
         return ""
     packages = " ".join(target.packages)
     return f"{target.name} needs {' and '.join(lacking)}: make pil, or apt-get install {packages}"
+
+
+@cache
+def _has_library(target: Target) -> bool:
+    """A gcc that does not find its specs gives their name back."""
+    command = [target.compiler, f"-print-file-name={SPECS}"]
+    found = subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
+    return found != SPECS

@@ -19,6 +19,7 @@ from harness.files import paths
 from harness.master.changes import Changes, apply, choose_set, set_names
 from harness.master.refusals import as_typed
 from harness.master.trial import refused
+from harness.remote.targets import TARGETS, missing
 from harness.rules.judge import judge
 from harness.spelling import did_you_mean
 from harness.ssp import reader
@@ -60,6 +61,14 @@ def check(name: str, strict: bool = False, **changes: Unpack[Changes]) -> Verdic
     if changes:
         raise UsageError(f"{name}: --{next(iter(changes))} changes a system, and this is an FMU")
     return _check_fmu(path, strict)
+
+
+def machine() -> Iterator[str]:
+    """For every flight processor, whether this machine can build for it and emulate it, or what it
+    lacks; a line each.
+    """
+    for target in TARGETS.values():
+        yield missing(target) or f"{target.name}: {target.text}: ready"
 
 
 def _check_fmu(path: Path, strict: bool) -> Verdict:

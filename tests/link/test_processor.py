@@ -14,11 +14,14 @@ import zipfile
 
 import psutil
 import pytest
+from typer.testing import CliRunner
 
 from harness import Simulation, load
+from harness.cli.app import app
 from harness.errors import FmuError, UsageError
 from harness.files.paths import fmus
 from harness.master.changes import apply
+from harness.remote import targets
 from harness.remote.targets import TARGETS, find_target, missing
 from tests.link.conftest import flown_twice_from
 
@@ -139,6 +142,41 @@ def test_missing_tools_are_named_with_their_packages(monkeypatch):
         "cortex-m7 needs arm-none-eabi-gcc and arm-none-eabi-objcopy and qemu-system-arm: make "
         "pil, or apt-get install gcc-arm-none-eabi picolibc-arm-none-eabi qemu-system-arm"
     )
+
+
+def fake_tools(folder, target, specs):
+    """Programs of these names that do nothing but say where the C library is."""
+    for tool in (target.compiler, f"{target.tools}objcopy", target.emulator[0]):
+        (folder / tool).write_text(f"#!/bin/sh\necho {specs}\n")
+        (folder / tool).chmod(0o755)
+
+
+@pytest.mark.parametrize(
+    ("specs", "said"),
+    [
+        ("/lib/picolibc.specs", "riscv32: RISC-V RV32GC, doubles in hardware: ready"),
+        (
+            "picolibc.specs",
+            "riscv32 needs picolibc of riscv64-unknown-elf-gcc: make pil, or apt-get install "
+            "gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf qemu-system-misc",
+        ),
+    ],
+)
+def test_check_says_what_this_machine_lacks(tmp_path, monkeypatch, specs, said):
+    fake_tools(tmp_path, TARGETS["riscv32"], specs)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    targets._has_library.cache_clear()
+    done = CliRunner().invoke(app, ["check"])
+    targets._has_library.cache_clear()
+    lines = done.output.splitlines()
+    assert done.exit_code == 0
+    assert len(lines) == len(TARGETS)
+    assert lines[0].startswith("cortex-m7 needs arm-none-eabi-gcc and ")
+    assert lines[2] == said
+
+
+def test_check_of_nothing_takes_no_changes():
+    assert isinstance(CliRunner().invoke(app, ["check", "--strict"]).exception, UsageError)
 
 
 def rebuilt(target, change):
