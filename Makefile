@@ -95,12 +95,13 @@ validation: build
 gallery: build
 	$(BIN)/python .ci/gallery.py docs
 
-# FMU tests under the address and undefined behaviour sanitizers
+# FMUs and both ends of the link, with its damaged and random frames, under the address and undefined
+# behaviour sanitizers
 sanitize: build
 	$(CMAKE) --preset sanitize
 	$(RUN) cmake --build --preset sanitize
 	SERVICING_FMUS_BUILD=$(CURDIR)/build/sanitize ASAN_OPTIONS=detect_leaks=0 \
-	  LD_PRELOAD="$$(cc -print-file-name=libasan.so)" $(BIN)/pytest tests/fmu tests/compliance
+	  LD_PRELOAD="$$(cc -print-file-name=libasan.so)" $(BIN)/pytest tests/fmu tests/compliance tests/link
 
 # spelling, style and types: seconds, and the same answer on every machine
 lint: build $(LINTERS)

@@ -5,6 +5,7 @@ line that damages, loses, doubles and delays.
 
 from __future__ import annotations
 
+import ctypes
 import random
 import socket
 import threading
@@ -12,10 +13,11 @@ from contextlib import contextmanager, suppress
 
 import numpy as np
 import pytest
+from fmpy.fmi2 import fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 
 from harness import Simulation, load
 from harness.errors import FmuError, RunError, UsageError
-from harness.files.paths import fmus
+from harness.files.paths import fmus, link_library
 from tests.link.conftest import Listener, flown_twice_from
 from tests.link.frames import ANSWER, CODE, Frame, opened, sealed
 
@@ -302,3 +304,15 @@ def test_the_link_fmu_has_the_interface_of_its_component(board):
     assert here.model.guid == there.model.guid
     assert not there.model.coSimulation.providesDirectionalDerivative
     assert np.array_equal(list(here.units), list(there.units))
+
+
+@pytest.mark.parametrize("resources", [None, b"", b"/", b"file:///"])
+def test_resources_that_name_no_folder_are_one_error(resources):
+    """Under the sanitizers also: nothing is read before the path."""
+    said = []
+    logger = fmi2CallbackLoggerTYPE(lambda _a, _b, _c, _d, text: said.append(text))
+    calls = fmi2CallbackFunctions(logger=logger)
+    instantiate = ctypes.CDLL(str(link_library())).fmi2Instantiate
+    instantiate.restype = ctypes.c_void_p
+    assert instantiate(b"x", 1, b"{guid}", resources, ctypes.byref(calls), 0, 0) is None
+    assert said == [b"fmi2Instantiate: /link.txt cannot be read"]

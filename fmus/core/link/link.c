@@ -14,17 +14,17 @@ static int hex(char c)
 /* file:///a%20b or file:/a -> /a b; a path stays as it is */
 static void path_of(const char *uri, char path[PATH_SIZE])
 {
-    char *end = path + PATH_SIZE - 1;
+    char *at = path, *end = path + PATH_SIZE - 1;
     if (strncmp(uri, "file:", 5) == 0) uri += 5;
     if (strncmp(uri, "//", 2) == 0) uri += 2;
     if (strncmp(uri, "localhost/", 10) == 0) uri += 9;
-    while (*uri && path < end) {
+    while (*uri && at < end) {
         bool coded = uri[0] == '%' && uri[1] && uri[2];
-        *path++ = coded ? (char)(16 * hex(uri[1]) + hex(uri[2])) : *uri;
+        *at++ = coded ? (char)(16 * hex(uri[1]) + hex(uri[2])) : *uri;
         uri += coded ? 3 : 1;
     }
-    while (path[-1] == '/') path--;
-    *path = 0;
+    while (at > path && at[-1] == '/') at--;
+    *at = 0;
 }
 
 static bool connect_link(Link *l, fmi2String guid, fmi2String resources)
