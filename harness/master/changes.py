@@ -278,7 +278,7 @@ def _delayed(system: System, name: str, steps: Any) -> System:
         )
     try:
         count = int(steps)
-    except ValueError as error:
+    except (TypeError, ValueError) as error:
         raise UsageError(
             f"--latency {name}: expected a number of macro steps, got {steps}"
         ) from error

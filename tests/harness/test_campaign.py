@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import copy
+import datetime
 import os
 import re
 import signal
@@ -19,7 +21,7 @@ from scipy import stats
 from harness import campaign, run
 from harness.cli.app import main
 from harness.cli.campaigns import pictures
-from harness.errors import StructureError, UsageError
+from harness.errors import HarnessError, StructureError, UsageError
 from harness.files import paths
 from harness.results.files import read
 from harness.results.quantities import with_unit
@@ -28,7 +30,7 @@ from harness.ssp.writer import write_ssp
 from harness.studies.campaign import draws, metrics, summary
 from harness.studies.campaign.campaign import like
 from harness.studies.campaign.factors import factor
-from harness.studies.campaign.plan import read_plan
+from harness.studies.campaign.plan import layout, read_plan
 from harness.studies.campaign.store import Store
 from tests.harness.foreign_fmu import Model, build, p, u, y
 from tests.harness.interrupts import start
@@ -602,3 +604,86 @@ def test_a_dataset_says_units_and_meanings_of_factors_metrics_and_bands(tmp_path
     assert with_unit("target.omega_TN_T_0[2]", done.store.units()) == (
         "target.omega_TN_T_0[2] [rad/s]"
     )
+
+
+# ---- odd tables
+
+ODD = [
+    None, 0, -1, 2.5, float("nan"), float("inf"), 10**400, 2**63, "", "x", [], [[]], [1, "a"],
+    [[1], [2, 3]], {}, {"a": {"b": []}}, True, datetime.date(2026, 1, 1), "count.n", -0.0, 1e308,
+]  # fmt: skip
+
+
+def ordinary(system):
+    return table(
+        system,
+        runs=2,
+        fixed={"stop": 3.0, "set": {"bad.status": 3.0}},
+        factors={
+            "twice.k": {"normal": {"mean": 2.0, "sigma": 0.5}},
+            "latency.twice": {"list": [0, 1]},
+            "stop": {"range": {"first": 2.0, "last": 3.0, "count": 2}},
+        },
+        seeds=[],
+        keep={"histories": ["count.n"], "rows": 5},
+        expected={"end": [0.0, 9.0]},
+        worst="-end",
+        success="twice.y[-1] > 0",
+        sampler="sobol",
+        patience=5.0,
+        every=1,
+    )
+
+
+def entries(given, place=()):
+    """Places of all entries of nested tables and lists."""
+    if isinstance(given, list):
+        given = dict(enumerate(given))
+    for key, value in given.items() if isinstance(given, dict) else ():
+        yield (*place, key)
+        yield from entries(value, (*place, key))
+
+
+def changed(given, place, value):
+    changed_one = copy.deepcopy(given)
+    inner = changed_one
+    for key in place[:-1]:
+        inner = inner[key]
+    inner[place[-1]] = value
+    return changed_one
+
+
+def test_every_entry_of_a_campaign_may_be_anything(system):
+    """Each entry in turn is something else: a plan or a line per problem, never another error."""
+    given = ordinary(system)
+    read_plan(given)
+    for place in list(entries(given)):
+        for value in ODD:
+            try:
+                plan = read_plan(changed(given, place, value))
+            except HarnessError as error:
+                assert str(error)
+                assert "object" not in str(error).replace("objects cannot", ""), (place, value)
+            else:
+                assert layout(plan).steps > 0
+                assert plan.changes(plan.values(0))
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "line"),
+    [
+        (("seeds",), "count.n_0", "seeds: must be a list of texts, not count.n_0"),
+        (("keep", "rows"), 0, "keep.rows: must be a whole number of at least 1, not 0"),
+        (("fixed", "stop"), "6 s", "fixed.stop: must be a number, not 6 s"),
+        (("metrics",), ["x"], "metrics: must be a table, not ['x']"),
+        (
+            ("factors", "latency.twice", "list"),
+            [0, 0.5],
+            "factors.latency.twice: must be a whole number of at least 0, not 0.5",
+        ),
+    ],
+)
+def test_an_entry_of_a_wrong_kind_is_told_with_what_it_must_be(system, place, value, line):
+    with pytest.raises(StructureError) as caught:
+        read_plan(changed(ordinary(system), place, value))
+    assert str(caught.value) == f"campaign: {line}"

@@ -282,20 +282,24 @@ def started(work, arguments):
     )
 
 
+LONGEST = 600.0
+"""Time that a command has on a machine that is busy with other things [s]."""
+
+
 def kill_and_judge(work, arguments, seconds, number):
     """Kill the command after a while; then its files must be whole, and the next start clean."""
     running = started(work, arguments)
     time.sleep(seconds)
     running.send_signal(number)
-    _, err = running.communicate(timeout=60)
+    _, err = running.communicate(timeout=LONGEST)
     if "Traceback" in err:  # of Python itself, which had not reached our first line
         assert number == signal.SIGINT
-        assert ", in main" not in err, err
+        assert not re.search(r"harness.*, in main", err), err
     assert "internal error" not in err
     for file in (work / "out").glob("[!.]*.nc"):
         assert read(file).complete == (".partial" not in file.name), file
     again = started(work, arguments)
-    _, err = again.communicate(timeout=120)
+    _, err = again.communicate(timeout=LONGEST)
     assert again.returncode == 0, err
     until = time.monotonic() + 10
     while list((work / "scratch").iterdir()) and time.monotonic() < until:

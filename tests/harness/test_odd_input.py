@@ -68,8 +68,8 @@ def _short_runs(monkeypatch, folder, fmus):
     monkeypatch.setattr("harness.files.paths.fmus", lambda: fmus)
 
     def simulate(system, **options):
-        options.pop("in_process", None)
-        options.pop("progress", None)
+        for name in ("in_process", "patience", "progress"):
+            options.pop(name, None)
         simulation = Simulation(system, **options)
         if simulation.steps > LONG:
             raise RunError("demo", 0.0, "too long for a test")

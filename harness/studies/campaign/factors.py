@@ -23,6 +23,9 @@ Array = NDArray[np.float64]
 SMALLEST = 2.0**-53
 """Numbers between 0 and 1 are kept this far from both ends, where a normal draw is infinite."""
 
+MAX_VALUES = 1_000_000
+"""Listed values of one factor."""
+
 
 class Draw(NamedTuple):
     """So many numbers between 0 and 1 become one value."""
@@ -82,7 +85,10 @@ def _range(given: Any) -> Sequence[float]:
         raise ValueError("range: wants first, last and count")
     if not isinstance(given["count"], int) or given["count"] < 0:
         raise ValueError(f"range: count must be a whole number, not {given['count']}")
-    return [float(x) for x in np.linspace(given["first"], given["last"], given["count"])]
+    if given["count"] > MAX_VALUES:
+        raise ValueError(f"range: count must be at most {MAX_VALUES}")
+    first, last = _two([given["first"], given["last"]], "range: first and last")
+    return [float(x) for x in np.linspace(first, last, given["count"])]
 
 
 CHOICES: dict[str, Callable[[Any], Sequence[Any]]] = {"list": _list, "range": _range}
@@ -226,7 +232,7 @@ DRAWS: dict[str, Callable[..., Draw]] = {
 def _numbers(given: Any, name: str) -> Array:
     try:
         array = np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"{name} must be numbers, not {given}") from error
     if not np.isfinite(array).all():
         raise ValueError(f"{name} must be finite")

@@ -30,6 +30,15 @@ from harness.spelling import did_you_mean
 from harness.ssp.library import find_system, load
 from harness.studies.campaign import draws, metrics
 from harness.studies.campaign.factors import Factor, factor
+from harness.studies.campaign.kinds import (
+    CHANGES,
+    KEPT,
+    NAMED,
+    is_number,
+    is_whole,
+    wrong_choices,
+    wrong_entries,
+)
 from harness.system.graph import Graph, Slot, checked, constants, say_warnings
 from harness.system.model import System
 from harness.system.tables import read_toml
@@ -39,9 +48,9 @@ KEYS = {
     "system", "runs", "seed", "sampler", "every", "fixed", "factors", "seeds", "metrics",
     "success", "worst", "keep", "expected", "patience",
 }  # fmt: skip
-FIXED = ("params", "set", "swap", "latency", "step", "stop", "algorithm")
-NAMED = ("swap", "latency")
-KEEP = {"histories", "bands", "rows"}
+
+MAX_RUNS = 10_000_000
+"""Runs of one campaign; their values are drawn at once."""
 
 Values = dict[str, Any]
 """Values of all factors of a run by name."""
@@ -188,11 +197,11 @@ class Plan:
         changes: dict[str, Any] = {**self.fixed}
         for name, value in values.items():
             option, _, rest = name.partition(".")
-            if name in FIXED:
+            if name in CHANGES:
                 changes[name] = value
             else:
                 kind, key = (option, rest) if option in NAMED else ("set", name)
-                changes[kind] = {**changes.get(kind, {}), key: value}
+                changes[kind] = {**dict(pairs(f"--{kind}", changes.get(kind, ()))), key: value}
         return changes  # type: ignore[return-value]
 
 
@@ -208,7 +217,9 @@ def read_plan(definition: Path | Mapping[str, Any]) -> Plan:
         raise StructureError([f"{name}: wants system, its name or the path of its .ssp"])
     plan = Plan(table, (path.parent if path else Path.cwd()).resolve())
     draft = _Draft(plan)
-    draft.read()
+    draft.problems += wrong_entries(table)
+    if not draft.problems:
+        draft.read()
     if draft.problems:
         raise StructureError(f"{name}: {problem}" for problem in draft.problems)
     return draft.plan
@@ -226,9 +237,9 @@ class _Draft:
         for key in table:
             if key not in KEYS:
                 self.problems.append(f"{key}: there is no such entry{did_you_mean(key, KEYS)}")
-        self._whole("runs", 1)
-        self._whole("seed", 0)
-        self._whole("every", 1)
+        self._whole("runs", 1, MAX_RUNS)
+        self._whole("seed", 0, 2**64 - 1)
+        self._whole("every", 1, 2**31 - 1)
         self._each("expected", self._bounds)
         self._positive("patience")
         sampler = self.plan.sampler
@@ -244,17 +255,21 @@ class _Draft:
         self.plan = Plan(
             table, self.plan.folder, tuple(factors.values()), {k: m for k, m in found.items() if m}
         )
+        if not self.problems and self.plan.runs > MAX_RUNS:
+            self.problems.append(f"these are {self.plan.runs} runs, more than {MAX_RUNS}")
         with load(self.plan.system) as system:
             self._fits(system)
 
-    def _whole(self, name: str, least: int) -> None:
+    def _whole(self, name: str, least: int, most: int) -> None:
         given = self.plan.definition.get(name, least)
-        if not isinstance(given, int) or isinstance(given, bool) or given < least:
+        if not is_whole(given) or given < least:
             self.problems.append(f"{name}: must be a whole number of at least {least}, not {given}")
+        elif given > most:
+            self.problems.append(f"{name}: must be at most {most}, not {str(given)[:20]}")
 
     def _positive(self, name: str) -> None:
         given = self.plan.definition.get(name, 1)
-        if not isinstance(given, int | float) or isinstance(given, bool) or not given > 0:
+        if not is_number(given) or not given > 0:
             self.problems.append(f"{name}: must be a number above 0, not {given}")
 
     def _each(self, name: str, make: Callable[[str, Any], Any]) -> dict[str, Any]:
@@ -274,7 +289,7 @@ class _Draft:
         known = self.plan.definition.get("metrics", {})
         if name not in known:
             raise ValueError(f"there is no such metric{did_you_mean(name, known)}")
-        numbers = isinstance(given, list) and len(given) == 2 and all(map(_is_number, given))
+        numbers = isinstance(given, list) and len(given) == 2 and all(map(is_number, given))
         if not numbers or not given[0] <= given[1]:
             raise ValueError(f"wants [least, largest] mean of the metric, not {given}")
 
@@ -290,15 +305,18 @@ class _Draft:
     def _fits(self, system: System) -> None:
         fixed = self.plan.fixed
         for key in fixed:
-            if key not in FIXED:
-                close = did_you_mean(key, FIXED)
+            if key not in CHANGES:
+                close = did_you_mean(key, CHANGES)
                 self.problems.append(f"fixed.{key}: there is no such change{close}")
-        if any(key not in FIXED for key in fixed):
+        if any(key not in CHANGES for key in fixed):
             return
         start = self._applied("fixed", system, fixed)
         if start is None:
             return
         for each in self.plan.factors:
+            if wrong := list(wrong_choices(each.name, each.choices)):
+                self.problems += [f"factors.{each.name}: {line}" for line in wrong]
+                continue
             if len({_shape(choice) for choice in each.choices}) > 1:
                 self.problems.append(f"factors.{each.name}: its values are of several kinds")
             for value in each.choices or ([_sample(each)] if each.draw else []):
@@ -356,8 +374,8 @@ class _Draft:
             for variable in metrics.variables(str(text)):
                 self._known(name, variable, result)
         for key, given in self.plan.keep.items():
-            if key not in KEEP:
-                self.problems.append(f"keep.{key}: there is no such entry{did_you_mean(key, KEEP)}")
+            if key not in KEPT:
+                self.problems.append(f"keep.{key}: there is no such entry{did_you_mean(key, KEPT)}")
             elif key != "rows":
                 for variable in given:
                     self._known(f"keep.{key}", str(variable), result)
@@ -376,11 +394,7 @@ class _Draft:
 
 def _structural(name: str) -> bool:
     """Whether a factor changes more than values of parameters."""
-    return name in FIXED or name.partition(".")[0] in NAMED
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    return name in CHANGES or name.partition(".")[0] in NAMED
 
 
 def _sample(each: Factor) -> Any:
@@ -389,8 +403,11 @@ def _sample(each: Factor) -> Any:
 
 
 def _shape(choice: Any) -> tuple[bool, tuple[int, ...]]:
-    """Whether a value is a text, and its shape."""
-    return isinstance(choice, str), np.shape(choice)
+    """Whether a value is a text, and its shape; (-1,) if it has none."""
+    try:
+        return isinstance(choice, str), np.shape(choice)
+    except ValueError:
+        return False, (-1,)
 
 
 def _all_samplers() -> str:
