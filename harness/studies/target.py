@@ -32,6 +32,10 @@ from harness.system.model import Origin, System
 from harness.system.swap import find_fmu
 
 
+PATIENCE = 600.0
+"""For an answer [s]: an emulator on a busy machine is slow, above all with a plan, not silent."""
+
+
 class Place(NamedTuple):
     """What an FMU flies as; swapped: it takes the place of the FMU that is there."""
 
@@ -120,7 +124,8 @@ class Comparison:
 
     def on(self, target: Target) -> Outcome:
         """Flown, or kept of an earlier flight of the same files by the same emulator."""
-        moved = apply(self.system, on=dict.fromkeys(self.components, target.name))
+        place = f"{target.name}?timeout={PATIENCE:g}"
+        moved = apply(self.system, on=dict.fromkeys(self.components, place))
         key = b"\0".join([_mark(self.system), _mark(moved), _version(target.emulator[0])])
 
         def make(path: Path) -> None:

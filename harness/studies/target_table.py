@@ -45,7 +45,7 @@ class Row(NamedTuple):
         yield from map(_grouped, (round(c.mean), c.largest))
         yield f"{c.when:g}"
         yield f"{self.clock / 1e6:g}"
-        yield f"{100 * self.share:.2g}"
+        yield f"{float(f'{100 * self.share:.2g}'):g}"
         yield self.verdict()
 
     def verdict(self) -> str:
