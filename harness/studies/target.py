@@ -31,7 +31,6 @@ from harness.studies.target_table import Row
 from harness.system.model import Origin, System
 from harness.system.swap import find_fmu
 
-
 PATIENCE = 600.0
 """For an answer [s]: an emulator on a busy machine is slow, above all with a plan, not silent."""
 
