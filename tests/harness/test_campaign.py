@@ -286,6 +286,17 @@ def test_a_function_of_the_user_is_a_metric(system, tmp_path):
     assert found.store.array("mine").tolist() == [7.5, 7.5]
 
 
+def test_no_block_of_runs_repeats_the_warnings_of_its_flights(system, tmp_path, caplog):
+    """The first block of a process made its pilot, which silenced that block only."""
+    (tmp_path / "loud.py").write_text(
+        "import logging\n\ndef loud(result):\n"
+        "    logging.getLogger('harness').warning('from a flight')\n    return 1.0\n"
+    )
+    given = table(system, runs=64, metrics={"loud": f"{tmp_path}/loud.py:loud"})
+    campaign(given, tmp_path / "out.zarr", workers=0)
+    assert "from a flight" not in caplog.text
+
+
 # ---- runs
 
 

@@ -81,7 +81,6 @@ def _pilot(task: Task) -> _Pilot:
     """The one of this campaign; that of an earlier one is closed."""
     if task.key not in _pilots:
         close()
-        _log.setLevel(logging.ERROR)  # what there is to say was said when the plan was made
         found = {name: metric(text, task.folder) for name, text in task.metrics.items()}
         _pilots[task.key] = _Pilot(task, Warm(task.system), found)
     return _pilots[task.key]
@@ -95,8 +94,9 @@ def close() -> None:
 
 
 def fly_block(task: Task, block: Sequence[Changes]) -> list[Row]:
-    """All runs of a block."""
+    """All runs of a block, without their warnings: what there is to say was said with the plan."""
     level = _log.level
+    _log.setLevel(logging.ERROR)
     try:
         return [_fly(_pilot(task), changes) for changes in block]
     finally:
