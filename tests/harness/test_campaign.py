@@ -546,6 +546,30 @@ def test_two_listed_factors_are_drawn_as_a_map(system, tmp_path):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_workers_end_with_a_campaign_that_is_interrupted_while_they_start(
+    system, tmp_path, monkeypatch
+):
+    """Else they are closed at the exit of Python, with a traceback if they are slow."""
+    log = []
+
+    class Cluster:
+        def __init__(self, **_):
+            os.kill(os.getpid(), signal.SIGINT)
+            log.append("started")
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            log.append("ended")
+
+    monkeypatch.setattr("distributed.LocalCluster", Cluster)
+    with pytest.raises(KeyboardInterrupt):
+        campaign(table(system), tmp_path / "out.zarr", workers=2)
+    assert log == ["started", "ended"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 def test_ctrl_c_reaches_us_alone_and_the_workers_say_nothing(system, tmp_path):
     (tmp_path / "long.toml").write_text(
         f'system = "{system}"\nruns = 2000\n[fixed]\nstop = 600.0\n'

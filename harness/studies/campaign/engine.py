@@ -20,6 +20,7 @@ from shutil import which
 from typing import Any, NamedTuple
 
 from harness.errors import UsageError
+from harness.files.signals import held
 from harness.master.changes import Changes
 from harness.studies.campaign import worker
 from harness.studies.campaign.worker import Row, Task
@@ -101,24 +102,27 @@ def _client(workers: Workers) -> Iterator[Any]:
         elif workers.slurm:
             target = life.enter_context(_slurm(workers.count))
         else:
-            target = life.enter_context(_local(workers.count))
+            target = _local(workers.count, life)
         try:
             yield life.enter_context(Client(target))
         except (OSError, TimeoutError) as error:
             raise UsageError(f"--scheduler {workers.scheduler}: does not answer") from error
 
 
-def _local(count: int | None) -> Any:
+def _local(count: int | None, life: ExitStack) -> Any:
+    """Workers on this machine that end with `life`, also if Ctrl-C comes while they start."""
     from distributed import LocalCluster
 
-    with _ctrl_c_for_us_alone():
-        return LocalCluster(
-            n_workers=count or os.cpu_count() or 1,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address=":0",
-            silence_logs=logging.CRITICAL,
-            memory_limit=0,
+    with held(), _ctrl_c_for_us_alone():
+        return life.enter_context(
+            LocalCluster(
+                n_workers=count or os.cpu_count() or 1,
+                threads_per_worker=1,
+                processes=True,
+                dashboard_address=":0",
+                silence_logs=logging.CRITICAL,
+                memory_limit=0,
+            )
         )
 
 
