@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypedDict
 
-from harness.errors import StructureError, UsageError
+from harness.errors import HarnessError, StructureError, UsageError
 from harness.files.digest import sha256
 from harness.files.paths import is_file
 from harness.remote.places import Place, move, read_place
@@ -168,6 +168,11 @@ def _without_port(name: str, swaps: Sequence[tuple[str, Any]]) -> str:
     known = {base(port) for _, fmu in swaps for port in _ports_of(fmu)}
     fmus = " and ".join(dict.fromkeys(find_fmu(fmu).name for _, fmu in swaps))
     return f"--map {name}: {fmus} has no such port{did_you_mean(name, known)}"
+
+
+def as_in_a_file(error: HarnessError) -> str:
+    """What an error says of values that were written into a file instead of behind --set."""
+    return str(error).replace("--set ", "")
 
 
 def pairs(option: str, given: Pairs) -> Iterator[tuple[str, Any]]:

@@ -13,8 +13,9 @@ from harness.errors import UsageError
 from harness.files.signals import held
 from harness.master.changes import Changes
 from harness.ssp.library import find_system
+from harness.studies.campaign.draft import read_plan
 from harness.studies.campaign.engine import Block, Workers, fly
-from harness.studies.campaign.plan import Layout, Plan, layout, read_plan
+from harness.studies.campaign.plan import Layout, Plan
 from harness.studies.campaign.store import Store
 from harness.studies.campaign.summary import text
 from harness.studies.campaign.worker import FAILED, Task
@@ -78,9 +79,8 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     A run that fails is a row of the dataset.
     """
     with said_once():
-        plan = read_plan(definition if isinstance(definition, Mapping) else Path(definition))
-        path, found = Path(output), layout(plan)
-    task = _task(plan, found)
+        plan, found = read_plan(definition if isinstance(definition, Mapping) else Path(definition))
+    path, task = Path(output), _task(plan, found)
     store = _opened(path, plan) if resume and path.exists() else _created(path, plan, task, found)
     try:
         _fly(plan, task, store, Workers(workers, scheduler, slurm), progress, said)

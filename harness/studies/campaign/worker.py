@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import HarnessError, InterruptionError, RunError
-from harness.master.changes import Changes
+from harness.master.changes import Changes, as_in_a_file
 from harness.results.result import Result
 from harness.studies.campaign.metrics import Metric, measured, metric
 from harness.studies.warm import Warm
@@ -114,7 +114,7 @@ def _fly(pilot: _Pilot, changes: Changes) -> Row:
             return _row(pilot, FAILED, str(error), error.partial)
         return lost(task, str(error), error.time)
     except HarnessError as error:
-        return lost(task, str(error).replace("--set ", ""))
+        return lost(task, as_in_a_file(error))
 
 
 def lost(task: Task, message: str, time: float = float("nan")) -> Row:
