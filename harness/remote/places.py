@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 from urllib.parse import parse_qsl, urlsplit
@@ -86,15 +87,12 @@ def _options(said: str, query: str) -> dict[str, str]:
 
 
 def _address(said: str, name: str) -> dict[str, str]:
-    url = urlsplit(name)
-    try:
-        port = url.port
-    except ValueError as error:
-        raise UsageError(f"{said}: {error}") from error
-    if url.scheme == "tcp" and url.hostname and port:
-        return {"via": "tcp", "host": url.hostname, "port": str(port)}
-    if url.scheme in ("unix", "serial") and url.path.strip("/") and not url.netloc:
-        return {"via": url.scheme, "path": url.path}
+    with suppress(ValueError):  # of a port or a host that is none
+        url = urlsplit(name)
+        if url.scheme == "tcp" and url.hostname and url.port:
+            return {"via": "tcp", "host": url.hostname, "port": str(url.port)}
+        if url.scheme in ("unix", "serial") and url.path.strip("/") and not url.netloc:
+            return {"via": url.scheme, "path": url.path}
     raise UsageError(f"{said}: expected tcp://HOST:PORT, unix:///PATH or serial:///DEVICE")
 
 

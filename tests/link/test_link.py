@@ -274,7 +274,9 @@ def test_fewer_values_than_asked_for_are_no_values(board):
     [
         ("cortex-m9", "there is no such processor (close: cortex-m7, cortex-m4); cortex-m7"),
         ("tcp://localhost", "expected tcp://HOST:PORT"),
-        ("tcp://localhost:port", "Port could not be cast to integer value"),
+        ("tcp://localhost:port", "expected tcp://HOST:PORT"),
+        ("tcp://localhost:65536", "expected tcp://HOST:PORT"),
+        ("tcp://[::1", "expected tcp://HOST:PORT"),
         ("serial://ttyACM0", "expected tcp://HOST:PORT"),
         ("tcp://localhost:1?late=never", "late expects wait, hold or stop, got never"),
         ("tcp://localhost:1?timeout=-1", "timeout expects seconds above 0, got -1"),
