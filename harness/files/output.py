@@ -24,7 +24,7 @@ def written(path: Path) -> Iterator[Path]:
     kept. Ctrl-C waits until the file is complete. Raises ResultsError if the file cannot be
     written.
     """
-    with held(), _naming(path):
+    with held(), naming(path):
         target = path.resolve()
         if target.exists() and not target.is_file():  # a device or pipe is written as it is
             yield target
@@ -74,7 +74,7 @@ def _is_running(process: int) -> bool:
 
 
 @contextmanager
-def _naming(path: Path) -> Iterator[None]:
+def naming(path: Path) -> Iterator[None]:
     """An OSError as a ResultsError that names the file."""
     try:
         yield

@@ -12,6 +12,7 @@ import filecmp
 import os
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 PACKAGE = Path(__file__).resolve().parent.parent
 BUILD = PACKAGE.parent / "build"
@@ -49,19 +50,33 @@ def is_folder(path: str | Path) -> bool:
         return False
 
 
+class Stamp(NamedTuple):
+    """What tells a file from every other one, and from itself before it was changed."""
+
+    device: int
+    node: int
+    modified: int
+    size: int
+
+
+def stamp(path: Path) -> Stamp:
+    """Of a file that is there; OSError."""
+    found = path.stat()
+    return Stamp(found.st_dev, found.st_ino, found.st_mtime_ns, found.st_size)
+
+
 def is_ours(fmu: Path) -> bool:
     """Whether a file is one of the FMUs of the project, wherever it stands: the same bytes.
 
     Then it crashes nothing, holds no globals, and its tests prove its reset; what merely names our
     tools as its own may be anybody's.
     """
-    stamp = fmu.stat()
-    return _is_ours(fmu.resolve(), stamp.st_mtime_ns, stamp.st_size, tuple(_chosen()))
+    return _is_ours(fmu, stamp(fmu), tuple(_chosen()))
 
 
 @lru_cache(maxsize=256)
-def _is_ours(fmu: Path, _modified: int, size: int, _chosen: tuple[Path, ...]) -> bool:
-    candidates = (path for path in fmus().values() if path.stat().st_size == size)
+def _is_ours(fmu: Path, found: Stamp, _chosen: tuple[Path, ...]) -> bool:
+    candidates = (path for path in fmus().values() if path.stat().st_size == found.size)
     return any(filecmp.cmp(path, fmu, shallow=False) for path in candidates)
 
 

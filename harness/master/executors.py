@@ -84,19 +84,6 @@ NOT_FINITE = -1
 """Status of loop.c for an output that is infinite or not a number."""
 
 
-class _Piece(ctypes.Structure):
-    """Struct Piece of loop.c."""
-
-    _fields_ = [("slot", ctypes.c_size_t), ("count", ctypes.c_size_t)]
-
-
-def _pieces(transfer: Transfer | None) -> ctypes.Array[_Piece]:
-    """The slots of a transfer as pieces of neighbours."""
-    slots = transfer.slots if transfer else np.array([], dtype=np.uintp)
-    runs = np.split(slots, np.flatnonzero(np.diff(slots) != 1) + 1) if len(slots) else []
-    return (_Piece * len(runs))(*(_Piece(int(run[0]), len(run)) for run in runs))
-
-
 class _Call(ctypes.Structure):
     """Struct Call of loop.c."""
 
@@ -152,12 +139,9 @@ class CExecutor:
         self._execute = _loop()
         self._origin = list(_origins(plan))
         self.calls = [(action.instance.name, action.verb.call) for action, _ in self._origin]
-        pieces = [_pieces(transfer) for _, transfer in self._origin]
-        self._calls = (_Call * len(self._origin))(
-            *(_call(*origin, run) for origin, run in zip(self._origin, pieces, strict=True))
-        )
+        self._calls = (_Call * len(self._origin))(*(_call(*origin) for origin in self._origin))
         table = recorder.table
-        self._keep = (plan, bus, table, pieces)
+        self._keep = (plan, bus, table)
         self._run = _Run(
             clock.start,
             clock.step,
@@ -197,9 +181,7 @@ def _origins(
             yield action, transfer
 
 
-def _call(
-    action: Action[Instance], transfer: Transfer | None, pieces: ctypes.Array[_Piece]
-) -> _Call:
+def _call(action: Action[Instance], transfer: Transfer | None) -> _Call:
     instance, period = action.instance, (action.every, action.phase, action.instance.no_rollback)
     if transfer is None:
         return _Call(_KINDS[Verb.STEP, True], *period, _address(instance.do_step), instance.handle)
@@ -211,8 +193,8 @@ def _call(
         len(transfer.names),
         ctypes.addressof(transfer.references),
         transfer.slots.ctypes.data,
-        ctypes.addressof(pieces),
-        len(pieces),
+        ctypes.addressof(transfer.pieces),
+        len(transfer.pieces),
         ctypes.addressof(transfer.values),
         transfer.factors.ctypes.data,
         transfer.offsets.ctypes.data,

@@ -6,6 +6,8 @@ The calls of the macro step are marked by the executors instead (Recorder.mark),
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,8 +27,13 @@ def keep_in(note: Note) -> None:
 
 def enter(instance: str, call: str) -> None:
     """Note that an instance is about to be called."""
+    _note[:] = _written(instance, call)
+
+
+@lru_cache(maxsize=1024)
+def _written(instance: str, call: str) -> Note:
     text = f"{instance[:200]}\0{call}".encode()[:SIZE].ljust(SIZE, b"\0")
-    _note[:] = np.frombuffer(text, dtype=np.uint8)
+    return np.frombuffer(text, dtype=np.uint8)
 
 
 def read(note: Note) -> tuple[str, str]:

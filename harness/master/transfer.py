@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -27,6 +28,12 @@ ACCESS: dict[str, tuple[tuple[str, ...], type[CValue]]] = {
 """Types of variables by the functions fmi2SetX and fmi2GetX that access them, and the C type of
 their values.
 """
+
+
+class Piece(ctypes.Structure):
+    """Neighbours on the bus (struct Piece of loop.c)."""
+
+    _fields_ = [("slot", ctypes.c_size_t), ("count", ctypes.c_size_t)]
 
 
 class Transfer:
@@ -51,6 +58,12 @@ class Transfer:
         self.factors: NDArray[np.float64] = np.array([wire.change.factor for wire in wires])
         self.offsets: NDArray[np.float64] = np.array([wire.change.offset for wire in wires])
         self.plain = all(wire.change == IDENTITY for wire in wires)
+
+    @cached_property
+    def pieces(self) -> ctypes.Array[Piece]:
+        """The slots as pieces of neighbours."""
+        runs = np.split(self.slots, np.flatnonzero(np.diff(self.slots) != 1) + 1)
+        return (Piece * len(runs))(*(Piece(int(run[0]), len(run)) for run in runs))
 
     def write(self, bus: NDArray[np.float64]) -> int:
         """From the bus into the inputs of the FMU; returns the FMI status."""

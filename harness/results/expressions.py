@@ -17,8 +17,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.results.quantities import convert
-from harness.results.result import Result
 from harness.spelling import did_you_mean
 
 Array = NDArray[np.float64]
@@ -199,7 +197,7 @@ def _parts(node: ast.expr) -> list[ast.expr]:  # noqa: PLR0911 - one per kind
                 raise ValueError(f"there is no function {name}{did_you_mean(name, FUNCTIONS)}")
             return arguments
         case ast.Subscript(value=a, slice=index):
-            _index(index)
+            index_of(index)
             return [a]
     raise ValueError(f"an expression cannot hold `{ast.unparse(node)}`")
 
@@ -214,138 +212,15 @@ def path_of(node: ast.expr) -> str:
     return ""
 
 
-def _index(node: ast.expr) -> Any:
+def index_of(node: ast.expr) -> Any:
     """Indices and slices of numbers, counted from 0 as in numpy."""
     match node:
         case ast.Tuple(elts=elements):
-            return tuple(_index(e) for e in elements)
+            return tuple(index_of(e) for e in elements)
         case ast.Slice(lower=a, upper=b, step=c):
-            return slice(*(None if x is None else _index(x) for x in (a, b, c)))
+            return slice(*(None if x is None else index_of(x) for x in (a, b, c)))
         case ast.Constant(value=int(number)):
             return number
         case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=int(number))):
             return -number
     raise ValueError(f"an index must be a whole number, not `{ast.unparse(node)}`")
-
-
-def evaluate(node: ast.expr, look_up: Callable[[str], Any]) -> Any:  # noqa: PLR0911 - one per kind
-    """Value of an expression; look_up: value of `time`, `component.variable` or `parameter
-    component.name`. ValueError where a number has a unit: resolved() first.
-    """
-    if path := path_of(node):
-        return look_up(path)
-    match node:
-        case ast.Constant(value=Quantity() as value):
-            raise ValueError(f"{value:g} {value.unit}: a unit stands in a comparison only")
-        case ast.Constant(value=bool() as value):
-            return value
-        case ast.Constant(value=int() | float() as value):
-            return np.float64(value)  # 9**9**9 is infinite and not endless
-        case ast.BinOp(left=a, op=op, right=b):
-            return BINARY[type(op)](evaluate(a, look_up), evaluate(b, look_up))
-        case ast.Compare(left=a, ops=[op], comparators=[b]):
-            return BINARY[type(op)](evaluate(a, look_up), evaluate(b, look_up))
-        case ast.UnaryOp(op=op, operand=a):
-            return UNARY[type(op)](evaluate(a, look_up))
-        case ast.BoolOp(op=op, values=values):
-            parts = [evaluate(v, look_up) for v in values]
-            both = np.logical_and if isinstance(op, ast.And) else np.logical_or
-            return both.reduce(parts)
-        case ast.Call(func=ast.Name(id="parameter"), args=[argument]):
-            return look_up(f"parameter {path_of(argument)}")
-        case ast.Call(func=ast.Name(id=name), args=arguments):
-            return FUNCTIONS[name](*(evaluate(a, look_up) for a in arguments))
-        case ast.Subscript(value=a, slice=index):
-            return evaluate(a, look_up)[_index(index)]
-    raise AssertionError(ast.dump(node))
-
-
-def history(result: Result, path: str) -> Any:
-    """What a name in an expression stands for in a result; KeyError."""
-    if path == "time":
-        return result.time
-    word, _, parameter = path.partition(" ")
-    return result.parameter(parameter) if word == "parameter" else result[path]
-
-
-# ---- units
-
-KEEPING = (
-    "abs",
-    "first",
-    "last",
-    "max",
-    "mean",
-    "min",
-    "norm",
-    "percentile",
-    "rms",
-    "std",
-    "total",
-)
-"""Functions whose value has the unit of their first argument."""
-
-
-def unit_of(node: ast.expr, unit: Callable[[str], str]) -> str:  # noqa: PLR0911 - one per kind
-    """Unit of the value of an expression, "" if it is not known; unit: that of a name."""
-    if path := path_of(node):
-        return unit(path)
-    match node:
-        case ast.UnaryOp(operand=a) | ast.Subscript(value=a):
-            return unit_of(a, unit)
-        case ast.BinOp(left=a, op=ast.Add() | ast.Sub(), right=b):
-            return unit_of(a, unit) or unit_of(b, unit)
-        case ast.BinOp(left=ast.Constant(), op=ast.Mult(), right=a):
-            return unit_of(a, unit)
-        case ast.BinOp(left=a, op=ast.Mult() | ast.Div(), right=ast.Constant()):
-            return unit_of(a, unit)
-        case ast.Call(func=ast.Name(id="parameter"), args=[argument]):
-            return unit(f"parameter {path_of(argument)}")
-        case ast.Call(func=ast.Name(id="degrees")):
-            return "deg"
-        case ast.Call(func=ast.Name(id="settling_time")):
-            return "s"
-        case ast.Call(func=ast.Name(id="steady"), args=[_, a]):
-            return unit_of(a, unit)
-        case ast.Call(func=ast.Name(id=name), args=[a, *_]) if name in KEEPING:
-            return unit_of(a, unit)
-    return ""
-
-
-def resolved(tree: ast.expr, unit: Callable[[str], str]) -> ast.expr:
-    """The tree with every number with a unit in the unit of the other side of its comparison, its
-    own unit as the `kind` of the constant; ValueError if they do not fit, or that unit is not
-    known.
-    """
-
-    class Resolving(ast.NodeTransformer):
-        def visit_Compare(self, node: ast.Compare) -> ast.AST:
-            a, b = node.left, node.comparators[0]
-            return ast.Compare(_plain(a, b, unit), node.ops, [_plain(b, a, unit)])
-
-    found: ast.expr = Resolving().visit(tree)
-    return found
-
-
-def _plain(node: ast.expr, other: ast.expr, unit: Callable[[str], str]) -> ast.expr:
-    sign = 1.0
-    inner = node
-    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
-        sign, inner = -1.0, node.operand
-    if not (isinstance(inner, ast.Constant) and isinstance(inner.value, Quantity)):
-        return node
-    value = inner.value
-    if not (wanted := unit_of(other, unit)):
-        raise ValueError(
-            f"{value:g} {value.unit}: the unit of `{ast.unparse(other)}` is not known, leave it out"
-        )
-    return ast.Constant(sign * convert(float(value), value.unit, wanted), kind=value.unit)
-
-
-def unit_in(result: Result, path: str) -> str:
-    """Unit of a name in an expression; "" if it is not known."""
-    if path == "time":
-        return "s"
-    word, _, parameter = path.partition(" ")
-    table, name = (result.parameters, parameter) if word == "parameter" else (result, path)
-    return table.unit(name) if table is not None and name in table else ""

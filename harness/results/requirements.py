@@ -16,16 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.results.expressions import (
-    Quantity,
-    evaluate,
-    history,
-    parsed,
-    resolved,
-    unit_in,
-    unit_of,
-    variables,
-)
+from harness.results.evaluation import evaluate, history, resolved, unit_in, unit_of
+from harness.results.expressions import Quantity, parsed, variables
 from harness.results.provenance import Provenance
 from harness.results.quantities import convert, unit
 from harness.results.result import Result

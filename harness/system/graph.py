@@ -57,7 +57,7 @@ class Setting(NamedTuple):
 @dataclass(frozen=True)
 class Node:
     """One component with its FMU: what it reads from the bus, what it writes to it, what is set
-    before.
+    before; parameters: all it has, but for strings.
     """
 
     component: Component
@@ -65,6 +65,7 @@ class Node:
     inputs: tuple[Wire, ...]
     outputs: tuple[Wire, ...]
     settings: tuple[Setting, ...]
+    parameters: tuple[tuple[Variable, Slot], ...]
 
 
 @dataclass(frozen=True)
@@ -149,7 +150,7 @@ def rechecked(system: System, known: System, graph: Graph) -> Checked:
     if not _same_structure(system, known, graph):
         return checked(system)
     pairs = zip(graph.nodes, system.components, strict=True)
-    changed = [c for node, c in pairs if c.parameters != node.component.parameters]
+    changed = [new for node, c in pairs if (new := _with_new_values(node, c)).parameters]
     interfaces = {node.component.name: node.interface for node in graph.nodes}
     if any(value_problems(system, interfaces, changed)):
         return checked(system)  # it raises, with every problem
@@ -174,11 +175,20 @@ def _same_structure(system: System, known: System, graph: Graph) -> bool:
     )
 
 
+def _with_new_values(node: Node, component: Component) -> Component:
+    """The component with those parameters only that its node does not have."""
+    known = node.component.parameters
+    new = {name: p for name, p in component.parameters.items() if known.get(name) is not p}
+    return replace(component, parameters=new)
+
+
 def _adapted(node: Node, component: Component) -> Node:
     """The node with another component of the same FMU; settings are made anew if they differ."""
-    if component.parameters == node.component.parameters:
+    new = {s.variable.name: s for s in _settings(_with_new_values(node, component), node.interface)}
+    if not new and component.parameters.keys() == node.component.parameters.keys():
         return replace(node, component=component)
-    settings = tuple(_settings(component, node.interface))
+    known = {setting.variable.name: setting for setting in node.settings} | new
+    settings = tuple(known[name] for name in component.parameters if name in known)
     return replace(node, component=component, settings=settings)
 
 
@@ -238,6 +248,11 @@ def _node(
         ),
         outputs=tuple(Wire(v, slot_of[Port(name, v.name)]) for v in interface.outputs().values()),
         settings=tuple(_settings(component, interface)),
+        parameters=tuple(
+            (v, _slot(Port(name, v.name), v))
+            for v in interface.named("parameter").values()
+            if v.type != "String"
+        ),
     )
 
 
@@ -253,7 +268,7 @@ def constants(graph: Graph) -> Iterator[tuple[Slot, float]]:
     """Every parameter of every component with the value it has in the run; strings are left out."""
     for node in graph.nodes:
         given = {setting.variable.name: setting.value for setting in node.settings}
-        for variable in node.interface.named("parameter").values():
+        for variable, slot in node.parameters:
             value = given.get(variable.name, variable.start)
-            if variable.type != "String" and value is not None:
-                yield _slot(Port(node.component.name, variable.name), variable), float(value)
+            if value is not None:
+                yield slot, float(value)

@@ -17,7 +17,7 @@ from fmpy import platform, platform_tuple, read_model_description, sharedLibrary
 
 from harness.errors import FmuError
 from harness.files.archive import unpacked_size
-from harness.files.paths import is_file
+from harness.files.paths import Stamp, is_file, stamp
 from harness.rules.judge import Verdict, judge
 from harness.rules.mend import readable
 from harness.system.units import Unit
@@ -91,12 +91,12 @@ def read_interface(path: Path) -> Interface:
     """
     if not is_file(path):
         raise FmuError(f"{path.name}: no such FMU")
-    stamp = path.stat()
-    return _read(path.resolve(), stamp.st_mtime_ns, stamp.st_size)
+    return _read(path, stamp(path))
 
 
 @lru_cache(maxsize=64)
-def _read(path: Path, _modified: int, _size: int) -> Interface:
+def _read(path: Path, _: Stamp) -> Interface:
+    path = path.resolve()
     verdict = judge(path)
     if verdict.errors:
         raise FmuError("\n".join(f"{path.name}: {problem}" for problem in verdict.errors))

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import copy
 import datetime
+import errno
 import os
 import re
 import signal
@@ -21,15 +22,16 @@ from scipy import stats
 from harness import campaign, run
 from harness.cli.app import main
 from harness.cli.campaigns import pictures
-from harness.errors import HarnessError, StructureError, UsageError
+from harness.errors import HarnessError, ResultsError, StructureError, UsageError
 from harness.files import paths
 from harness.results.files import read
 from harness.results.quantities import with_unit
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
-from harness.studies.campaign import draws, metrics, summary
+from harness.studies.campaign import draws, engine, metrics, summary
 from harness.studies.campaign.campaign import like
 from harness.studies.campaign.draft import read_plan
+from harness.studies.campaign.engine import Block
 from harness.studies.campaign.factors import factor
 from harness.studies.campaign.store import Store
 from tests.harness.foreign_fmu import Model, build, p, u, y
@@ -338,6 +340,14 @@ def test_xarray_opens_the_dataset_with_labelled_factors_and_metrics(serial):
     assert data["time"].values.tolist() == [0, 2, 4, 6]
 
 
+def workers_of(pid):
+    """Processes that fly for a campaign: forked from a server, or started on their own."""
+    ours = {child: " ".join(child.cmdline()) for child in psutil.Process(pid).children()}
+    servers = [child for child, text in ours.items() if "multiprocessing.forkserver" in text]
+    spawned = [child.pid for child, text in ours.items() if "multiprocessing.spawn" in text]
+    return [child.pid for server in servers for child in server.children()] or spawned
+
+
 def test_two_workers_give_the_bits_of_one_process_also_if_one_of_them_is_killed(
     system, serial, tmp_path
 ):
@@ -345,10 +355,7 @@ def test_two_workers_give_the_bits_of_one_process_also_if_one_of_them_is_killed(
 
     def kill(progress):
         if not killed:
-            workers = [
-                c for c in psutil.Process().children() if "spawn_main" in " ".join(c.cmdline())
-            ]
-            killed.append(workers[-1].pid)
+            killed.append(workers_of(os.getpid())[-1])
             os.kill(killed[0], signal.SIGKILL)
 
     found = campaign(with_bands(system), tmp_path / "two.zarr", workers=2, progress=kill)
@@ -546,6 +553,56 @@ def test_two_listed_factors_are_drawn_as_a_map(system, tmp_path):
     assert names == ["campaign_histograms.svg", "campaign_map_end.svg"]
 
 
+def test_a_plain_script_may_run_a_campaign_on_several_processes(system, tmp_path):
+    """Processes that import the script which starts them would start processes of their own."""
+    (tmp_path / "script.py").write_text(
+        f"""from harness import campaign
+
+print("once")
+given = {table(system)!r}
+given["metrics"]["arenas"] = "worker.py:arenas"
+done = campaign(given, "out.zarr", workers=2)
+print(set(done.store.array("status").tolist()), set(done.store.array("arenas").tolist()))
+"""
+    )
+    (tmp_path / "worker.py").write_text(
+        "import os\n\n\ndef arenas(result):\n    return float(os.environ['MALLOC_ARENA_MAX'])\n"
+    )
+    ended = subprocess.run(
+        [sys.executable, "script.py"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
+    )
+    assert (ended.stdout, ended.stderr) == ("once\n{1} {1.0}\n", "")
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+@pytest.mark.parametrize("writing", ["zarr.Group.create_array", "zarr.Array.__setitem__"])
+def test_a_full_disk_is_an_error_that_names_the_dataset(
+    system, tmp_path, monkeypatch, writing, workers
+):
+    """Not one of standard output, nor of a scheduler."""
+
+    def fail(*_, **__):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(writing, fail)
+    with pytest.raises(ResultsError, match=r"out.zarr: cannot be written \(No space left"):
+        campaign(table(system), tmp_path / "out.zarr", workers=workers)
+
+
+@pytest.mark.parametrize("runs", [1, 5, 6, 7, 24])
+def test_the_last_blocks_are_flown_in_pieces(runs):
+    blocks = [Block(k, [{}] * min(3, runs - k)) for k in range(0, runs, 3)]
+    given = list(engine.last_in_pieces(blocks, 2, 2))
+    assert [block for block, _ in given] == blocks
+    whole = max(0, len(blocks) - 2)
+    assert [piece for _, piece in given] == [3] * whole + [2] * (len(blocks) - whole)
+
+
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 def test_workers_end_with_a_campaign_that_is_interrupted_while_they_start(
     system, tmp_path, monkeypatch
@@ -564,10 +621,13 @@ def test_workers_end_with_a_campaign_that_is_interrupted_while_they_start(
         def __exit__(self, *_):
             log.append("ended")
 
+        def scale(self, count):
+            log.append(f"{count} workers on their way")
+
     monkeypatch.setattr("distributed.LocalCluster", Cluster)
     with pytest.raises(KeyboardInterrupt):
         campaign(table(system), tmp_path / "out.zarr", workers=2)
-    assert log == ["started", "ended"]
+    assert log == ["started", "2 workers on their way", "ended"]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
@@ -587,8 +647,8 @@ def test_ctrl_c_reaches_us_alone_and_the_workers_say_nothing(system, tmp_path):
         env=os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
     )
     until = time.monotonic() + 90
-    while len(psutil.Process(process.pid).children()) < 3 and time.monotonic() < until:
-        time.sleep(0.1)  # two workers, and the process that keeps track of what they share
+    while len(workers_of(process.pid)) < 2 and time.monotonic() < until:
+        time.sleep(0.1)
     time.sleep(1)
     os.killpg(process.pid, signal.SIGINT)  # as the terminal does it
     output, errors = process.communicate(timeout=90)

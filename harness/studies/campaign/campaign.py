@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from harness.files.signals import held
 from harness.master.changes import Changes
 from harness.ssp.library import find_system
 from harness.studies.campaign.draft import read_plan
-from harness.studies.campaign.engine import Block, Workers, fly
+from harness.studies.campaign.engine import Block, Flown, Workers, crew, prepare
 from harness.studies.campaign.plan import Layout, Plan
 from harness.studies.campaign.store import Store
 from harness.studies.campaign.summary import text
@@ -26,6 +25,10 @@ ROWS = 200
 BLOCKS, LARGEST_BLOCK, BLOCK_STEPS = 32, 200, 2_000_000
 """A campaign has at least so many blocks; a block has at most so many runs, and macro steps: some
 seconds of work, which is what a kill or Ctrl-C costs.
+"""
+PIECE_STEPS = 100_000
+"""Macro steps that a worker is given at once: a tenth of a second or more, against some
+milliseconds for handing them over.
 """
 
 
@@ -78,33 +81,32 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     Raises UsageError, StructureError with all that is wrong before the first run, and ResultsError.
     A run that fails is a row of the dataset.
     """
+    who = Workers(workers, scheduler, slurm)
+    prepare(who)
     with said_once():
         plan, found = read_plan(definition if isinstance(definition, Mapping) else Path(definition))
     path, task = Path(output), _task(plan, found)
-    store = _opened(path, plan) if resume and path.exists() else _created(path, plan, task, found)
-    try:
-        _fly(plan, task, store, Workers(workers, scheduler, slurm), progress, said)
-    except UsageError:
-        if not store.array("status").any():  # nobody flew: no dataset stands in the way
-            shutil.rmtree(path, ignore_errors=True)
-        raise
+    again = resume and path.exists()
+    with crew(who, said) as fly:
+        if again:
+            store = _opened(path, plan)
+            flown = fly(task, _blocks(plan, store.block, store.pending()))
+        else:
+            block = _block_size(plan, found)
+            flown = fly(task, _blocks(plan, block, range(0, plan.runs, block)))
+            store = Store.create(path, plan, task, block, found)  # while the first ones fly
+        _keep(plan, store, flown, progress)
     store.finish()
     return Campaign(path, store)
 
 
-def _fly(  # noqa: PLR0913, PLR0917 - the arguments of campaign()
-    plan: Plan,
-    task: Task,
-    store: Store,
-    workers: Workers,
-    progress: Callable[[Progress], None] | None,
-    said: Callable[[str], None],
+def _keep(
+    plan: Plan, store: Store, flown: Flown, progress: Callable[[Progress], None] | None
 ) -> None:
-    """Fly what is pending and write it block by block."""
+    """Write what has flown, block by block."""
     status = store.array("status")
     done, failed = int((status != 0).sum()), int((status == FAILED).sum())
-    blocks = (_block(plan, store, first) for first in store.pending())
-    for first, rows in fly(task, blocks, workers, said):
+    for first, rows in flown:
         earlier = status[first : first + len(rows)]
         with held():  # a block is written whole
             store.write(first, [plan.values(first + k) for k in range(len(rows))], rows)
@@ -134,17 +136,18 @@ def _task(plan: Plan, found: Layout) -> Task:
         stride,
         rows,
         plan.patience,
+        max(1, PIECE_STEPS // found.steps),
     )
 
 
-def _block(plan: Plan, store: Store, first: int) -> Block:
-    runs = range(first, min(first + store.block, plan.runs))
-    return Block(first, [plan.changes(plan.values(run)) for run in runs])
+def _block_size(plan: Plan, found: Layout) -> int:
+    return max(1, min(LARGEST_BLOCK, plan.runs // BLOCKS, BLOCK_STEPS // found.steps))
 
 
-def _created(path: Path, plan: Plan, task: Task, found: Layout) -> Store:
-    block = max(1, min(LARGEST_BLOCK, plan.runs // BLOCKS, BLOCK_STEPS // found.steps))
-    return Store.create(path, plan, task, block, found)
+def _blocks(plan: Plan, size: int, firsts: Iterable[int]) -> Iterator[Block]:
+    for first in firsts:
+        runs = range(first, min(first + size, plan.runs))
+        yield Block(first, [plan.changes(plan.values(run)) for run in runs])
 
 
 def _opened(path: Path, plan: Plan) -> Store:

@@ -1,22 +1,27 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Who runs the blocks of a campaign: this process, the processors of this machine, or a cluster.
 
-An engine is given blocks and yields what came of them, in whatever order. The block of a worker
-that was killed goes to another one; a block that kills every worker is taken apart, and the run
-that does it is a failed run.
+It is given blocks and yields what came of them, in whatever order. What was given to a worker that
+was killed goes to another one; what kills every worker is taken apart, and the run that does it is
+a failed run.
 """
 
 from __future__ import annotations
 
 import logging
+import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+import sys
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
-from multiprocessing import resource_tracker
+from multiprocessing import forkserver, resource_tracker
 from shutil import which
+from types import ModuleType
 from typing import Any, NamedTuple
 
 from harness.errors import UsageError
@@ -27,15 +32,29 @@ from harness.studies.campaign.worker import Row, Task
 
 CRASH = "its process was ended from outside, or by a crash inside an FMU"
 DEATHS = 1
-"""Workers of its own that a block may lose before it is taken apart."""
+"""Workers of its own that a block, or a piece of one, may lose before it is taken apart."""
 KEPT = 32 << 20
+MEMORY = {
+    "MALLOC_ARENA_MAX": 1,
+    "MALLOC_TRIM_THRESHOLD_": 8 * KEPT,
+    "MALLOC_MMAP_THRESHOLD_": KEPT,
+}
+"""A worker flies one run after the other in the same memory: it need not give it back and ask the
+system for the same pages again (glibc takes at most 32 MiB, and gives threads heaps of 64 MiB that
+come and go).
+"""
+METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
+NEEDED = ("distributed", worker.__name__)
+"""Modules that are imported once for all workers of this machine."""
 SETTINGS = {
     "distributed.scheduler.allowed-failures": DEATHS,
-    # a worker flies one run after the other in the same memory: it need not give it back and ask
-    # the system for the same pages again (glibc takes at most 32 MiB)
-    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 8 * KEPT,
-    "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": KEPT,
+    **{f"distributed.nanny.pre-spawn-environ.{name}": size for name, size in MEMORY.items()},
+    "distributed.worker.multiprocessing-method": METHOD,
+    # what dask watches itself for, by default fifty times a second, takes a tenth of a processor
     "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+    "distributed.scheduler.active-memory-manager.start": False,
 }
 """Of dask, for the workers of a campaign."""
 MEMORY_GB = 2
@@ -45,7 +64,7 @@ AHEAD = 3
 
 
 class Block(NamedTuple):
-    """Runs that are flown one after the other by one worker."""
+    """Runs that are written together."""
 
     first: int
     changes: Sequence[Changes]
@@ -53,6 +72,8 @@ class Block(NamedTuple):
 
 Flown = Iterator[tuple[int, list[Row]]]
 """First run and rows of the blocks that are over."""
+Fly = Callable[[Task, Iterable[Block]], Flown]
+"""Runs all blocks."""
 
 
 @dataclass(frozen=True)
@@ -65,14 +86,49 @@ class Workers:
     scheduler: str | None = None
     slurm: bool = False
 
+    @property
+    def elsewhere(self) -> bool:
+        """Whether they are not processes of this machine that we start."""
+        return self.scheduler is not None or self.slurm
 
-def fly(
-    task: Task, blocks: Iterable[Block], workers: Workers, said: Callable[[str], None]
-) -> Flown:
-    """Run all blocks; said: receives what the user should know, as the address of the dashboard."""
-    if workers.count == 0 and workers.scheduler is None:
-        return _here(task, blocks)
-    return _spread(task, iter(blocks), workers, said)
+
+def prepare(workers: Workers) -> None:
+    """Start the process that workers of this machine are forked from, without waiting until it has
+    imported what they need.
+    """
+    if METHOD != "forkserver" or workers.elsewhere or workers.count == 0:
+        return
+    multiprocessing.get_context(METHOD).set_forkserver_preload(list(NEEDED))
+    with _ctrl_c_for_us_alone(), _environment(MEMORY):
+        forkserver.ensure_running()
+
+
+@contextmanager
+def _environment(further: Mapping[str, object]) -> Iterator[None]:
+    before = dict(os.environ)
+    os.environ.update({name: str(value) for name, value in further.items()})
+    try:
+        yield
+    finally:
+        for name in further:
+            os.environ.pop(name)
+        os.environ.update(before)
+
+
+@contextmanager
+def crew(workers: Workers, said: Callable[[str], None]) -> Iterator[Fly]:
+    """Who runs blocks; processes of this machine are still starting when it is there.
+
+    said: receives what the user should know, as the address of the dashboard. Raises UsageError (a
+    scheduler that does not answer, no SLURM).
+    """
+    if workers.count == 0 and not workers.elsewhere:
+        yield _here
+        return
+    with _client(workers) as client:
+        if link := _dashboard(client):
+            said(f"dashboard: {link}")
+        yield partial(_spread, client, workers)
 
 
 def _here(task: Task, blocks: Iterable[Block]) -> Flown:
@@ -90,8 +146,9 @@ def _here(task: Task, blocks: Iterable[Block]) -> Flown:
 def _client(workers: Workers) -> Iterator[Any]:
     """A client of dask.distributed, with the cluster that it is for."""
     from dask import config
-    from distributed import Client
+    from distributed import Client, utils
 
+    utils._forkserver_preload_set = True  # prepare() has done that, with fewer modules
     for name in list(logging.root.manager.loggerDict):  # what it logs is not for our user
         if name.startswith("distributed"):
             logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -102,21 +159,29 @@ def _client(workers: Workers) -> Iterator[Any]:
         elif workers.slurm:
             target = life.enter_context(_slurm(workers.count))
         else:
-            target = _local(workers.count, life)
+            target = _local(_processes(workers), life)
         try:
-            yield life.enter_context(Client(target))
+            with nullcontext() if workers.elsewhere else held():  # half a client cannot be closed
+                client = life.enter_context(Client(target))
         except (OSError, TimeoutError) as error:
             raise UsageError(f"--scheduler {workers.scheduler}: does not answer") from error
+        yield client
 
 
-def _local(count: int | None, life: ExitStack) -> Any:
-    """Workers on this machine that end with `life`, also if Ctrl-C comes while they start."""
+def _processes(workers: Workers) -> int:
+    """Of this machine."""
+    return workers.count or os.cpu_count() or 1
+
+
+def _local(count: int, life: ExitStack) -> Any:
+    """Workers on this machine, on their way, that end with `life`."""
     from distributed import LocalCluster
 
+    life.enter_context(_without_main())
     with held(), _ctrl_c_for_us_alone():
-        return life.enter_context(
+        cluster = life.enter_context(
             LocalCluster(
-                n_workers=count or os.cpu_count() or 1,
+                n_workers=0,
                 threads_per_worker=1,
                 processes=True,
                 dashboard_address=":0",
@@ -124,6 +189,21 @@ def _local(count: int | None, life: ExitStack) -> Any:
                 memory_limit=0,
             )
         )
+        cluster.scale(count)
+        return cluster
+
+
+@contextmanager
+def _without_main() -> Iterator[None]:
+    """Processes that are started here do not run the script again that has called us: what they do
+    is in modules of ours and in files that they read.
+    """
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 @contextmanager
@@ -166,35 +246,54 @@ def _slurm(count: int | None) -> Any:
     return cluster
 
 
-def _spread(
-    task: Task, blocks: Iterator[Block], workers: Workers, said: Callable[[str], None]
-) -> Flown:
-    """Keep all workers busy with a few blocks ahead, so that memory does not grow."""
+def _spread(client: Any, workers: Workers, task: Task, blocks: Iterable[Block]) -> Flown:
+    """Keep all workers busy, from this call on, with a few blocks ahead, so that memory does not
+    grow; the last blocks are flown in pieces, so that all workers end together.
+    """
     from distributed import KilledWorker, as_completed
 
-    with _client(workers) as client:
-        if link := _dashboard(client):
-            said(f"dashboard: {link}")
-        waiting: dict[Any, Block] = {}
-        queue = as_completed()
+    left = last_in_pieces(blocks, _processes(workers), task.piece)
+    under_way: dict[Any, tuple[Block, int, Sequence[Changes]]] = {}
+    landed: dict[int, dict[int, list[Row]]] = {}  # of a block by its first run: rows by place
+    queue = as_completed()
 
-        def fill() -> None:
-            room = AHEAD * max(1, len(client.nthreads())) - len(waiting)
-            for block in islice(blocks, max(0, room)):
-                job = client.submit(worker.fly_block, task, block.changes, pure=False)
-                waiting[job] = block
+    def fill() -> None:
+        room = AHEAD * max(_processes(workers), len(client.nthreads())) - len(landed)
+        for block, piece in islice(left, max(0, room)):
+            landed[block.first] = {}
+            for place in range(0, len(block.changes), piece):
+                part = block.changes[place : place + piece]
+                job = client.submit(worker.fly_block, task, part, pure=False)
+                under_way[job] = block, place, part
                 queue.add(job)
 
-        fill()
+    def flown() -> Flown:
         for job in queue:
-            block = waiting.pop(job)
+            block, place, part = under_way.pop(job)
+            rows = landed[block.first]
             try:
-                rows = job.result()
+                rows[place] = job.result()
             except KilledWorker:
-                rows = _one_by_one(client, task, block)
+                rows[place] = _one_by_one(client, task, part)
             job.release()
-            fill()
-            yield block.first, rows
+            if sum(map(len, rows.values())) == len(block.changes):
+                del landed[block.first]
+                fill()
+                yield block.first, [row for place in sorted(rows) for row in rows[place]]
+
+    fill()
+    return flown()
+
+
+def last_in_pieces(blocks: Iterable[Block], count: int, piece: int) -> Iterator[tuple[Block, int]]:
+    """Blocks and how many of their runs are handed over at once: all, but for the last ones."""
+    left = iter(blocks)
+    last = deque(islice(left, count))
+    for block in left:
+        last.append(block)
+        whole = last.popleft()
+        yield whole, len(whole.changes)
+    yield from ((block, piece) for block in last)
 
 
 def _dashboard(client: Any) -> str:
@@ -204,12 +303,12 @@ def _dashboard(client: Any) -> str:
     return str(client.dashboard_link or "") if find_spec("bokeh") else ""
 
 
-def _one_by_one(client: Any, task: Task, block: Block) -> list[Row]:
-    """The runs of a block that has killed its workers."""
+def _one_by_one(client: Any, task: Task, part: Sequence[Changes]) -> list[Row]:
+    """The runs of a piece that has killed its workers."""
     from distributed import KilledWorker
 
     rows = []
-    for changes in block.changes:
+    for changes in part:
         job = client.submit(worker.fly_block, task, [changes], pure=False)
         try:
             rows += job.result()

@@ -14,7 +14,8 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 
-from harness.results.expressions import evaluate, history, parsed, resolved, unit_in, unit_of
+from harness.results.evaluation import evaluate, history, resolved, unit_in, unit_of
+from harness.results.expressions import parsed
 from harness.results.expressions import variables as named
 from harness.results.result import Result
 from harness.studies.measures import MEASURES, Limits, Measure

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import ResultsError, UsageError
+from harness.files.output import naming
 from harness.studies.campaign import labels
 from harness.studies.campaign.plan import Layout, Plan, Values
 from harness.studies.campaign.worker import PENDING, Row, Task
@@ -46,22 +47,18 @@ class Store:
 
         if path.exists():
             raise UsageError(f"{path}: is there already; go on with --resume, or remove it")
-        try:
+        about = {
+            "definition": json.dumps(plan.definition),
+            "folder": str(plan.folder),
+            "digest": plan.digest,
+            "system": plan.system.stem,
+            "block": block,
+        }
+        with naming(path):
             path.parent.mkdir(parents=True, exist_ok=True)
-            group = zarr.open_group(path, mode="w-", zarr_format=3)
-        except OSError as error:
-            raise ResultsError(f"{path}: cannot be written ({error.strerror})") from error
-        store = cls(path, group)
-        group.attrs.update(
-            {
-                "definition": json.dumps(plan.definition),
-                "folder": str(plan.folder),
-                "digest": plan.digest,
-                "system": plan.system.stem,
-                "block": block,
-            }
-        )
-        store._lay_out(plan, task, block, found)
+            store = cls(path, zarr.open_group(path, mode="w-", zarr_format=3))
+            store.group.attrs.update(about)
+            store._lay_out(plan, task, block, found)
         return store
 
     @classmethod
@@ -164,7 +161,11 @@ class Store:
                 yield first
 
     def write(self, first: int, values: Sequence[Values], rows: Sequence[Row]) -> None:
-        """Keep a block of runs, its status last."""
+        """Keep a block of runs, its status last; ResultsError."""
+        with naming(self.path):
+            self._write(first, values, rows)
+
+    def _write(self, first: int, values: Sequence[Values], rows: Sequence[Row]) -> None:
         place = slice(first, first + len(rows))
         for name in values[0]:
             self._put(name, place, [v[name] for v in values])
@@ -229,7 +230,11 @@ class Store:
     # ---- the end
 
     def finish(self) -> None:
-        """Compute the percentile bands and remove what they were computed from."""
+        """Compute the percentile bands and remove what they were computed from; ResultsError."""
+        with naming(self.path):
+            self._finish()
+
+    def _finish(self) -> None:
         for name in self.names("history"):
             source = self.group[name]
             plain = name.removeprefix(SCRATCH)

@@ -39,7 +39,7 @@ class Task:
 
     metrics: texts by name; kept: variables whose histories are wanted, in rows that are `stride`
     recorded rows apart, `rows` of them; patience: how long an FMU that is not ours may take for one
-    call [s].
+    call [s]; piece: runs that a worker is given at once.
     """
 
     key: str
@@ -52,6 +52,7 @@ class Task:
     stride: int = 1
     rows: int = 0
     patience: float = 60.0
+    piece: int = 1
 
 
 class Row(NamedTuple):

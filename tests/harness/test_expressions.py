@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Expressions over a result: one row of them is that row of the whole, and nothing is kept."""
+
+import gc
+import weakref
+
+import numpy as np
+import pytest
+
+from harness.results.evaluation import evaluate, history, resolved, unit_in
+from harness.results.expressions import parsed
+from harness.results.result import Result
+
+ROWS = 5
+
+
+@pytest.fixture
+def result():
+    rng = np.random.default_rng(3)
+    names = [f"a.{v}[{i}]" for v in ("r", "s") for i in range(3)]
+    names += [f"a.w[{i}]" for i in range(ROWS)] + ["a.x", "a.y"]
+    given = ["a.p[0]", "a.p[1]", "a.p[2]", "a.k"]
+    parameters = Result("", np.zeros(1), tuple(given), ("m",) * 4, np.array([[0.1, 0.2, 0.3, 7.0]]))
+    values = rng.normal(size=(ROWS, len(names)))
+    time = np.arange(ROWS) / 10
+    return Result("", time, tuple(names), ("m",) * len(names), values, parameters=parameters)
+
+
+def whole(text, result):
+    """The value without the short way: the history of what is indexed, then the index."""
+    inner, _, index = text.rpartition("[")
+    return evaluate(parsed(inner), lambda path: history(result, path))[int(index[:-1])]
+
+
+def value(text, result):
+    return evaluate(parsed(text), lambda path: history(result, path))
+
+
+@pytest.mark.parametrize("row", [-1, 0, 2, -ROWS, ROWS - 1])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a.x",
+        "(a.x - a.y)",
+        "(a.x / 2 + -a.y)",
+        "abs(sqrt(abs(a.x)) - exp(a.y))",
+        "norm(a.r - a.s)",
+        "total(a.w)",
+        "(norm(a.r) * a.x > 0.1)",
+        "(a.r - parameter(a.p))",
+        "norm(a.r + parameter(a.k))",
+        "(time * 2)",
+        "(norm(a.x) * a.r)",
+        "(max(a.x) - a.x)",
+        "(a.r[:, 1] - a.x)",
+        "norm(a.w)",
+    ],
+)
+def test_one_row_of_an_expression_is_that_row_of_the_whole(text, row, result):
+    """norm(a.x) is of all rows, (a.x - max(a.x)) knows them: no row of these stands alone."""
+    one, all_ = value(f"{text}[{row}]", result), whole(f"{text}[{row}]", result)
+    assert np.asarray(one).tobytes() == np.asarray(all_).tobytes()
+    if row == -1:
+        assert np.asarray(value(f"last({text})", result)).tobytes() == np.asarray(all_).tobytes()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "(a.x * a.r)",  # (rows,) beside (rows, 3)
+        "(a.x - parameter(a.p))",  # (rows,) beside (3,)
+        "(norm(a.r) - a.r)",
+        "norm(a.x)",  # a number
+        "parameter(a.k)",
+    ],
+)
+def test_shapes_that_do_not_fit_fit_in_no_single_row(text, result):
+    with pytest.raises((ValueError, IndexError)):
+        value(f"{text}[-1]", result)
+
+
+@pytest.mark.parametrize("row", [ROWS, -ROWS - 1])
+def test_a_row_that_does_not_exist_is_none(row, result):
+    with pytest.raises(IndexError):
+        value(f"norm(a.r)[{row}]", result)
+
+
+def test_only_the_rows_that_are_asked_for_are_read(result):
+    """Of 18 000 rows of a flight the last one costs a hundredth."""
+    read = []
+
+    class Watched(np.ndarray):
+        def __array_finalize__(self, _):
+            read.append(self.shape)
+
+    def look_up(path):
+        return history(result, path).view(Watched)
+
+    evaluate(parsed("norm(a.r - a.s)[-1]"), look_up)
+    assert (1, 3) in read
+    read.clear()
+    evaluate(parsed("max(norm(a.r - a.s))"), look_up)
+    assert (1, 3) not in read
+
+
+@pytest.mark.parametrize("text", ["norm(a.r)[-1] < 5", "norm(a.r)[-1] < 5 cm"])
+def test_a_result_is_free_once_its_expression_is_known(text, result):
+    """Else the tables of many flights stay in memory until garbage is collected."""
+    again = Result("", result.time, result.columns, result.units, result.values.copy())
+    gone = weakref.ref(again)
+    gc.disable()
+    try:
+        plain = resolved(parsed(text), lambda path, of=again: unit_in(of, path))
+        evaluate(plain, lambda path, of=again: history(of, path))
+        del again
+        assert gone() is None
+    finally:
+        gc.enable()
