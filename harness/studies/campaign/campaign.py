@@ -12,8 +12,9 @@ from harness.errors import UsageError
 from harness.files.signals import held
 from harness.master.changes import Changes
 from harness.ssp.library import find_system
+from harness.studies.campaign.clusters import Workers, prepare
 from harness.studies.campaign.draft import read_plan
-from harness.studies.campaign.engine import Block, Flown, Workers, crew, prepare
+from harness.studies.campaign.engine import Block, Flown, crew
 from harness.studies.campaign.plan import Layout, Plan
 from harness.studies.campaign.store import Store
 from harness.studies.campaign.summary import text

@@ -1,64 +1,26 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Who runs the blocks of a campaign: this process, the processors of this machine, or a cluster.
+"""How the blocks of a campaign are run: by this process, or spread over workers.
 
-It is given blocks and yields what came of them, in whatever order. What was given to a worker that
-was killed goes to another one; what kills every worker is taken apart, and the run that does it is
-a failed run.
+An engine is given blocks and yields what came of them, in whatever order. What was given to a
+worker that was killed goes to another one; what kills every worker is taken apart, and the run that
+does it is a failed run.
 """
 
 from __future__ import annotations
 
-import logging
-import multiprocessing
-import os
-import signal
-import sys
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from itertools import islice
-from multiprocessing import forkserver, resource_tracker
-from shutil import which
-from types import ModuleType
 from typing import Any, NamedTuple
 
-from harness.errors import UsageError
-from harness.files.signals import held
 from harness.master.changes import Changes
 from harness.studies.campaign import worker
+from harness.studies.campaign.clusters import Workers, connected, dashboard, processes
 from harness.studies.campaign.worker import Row, Task
 
 CRASH = "its process was ended from outside, or by a crash inside an FMU"
-DEATHS = 1
-"""Workers of its own that a block, or a piece of one, may lose before it is taken apart."""
-KEPT = 32 << 20
-MEMORY = {
-    "MALLOC_ARENA_MAX": 1,
-    "MALLOC_TRIM_THRESHOLD_": 8 * KEPT,
-    "MALLOC_MMAP_THRESHOLD_": KEPT,
-}
-"""A worker flies one run after the other in the same memory: it need not give it back and ask the
-system for the same pages again (glibc takes at most 32 MiB, and gives threads heaps of 64 MiB that
-come and go).
-"""
-METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-NEEDED = ("distributed", worker.__name__)
-"""Modules that are imported once for all workers of this machine."""
-SETTINGS = {
-    "distributed.scheduler.allowed-failures": DEATHS,
-    **{f"distributed.nanny.pre-spawn-environ.{name}": size for name, size in MEMORY.items()},
-    "distributed.worker.multiprocessing-method": METHOD,
-    # what dask watches itself for, by default fifty times a second, takes a tenth of a processor
-    "distributed.worker.profile.enabled": False,
-    "distributed.admin.tick.interval": "1s",
-    "distributed.admin.system-monitor.interval": "10s",
-    "distributed.scheduler.active-memory-manager.start": False,
-}
-"""Of dask, for the workers of a campaign."""
-MEMORY_GB = 2
-"""Of a job per core, where jobqueue.yaml says nothing."""
 AHEAD = 3
 """Blocks per worker that are under way or wait."""
 
@@ -76,45 +38,6 @@ Fly = Callable[[Task, Iterable[Block]], Flown]
 """Runs all blocks."""
 
 
-@dataclass(frozen=True)
-class Workers:
-    """Where a campaign runs: so many workers (0: this process alone; None: one per processor), or
-    a scheduler by its address, or SLURM.
-    """
-
-    count: int | None = None
-    scheduler: str | None = None
-    slurm: bool = False
-
-    @property
-    def elsewhere(self) -> bool:
-        """Whether they are not processes of this machine that we start."""
-        return self.scheduler is not None or self.slurm
-
-
-def prepare(workers: Workers) -> None:
-    """Start the process that workers of this machine are forked from, without waiting until it has
-    imported what they need.
-    """
-    if METHOD != "forkserver" or workers.elsewhere or workers.count == 0:
-        return
-    multiprocessing.get_context(METHOD).set_forkserver_preload(list(NEEDED))
-    with _ctrl_c_for_us_alone(), _environment(MEMORY):
-        forkserver.ensure_running()
-
-
-@contextmanager
-def _environment(further: Mapping[str, object]) -> Iterator[None]:
-    before = dict(os.environ)
-    os.environ.update({name: str(value) for name, value in further.items()})
-    try:
-        yield
-    finally:
-        for name in further:
-            os.environ.pop(name)
-        os.environ.update(before)
-
-
 @contextmanager
 def crew(workers: Workers, said: Callable[[str], None]) -> Iterator[Fly]:
     """Who runs blocks; processes of this machine are still starting when it is there.
@@ -125,8 +48,8 @@ def crew(workers: Workers, said: Callable[[str], None]) -> Iterator[Fly]:
     if workers.count == 0 and not workers.elsewhere:
         yield _here
         return
-    with _client(workers) as client:
-        if link := _dashboard(client):
+    with connected(workers) as client:
+        if link := dashboard(client):
             said(f"dashboard: {link}")
         yield partial(_spread, client, workers)
 
@@ -139,150 +62,71 @@ def _here(task: Task, blocks: Iterable[Block]) -> Flown:
         worker.close()
 
 
-# ---- dask
-
-
-@contextmanager
-def _client(workers: Workers) -> Iterator[Any]:
-    """A client of dask.distributed, with the cluster that it is for."""
-    from dask import config
-    from distributed import Client, utils
-
-    utils._forkserver_preload_set = True  # prepare() has done that, with fewer modules
-    for name in list(logging.root.manager.loggerDict):  # what it logs is not for our user
-        if name.startswith("distributed"):
-            logging.getLogger(name).setLevel(logging.CRITICAL)
-    with ExitStack() as life:
-        life.enter_context(config.set(SETTINGS))
-        if workers.scheduler is not None:
-            target: Any = workers.scheduler
-        elif workers.slurm:
-            target = life.enter_context(_slurm(workers.count))
-        else:
-            target = _local(_processes(workers), life)
-        try:
-            with nullcontext() if workers.elsewhere else held():  # half a client cannot be closed
-                client = life.enter_context(Client(target))
-        except (OSError, TimeoutError) as error:
-            raise UsageError(f"--scheduler {workers.scheduler}: does not answer") from error
-        yield client
-
-
-def _processes(workers: Workers) -> int:
-    """Of this machine."""
-    return workers.count or os.cpu_count() or 1
-
-
-def _local(count: int, life: ExitStack) -> Any:
-    """Workers on this machine, on their way, that end with `life`."""
-    from distributed import LocalCluster
-
-    life.enter_context(_without_main())
-    with held(), _ctrl_c_for_us_alone():
-        cluster = life.enter_context(
-            LocalCluster(
-                n_workers=0,
-                threads_per_worker=1,
-                processes=True,
-                dashboard_address=":0",
-                silence_logs=logging.CRITICAL,
-                memory_limit=0,
-            )
-        )
-        cluster.scale(count)
-        return cluster
-
-
-@contextmanager
-def _without_main() -> Iterator[None]:
-    """Processes that are started here do not run the script again that has called us: what they do
-    is in modules of ours and in files that they read.
-    """
-    main = sys.modules["__main__"]
-    sys.modules["__main__"] = ModuleType("__main__")
-    try:
-        yield
-    finally:
-        sys.modules["__main__"] = main
-
-
-@contextmanager
-def _ctrl_c_for_us_alone() -> Iterator[None]:
-    """Threads and processes that are started here never see SIGINT; it reaches us afterwards.
-
-    The thread of the cluster passes the mask on to all workers that it starts later.
-    """
-    if os.name != "posix":
-        yield
-        return
-    resource_tracker.ensure_running()  # it would lift the mask again
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _slurm(count: int | None) -> Any:
-    """Jobs as jobqueue.yaml says, by default of one core; every core gets a process of its own,
-    for a process flies one run at a time.
-    """
-    from dask import config
-
-    if which("sbatch") is None:
-        raise UsageError("--slurm: there is no sbatch here; call it where jobs are submitted")
-    try:
-        from dask_jobqueue.slurm import SLURMCluster
-    except ImportError as error:
-        raise UsageError('--slurm: needs pip install "servicing-fmus[slurm]"') from error
-    cores = config.get("jobqueue.slurm.cores", None) or 1
-    memory = config.get("jobqueue.slurm.memory", None) or f"{cores * MEMORY_GB}GB"
-    logs = config.get("jobqueue.slurm.log-directory", None) or "slurm-logs"
-    try:
-        cluster = SLURMCluster(cores=cores, processes=cores, memory=memory, log_directory=logs)
-        cluster.scale(jobs=count or 1)
-    except (OSError, RuntimeError, ValueError) as error:
-        raise UsageError(f"--slurm: {' '.join(str(error).split())}") from error
-    return cluster
-
-
 def _spread(client: Any, workers: Workers, task: Task, blocks: Iterable[Block]) -> Flown:
-    """Keep all workers busy, from this call on, with a few blocks ahead, so that memory does not
-    grow; the last blocks are flown in pieces, so that all workers end together.
+    """All workers are busy from this call on."""
+    spread = _Spread(client, workers, task, blocks)
+    spread.fill()
+    return spread.flown()
+
+
+class _Spread:
+    """Blocks on their way: a few per worker ahead, so that memory does not grow; the last ones are
+    flown in pieces, so that all workers end together.
     """
-    from distributed import KilledWorker, as_completed
 
-    left = last_in_pieces(blocks, _processes(workers), task.piece)
-    under_way: dict[Any, tuple[Block, int, Sequence[Changes]]] = {}
-    landed: dict[int, dict[int, list[Row]]] = {}  # of a block by its first run: rows by place
-    queue = as_completed()
+    def __init__(self, client: Any, workers: Workers, task: Task, blocks: Iterable[Block]) -> None:
+        from distributed import as_completed
 
-    def fill() -> None:
-        room = AHEAD * max(_processes(workers), len(client.nthreads())) - len(landed)
-        for block, piece in islice(left, max(0, room)):
-            landed[block.first] = {}
+        self.client, self.task = client, task
+        self.least = processes(workers)
+        self.left = last_in_pieces(blocks, self.least, task.piece)
+        self.jobs: dict[Any, tuple[Block, int, Sequence[Changes]]] = {}
+        self.landed: dict[int, dict[int, list[Row]]] = {}
+        """Of a block by its first run: rows by the place of their piece."""
+        self.ended = as_completed()
+
+    def fill(self) -> None:
+        """Hand over as many blocks as there is room for."""
+        room = AHEAD * max(self.least, len(self.client.nthreads())) - len(self.landed)
+        for block, piece in islice(self.left, max(0, room)):
+            self.landed[block.first] = {}
             for place in range(0, len(block.changes), piece):
                 part = block.changes[place : place + piece]
-                job = client.submit(worker.fly_block, task, part, pure=False)
-                under_way[job] = block, place, part
-                queue.add(job)
+                job = self.client.submit(worker.fly_block, self.task, part, pure=False)
+                self.jobs[job] = block, place, part
+                self.ended.add(job)
 
-    def flown() -> Flown:
-        for job in queue:
-            block, place, part = under_way.pop(job)
-            rows = landed[block.first]
-            try:
-                rows[place] = job.result()
-            except KilledWorker:
-                rows[place] = _one_by_one(client, task, part)
-            job.release()
+    def flown(self) -> Flown:
+        """Blocks that are complete; others take their place."""
+        for job in self.ended:
+            block, place, part = self.jobs.pop(job)
+            rows = self.landed[block.first]
+            rows[place] = self._rows(job, part)
             if sum(map(len, rows.values())) == len(block.changes):
-                del landed[block.first]
-                fill()
+                del self.landed[block.first]
+                self.fill()
                 yield block.first, [row for place in sorted(rows) for row in rows[place]]
 
-    fill()
-    return flown()
+    def _rows(self, job: Any, part: Sequence[Changes]) -> list[Row]:
+        """Of a piece; the runs of one whose workers were killed fly once more, each alone."""
+        from distributed import KilledWorker
+
+        try:
+            return list(job.result())
+        except KilledWorker:
+            return [self._alone(changes) for changes in part]
+        finally:
+            job.release()
+
+    def _alone(self, changes: Changes) -> Row:
+        from distributed import KilledWorker
+
+        job = self.client.submit(worker.fly_block, self.task, [changes], pure=False)
+        try:
+            row: Row = job.result()[0]
+        except KilledWorker:
+            return worker.lost(self.task, CRASH)
+        return row
 
 
 def last_in_pieces(blocks: Iterable[Block], count: int, piece: int) -> Iterator[tuple[Block, int]]:
@@ -294,24 +138,3 @@ def last_in_pieces(blocks: Iterable[Block], count: int, piece: int) -> Iterator[
         whole = last.popleft()
         yield whole, len(whole.changes)
     yield from ((block, piece) for block in last)
-
-
-def _dashboard(client: Any) -> str:
-    """Address of the dashboard, if there is one."""
-    from importlib.util import find_spec
-
-    return str(client.dashboard_link or "") if find_spec("bokeh") else ""
-
-
-def _one_by_one(client: Any, task: Task, part: Sequence[Changes]) -> list[Row]:
-    """The runs of a piece that has killed its workers."""
-    from distributed import KilledWorker
-
-    rows = []
-    for changes in part:
-        job = client.submit(worker.fly_block, task, [changes], pure=False)
-        try:
-            rows += job.result()
-        except KilledWorker:
-            rows.append(worker.lost(task, CRASH))
-    return rows
