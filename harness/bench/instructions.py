@@ -22,6 +22,8 @@ SHORT, LONG = 500, 4500
 """Macro steps of the two runs: start-up varies by some 100 000 instructions from run to run, less
 than 1 % of what lies between them.
 """
+SAME = {"PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"}
+"""Environment in which two runs start alike: none compiles what the other finds compiled."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ def _counted(valgrind: str, system: str, contender: str, steps: int) -> int:
         check=True,
         capture_output=True,
         text=True,
-        env=os.environ | {"PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1"},
+        env=os.environ | SAME,
     )
     found = re.search(r"Collected : (\d+)", done.stderr)
     if found is None:
