@@ -554,19 +554,25 @@ def test_two_listed_factors_are_drawn_as_a_map(system, tmp_path):
 
 
 def test_a_plain_script_may_run_a_campaign_on_several_processes(system, tmp_path):
-    """Processes that import the script which starts them would start processes of their own."""
+    """Processes that import the script which starts them would start processes of their own. They
+    have the environment of now, not that of the first campaign.
+    """
     (tmp_path / "script.py").write_text(
-        f"""from harness import campaign
+        f"""import os
+from harness import campaign
 
 print("once")
 given = {table(system)!r}
-given["metrics"]["arenas"] = "worker.py:arenas"
-done = campaign(given, "out.zarr", workers=2)
-print(set(done.store.array("status").tolist()), set(done.store.array("arenas").tolist()))
+given["metrics"] |= {{"arenas": "worker.py:arenas", "level": "worker.py:level"}}
+for level in ("3", "4"):
+    os.environ["LEVEL"] = level
+    done = campaign(given, f"out{{level}}.zarr", workers=2).store
+    print(*(set(done.array(name).tolist()) for name in ("status", "arenas", "level")))
 """
     )
     (tmp_path / "worker.py").write_text(
         "import os\n\n\ndef arenas(result):\n    return float(os.environ['MALLOC_ARENA_MAX'])\n"
+        "\n\ndef level(result):\n    return float(os.environ['LEVEL'])\n"
     )
     ended = subprocess.run(
         [sys.executable, "script.py"],
@@ -576,7 +582,8 @@ print(set(done.store.array("status").tolist()), set(done.store.array("arenas").t
         check=False,
         env=os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
     )
-    assert (ended.stdout, ended.stderr) == ("once\n{1} {1.0}\n", "")
+    wanted = "once\n{1} {1.0} {3.0}\n{1} {1.0} {4.0}\n"
+    assert (ended.stdout, ended.stderr) == (wanted, "")
 
 
 @pytest.mark.parametrize("workers", [0, 2])
@@ -609,6 +616,7 @@ def test_workers_end_with_a_campaign_that_is_interrupted_while_they_start(
 ):
     """Else they are closed at the exit of Python, with a traceback if they are slow."""
     log = []
+    earlier = signal.signal(signal.SIGINT, signal.default_int_handler)  # may have been ignored
 
     class Cluster:
         def __init__(self, **_):
@@ -625,8 +633,11 @@ def test_workers_end_with_a_campaign_that_is_interrupted_while_they_start(
             log.append(f"{count} workers on their way")
 
     monkeypatch.setattr("distributed.LocalCluster", Cluster)
-    with pytest.raises(KeyboardInterrupt):
-        campaign(table(system), tmp_path / "out.zarr", workers=2)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            campaign(table(system), tmp_path / "out.zarr", workers=2)
+    finally:
+        signal.signal(signal.SIGINT, earlier)
     assert log == ["started", "2 workers on their way", "ended"]
 
 

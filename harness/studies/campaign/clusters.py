@@ -144,6 +144,7 @@ def _local(count: int, life: ExitStack) -> Any:
                 dashboard_address=":0",
                 silence_logs=logging.CRITICAL,
                 memory_limit=0,
+                env=dict(os.environ),  # the process that they are forked from has that of its start
             )
         )
         cluster.scale(count)
