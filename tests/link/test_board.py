@@ -203,6 +203,17 @@ def test_steps_are_counted_from_the_reset(peer):
     assert struct.unpack_from("<Q", peer.ask("statistics").data) == (0,)
 
 
+def test_memory_is_that_of_the_instance_alone(kind):
+    """Whatever other instances of the same program have taken before."""
+    found = []
+    for _ in range(2):
+        with answering(fmus()["adaptive_controller"]) as connection:
+            peer = Peer(connection)
+            begin(peer)
+            found.append(int.from_bytes(peer.ask("statistics").data[-4:], "little"))
+    assert found[0] == found[1] > 1000
+
+
 def test_who_cannot_be_meant_is_told(peer):
     assert peer.ask("step", stepping(0, STEP)).status == NO_SESSION
     assert peer.ask("describe", version=2).status == OTHER_VERSION

@@ -18,6 +18,7 @@ from fmpy.fmi2 import fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from harness import Simulation, load
 from harness.errors import FmuError, RunError, UsageError
 from harness.files.paths import fmus, link_library
+from harness.system.schedule import Verb
 from tests.link.conftest import Listener, flown_twice_from
 from tests.link.frames import ANSWER, CODE, Frame, opened, sealed
 
@@ -264,6 +265,31 @@ def test_fewer_values_than_asked_for_are_no_values(board):
 
     with board(bend) as found, pytest.raises(RunError, match="does not hold the values"):
         flown(found.place)
+
+
+def test_a_warning_about_inputs_does_not_keep_the_state_from_being_saved(board):
+    """What is set reaches the board before its state is asked for; a warning is no failure."""
+
+    def bend(data, towards):
+        frame, _ = opened(data) if towards == "link" else (None, b"")
+        if frame is None or frame.code != CODE["set"] | ANSWER:
+            return data
+        warned.append(frame)
+        return sealed(frame._replace(status=1))
+
+    warned = []
+    with board(bend) as found, moved(found.place) as simulation:
+        simulation.advance(10)
+        linked = next(i for i in simulation.instances if i.name == "controller")
+        warned.clear()
+        linked.transfers[Verb.SET][0].write(simulation.bus)
+        snapshot = simulation.save()
+        assert len(warned) == 1
+        simulation.advance()
+        once = simulation.result().values.copy()
+        simulation.restore(snapshot)
+        simulation.advance()
+        assert simulation.result().values.tobytes() == once.tobytes()
 
 
 # ---- what a user types
