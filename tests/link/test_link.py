@@ -9,19 +9,35 @@ import ctypes
 import random
 import socket
 import threading
+import tomllib
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from fmpy.fmi2 import fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 
-from harness import Simulation, load
+from harness import Simulation, load, run
 from harness.errors import FmuError, RunError, UsageError
 from harness.files.paths import fmus, link_library
+from harness.ssp.build import system_of
+from harness.ssp.writer import write_ssp
 from harness.system.schedule import Verb
+from tests.harness.foreign_fmu import Model, build, u, y
 from tests.link.conftest import Listener, flown_twice_from
 from tests.link.frames import ANSWER, CODE, Frame, opened, sealed
 
+MIXED = Model(
+    "mixed",
+    [
+        u("i", None, "Integer"),
+        u("b", None, "Boolean"),
+        y("n", None, "Integer"),
+        y("off", None, "Boolean"),
+        y("y"),
+    ],
+    outputs="n = i; off = !b; y = i + 0.5 * b;",
+)
 SYSTEM, STOP = "sync_approach", 3.0
 
 
@@ -267,6 +283,10 @@ def test_fewer_values_than_asked_for_are_no_values(board):
         flown(found.place)
 
 
+def linked(simulation):
+    return next(i for i in simulation.instances if i.name == "controller")
+
+
 def test_a_warning_about_inputs_does_not_keep_the_state_from_being_saved(board):
     """What is set reaches the board before its state is asked for; a warning is no failure."""
 
@@ -280,9 +300,8 @@ def test_a_warning_about_inputs_does_not_keep_the_state_from_being_saved(board):
     warned = []
     with board(bend) as found, moved(found.place) as simulation:
         simulation.advance(10)
-        linked = next(i for i in simulation.instances if i.name == "controller")
         warned.clear()
-        linked.transfers[Verb.SET][0].write(simulation.bus)
+        linked(simulation).transfers[Verb.SET][0].write(simulation.bus)
         snapshot = simulation.save()
         assert len(warned) == 1
         simulation.advance()
@@ -290,6 +309,70 @@ def test_a_warning_about_inputs_does_not_keep_the_state_from_being_saved(board):
         simulation.restore(snapshot)
         simulation.advance()
         assert simulation.result().values.tobytes() == once.tobytes()
+
+
+def test_a_state_that_was_written_down_continues_bit_for_bit(board):
+    with board() as found, moved(found.place) as simulation:
+        simulation.advance(10)
+        snapshot, slave = simulation.save(), linked(simulation).slave
+        place = simulation.instances.index(linked(simulation))
+        data = slave.serializeFMUstate(snapshot.states[place])
+        simulation.advance()
+        once = simulation.result().values.copy()
+        read = slave.deSerializeFMUstate(data)
+        states = (*snapshot.states[:place], read, *snapshot.states[place + 1 :])
+        simulation.restore(replace(snapshot, states=states))
+        simulation.advance()
+        assert simulation.result().values.tobytes() == once.tobytes()
+        slave.freeFMUstate(read)
+
+
+def test_a_state_that_is_not_there_or_does_not_fit_is_not_written_down(board):
+    with board() as found, moved(found.place) as simulation:
+        simulation.advance(1)
+        library, handle = linked(simulation).library, linked(simulation).handle
+        state, size = linked(simulation).save(simulation.time), ctypes.c_size_t()
+        assert library.fmi2SerializedFMUstateSize(handle, state, ctypes.byref(size)) == 0
+        room = (ctypes.c_char * size.value)()
+
+        def written(state, room, size):
+            return library.fmi2SerializeFMUstate(handle, state, room, ctypes.c_size_t(size))
+
+        assert written(state, room, size.value - 1) == 3
+        assert written(None, room, size.value) == 3
+        assert written(state, None, size.value) == 3
+        assert written(state, room, size.value) == 0
+        again = ctypes.c_void_p()
+        for damaged in (size.value - 1, 8, 0):
+            given = ctypes.c_size_t(damaged)
+            assert library.fmi2DeSerializeFMUstate(handle, room, given, ctypes.byref(again)) == 3
+        assert library.fmi2DeSerializeFMUstate(handle, room, size, ctypes.byref(again)) == 0
+        assert library.fmi2FreeFMUstate(handle, ctypes.byref(again)) == 0
+        assert not again
+
+
+@pytest.mark.parametrize("i", [-(2**31), -3, 0, 7, 2**31 - 1])
+@pytest.mark.parametrize("b", [0, 1])
+def test_whole_numbers_and_truth_values_go_through_the_link(tmp_path_factory, i, b):
+    folder = tmp_path_factory.mktemp("typed")
+    fmu = build(MIXED, folder)
+    text = f"""
+    name = "typed"
+    [experiment]
+    stop = 2.0
+    step = 1.0
+    [components]
+    a = "mixed"
+    [open]
+    "a.i" = {i}
+    "a.b" = {"true" if b else "false"}
+    """
+    write_ssp(system_of(tomllib.loads(text), {"mixed": fmu}), folder / "typed.ssp")
+    with Listener(fmu) as found:
+        result = run(folder / "typed.ssp", on={"a": found.place})
+    assert result["a.n"].tolist() == [i] * 3
+    assert result["a.off"].tolist() == [1 - b] * 3
+    assert result["a.y"].tolist() == [i + 0.5 * b] * 3
 
 
 # ---- what a user types
