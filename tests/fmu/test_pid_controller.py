@@ -71,6 +71,21 @@ def test_the_integral_of_a_constant_error_grows_linearly_and_acts_one_sample_lat
         assert deviation(SIGMA * out["a_cmd_L"], -(Kp * e + Ki * 0.1 * (k - 1) * e)) < 1e-11
 
 
+def test_without_integral_action_it_is_a_pd_controller_at_its_limits_and_within(fmu, rng):
+    """Anti-windup divides by Ki: of none there is nothing to divide."""
+    none = {f"{channel}.Ki": 0 for channel in ("range", "elevation", "azimuth", "attitude")}
+    scene = replace(random_scene(rng), r_TN_N=np.zeros(3), v_TN_N=np.zeros(3))
+    wanted = -(Kp * scene.x1 + Kd * scene.x2)
+    limit = float(np.max(np.abs(wanted)))
+    for a_max in (0.5 * limit, 2 * limit):
+        unit = fmu("pid_controller", {"a_max": a_max, "M_max": (0.1, 0.1, 0.1)} | none)
+        for k in range(1, 4):
+            out = sample(unit, scene.inputs())
+            command = SIGMA * out["a_cmd_L"]
+            assert deviation(command, np.clip(wanted, -a_max, a_max)) < 1e-11
+            assert deviation(out["integral"], 0.1 * k * scene.x1) < 1e-11
+
+
 def test_first_outputs_do_not_integrate(fmu):
     unit = fmu(
         "pid_controller",
