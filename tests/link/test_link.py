@@ -6,8 +6,11 @@ line that damages, loses, doubles and delays.
 from __future__ import annotations
 
 import ctypes
+import os
 import random
 import socket
+import subprocess
+import sys
 import threading
 import tomllib
 from contextlib import contextmanager, suppress
@@ -165,6 +168,59 @@ def test_a_board_that_goes_is_one_error_and_the_rows_stay(board):
     assert "tcp://127.0.0.1:" in str(caught.value)
     assert ": the connection has ended" in str(caught.value)
     assert len(caught.value.partial.time) == 8
+
+
+PROGRAM = """
+import os, signal, socket, threading
+from harness import run
+from harness.errors import RunError
+from harness.files.paths import fmus
+from harness.master.serve import StandIn
+
+signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # as in a program that is not Python
+server = socket.socket(socket.AF_UNIX)
+server.bind("board")
+server.listen()
+answers = []
+
+def serve():
+    connection, _ = server.accept()
+
+    def send(data):
+        connection.sendall(data)
+        answers.append(data)
+        if len(answers) == 12:
+            connection.shutdown(socket.SHUT_RDWR)
+            connection.close()
+
+    with StandIn(fmus()["adaptive_controller"]) as board:
+        try:
+            board.answer(connection.recv, send)
+        except OSError:
+            pass
+
+threading.Thread(target=serve, daemon=True).start()
+try:
+    run("sync_approach", on={"controller": "unix://" + os.path.abspath("board")}, stop=3.0, in_process=True)
+except RunError as error:
+    print(error)
+"""
+
+
+def test_a_board_that_has_gone_does_not_end_the_program_with_a_signal(tmp_path):
+    """SIGPIPE of a write to a line without a reader is for the link alone."""
+    paths = os.pathsep.join(p for p in sys.path if p)
+    ended = subprocess.run(
+        [sys.executable, "-c", PROGRAM],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        env=os.environ | {"PYTHONPATH": paths},
+    )
+    assert ended.returncode == 0, ended.stderr
+    assert "/board: the connection has ended" in ended.stdout
 
 
 def test_a_board_that_falls_silent_is_one_error(board):
