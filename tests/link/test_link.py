@@ -200,8 +200,9 @@ def serve():
             pass
 
 threading.Thread(target=serve, daemon=True).start()
+place = "unix://" + os.path.abspath("board")
 try:
-    run("sync_approach", on={"controller": "unix://" + os.path.abspath("board")}, stop=3.0, in_process=True)
+    run("sync_approach", on={"controller": place}, stop=3.0, in_process=True)
 except RunError as error:
     print(error)
 """
