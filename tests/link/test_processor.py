@@ -130,8 +130,9 @@ def test_an_emulator_that_dies_is_one_error():
     with load(SYSTEM) as system, Simulation(system, on={"controller": "cortex-m7"}) as simulation:
         simulation.advance(to=10)
         emulators()[0].kill()
-        with pytest.raises(Exception, match="cortex-m7: the connection has ended"):
+        with pytest.raises(Exception, match="cortex-m7: the connection has ended") as caught:
             simulation.advance(to=12)
+    assert str(caught.value).isprintable()  # its last words are one line, without an end
 
 
 def test_missing_tools_are_named_with_their_packages(monkeypatch):
