@@ -40,8 +40,7 @@ def held() -> Iterator[None]:
         raise
     finally:
         _depth = 0
-        for number, handler in earlier.items():
-            signal.signal(number, handler)
+        _restore(list(earlier.items()))
     if _pending:
         number = _pending[0]
         _pending.clear()
@@ -55,6 +54,15 @@ def _exchange_handlers() -> dict[int, signal._HANDLER]:
     for number in earlier:
         signal.signal(number, _mark)
     return earlier
+
+
+def _restore(handlers: list[tuple[int, signal._HANDLER]]) -> None:
+    """All of them, also if a signal arrives as soon as the first one hears it again."""
+    if handlers:
+        try:
+            signal.signal(*handlers.pop())
+        finally:
+            _restore(handlers)
 
 
 def _mark(number: int, _: FrameType | None) -> None:
@@ -80,8 +88,7 @@ def as_interrupts() -> Iterator[None]:
     try:
         yield
     finally:
-        for number in numbers:
-            signal.signal(number, signal.SIG_DFL)
+        _restore([(number, signal.SIG_DFL) for number in numbers])
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:

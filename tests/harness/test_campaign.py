@@ -11,6 +11,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 import tomllib
 
@@ -620,7 +621,7 @@ def test_workers_end_with_a_campaign_that_is_interrupted_while_they_start(
 
     class Cluster:
         def __init__(self, **_):
-            os.kill(os.getpid(), signal.SIGINT)
+            signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
             log.append("started")
 
         def __enter__(self):

@@ -92,6 +92,25 @@ def test_what_a_killed_process_has_left_is_removed_by_the_next(tmp_path):
 
 
 @posix
+def test_a_signal_between_the_handlers_that_come_back_keeps_none_of_them_away(monkeypatch):
+    """Another thread may have received it, so that it is heard later than it was sent."""
+    with heard(), signals.as_interrupts():
+        before = {number: signal.getsignal(number) for number in signals.NUMBERS}
+        given, late = signal.signal, []
+
+        def interrupted(number, handler):
+            given(number, handler)
+            if late and late.pop():
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt), signals.held():
+            late.append(True)
+            monkeypatch.setattr(signal, "signal", interrupted)
+        monkeypatch.undo()
+        assert {number: signal.getsignal(number) for number in signals.NUMBERS} == before
+
+
+@posix
 @pytest.mark.parametrize("number", signals.NUMBERS)
 def test_signals_wait_until_the_file_is_complete_a_second_one_too(tmp_path, number):
     with heard():
