@@ -18,7 +18,7 @@ from harness.files import signals
 from harness.files.temporary import PrivateFolder
 from harness.master import messages
 from harness.master.changes import Changes, apply
-from harness.master.executors import EXECUTORS, Clock, Executor
+from harness.master.executors import EXECUTORS, Clock
 from harness.master.fmu import Instance
 from harness.master.initialization import initialize
 from harness.master.pacer import Pacer
@@ -85,7 +85,6 @@ class Simulation:
         """How well the pacer was followed, in a line."""
         self.instances: list[Instance] = []
         self._executor_name = executor
-        self._executor: Executor | None = None
         self._folder: PrivateFolder | None = None
         changed = apply(system, **changes)
         found = checked(changed)
@@ -171,11 +170,9 @@ class Simulation:
         if self._folder is None:
             raise UsageError("a Simulation can run inside its `with` block only")
         found = rechecked(system, self.system, self.graph)
+        recorder = self._recorder(found, self.every if every is None else every)
         if self._initialised and len(self.recorder.rows) > 1 and self._unproved():
             self._rehearse()
-        # the rows of before are given back first: fresh memory is dear
-        self.recorder, self._executor = Recorder(0, len(self.bus)), None
-        recorder = self._recorder(found, self.every if every is None else every)
         self._lay_out(system, found, recorder)
         self._assemble()
 
@@ -284,7 +281,7 @@ class Simulation:
         that an FMU refuses are a UsageError.
         """
         try:
-            if self._folder is None or self._executor is None:
+            if self._folder is None:
                 raise UsageError("a Simulation can advance inside its `with` block only")
             if not self._initialised:
                 self.initialize()
@@ -304,7 +301,6 @@ class Simulation:
                 self.pacer.wait(self.step * self.clock.step, lambda: self._look(progress))
                 chunk = 1
             first, began = self.step, perf_counter()
-            assert self._executor is not None
             self._executor.run(first, min(first + chunk, to))
             seconds = perf_counter() - began
             self.pace = min(self.pace, seconds / (self.step - first))
@@ -325,7 +321,6 @@ class Simulation:
 
     def calls(self) -> list[tuple[str, str]]:
         """Instance and FMI function of every call of a macro step, as the recorder counts them."""
-        assert self._executor is not None
         return self._executor.calls
 
     # ---- rollback
