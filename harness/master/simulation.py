@@ -27,7 +27,7 @@ from harness.master.recorder import Recorder
 from harness.master.refusals import as_typed
 from harness.results.provenance import flown
 from harness.results.result import Result
-from harness.system.graph import Checked, Node, Slot, checked, constants, rechecked
+from harness.system.graph import Checked, Node, checked, columns, constants, rechecked
 from harness.system.model import System
 from harness.system.schedule import schedule
 
@@ -351,7 +351,7 @@ class Simulation:
 
         The table is not copied: stepping on after restore() overwrites its later rows.
         """
-        names, units, descriptions = _columns(self.graph.slots)
+        names, units, descriptions = columns(self.graph.slots)
         time = np.asarray(
             self.clock.start + self.recorder.macro_steps * self.clock.step, dtype=np.float64
         )
@@ -374,7 +374,7 @@ class Simulation:
         """All parameters as a table of one row."""
         found = list(constants(self.graph))
         slots, values = zip(*found, strict=True) if found else ((), ())
-        names, units, descriptions = _columns(slots)
+        names, units, descriptions = columns(slots)
         return Result(
             self.system.name,
             np.array([self.clock.start]),
@@ -383,12 +383,6 @@ class Simulation:
             np.array([values]),
             descriptions,
         )
-
-
-def _columns(slots: Sequence[Slot]) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
-    """Names, units and descriptions."""
-    names, units, descriptions = zip(*slots, strict=True) if slots else ((), (), ())
-    return names, units, descriptions
 
 
 def simulate(

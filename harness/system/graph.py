@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -35,6 +35,15 @@ class Slot(NamedTuple):
     name: str
     unit: str
     description: str
+
+
+Texts = tuple[str, ...]
+
+
+def columns(slots: Sequence[Slot]) -> tuple[Texts, Texts, Texts]:
+    """Names, units and descriptions of slots, as a result has them."""
+    names, units, descriptions = zip(*slots, strict=True) if slots else ((), (), ())
+    return names, units, descriptions
 
 
 class Wire(NamedTuple):

@@ -28,7 +28,7 @@ from harness.studies.campaign.kinds import (
     wrong_entries,
 )
 from harness.studies.campaign.plan import Layout, Plan, Values
-from harness.system.graph import Checked, Graph, Slot, checked, constants, say_warnings
+from harness.system.graph import Checked, Graph, Slot, checked, columns, constants, say_warnings
 from harness.system.model import System
 from harness.system.tables import read_toml
 from harness.system.values import plain
@@ -265,12 +265,6 @@ def _kinds(graph: Graph) -> Result:
 
 
 def _table(slots: Sequence[Slot], parameters: Result | None = None) -> Result:
-    return Result(
-        "",
-        np.zeros(1),
-        tuple(slot.name for slot in slots),
-        tuple(slot.unit for slot in slots),
-        np.empty((1, len(slots))),
-        tuple(slot.description for slot in slots),
-        parameters=parameters,
-    )
+    names, units, texts = columns(slots)
+    values = np.empty((1, len(slots)))
+    return Result("", np.zeros(1), names, units, values, texts, parameters=parameters)
