@@ -564,15 +564,17 @@ from harness import campaign
 
 print("once")
 given = {table(system)!r}
-given["metrics"] |= {{"arenas": "worker.py:arenas", "level": "worker.py:level"}}
+for name in ("arenas", "threads", "level"):
+    given["metrics"][name] = f"worker.py:{{name}}"
 for level in ("3", "4"):
     os.environ["LEVEL"] = level
     done = campaign(given, f"out{{level}}.zarr", workers=2).store
-    print(*(set(done.array(name).tolist()) for name in ("status", "arenas", "level")))
+    print(*(set(done.array(name).tolist()) for name in ("status", "arenas", "threads", "level")))
 """
     )
     (tmp_path / "worker.py").write_text(
         "import os\n\n\ndef arenas(result):\n    return float(os.environ['MALLOC_ARENA_MAX'])\n"
+        "\n\ndef threads(result):\n    return float(os.environ['OPENBLAS_NUM_THREADS'])\n"
         "\n\ndef level(result):\n    return float(os.environ['LEVEL'])\n"
     )
     ended = subprocess.run(
@@ -583,7 +585,7 @@ for level in ("3", "4"):
         check=False,
         env=os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
     )
-    wanted = "once\n{1} {1.0} {3.0}\n{1} {1.0} {4.0}\n"
+    wanted = "once\n{1} {1.0} {1.0} {3.0}\n{1} {1.0} {1.0} {4.0}\n"
     assert (ended.stdout, ended.stderr) == (wanted, "")
 
 

@@ -32,6 +32,8 @@ MEMORY = {
 system for the same pages again (glibc takes at most 32 MiB, and gives threads heaps of 64 MiB that
 come and go).
 """
+ALONE = {"OMP_NUM_THREADS": 1, "MKL_NUM_THREADS": 1, "OPENBLAS_NUM_THREADS": 1}
+"""There is a worker per processor: linear algebra takes no further ones (as dask has it)."""
 METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
 NEEDED = ("distributed", worker.__name__)
 """Modules that are imported once for all workers of this machine."""
@@ -114,20 +116,21 @@ def prepare(workers: Workers) -> None:
     if METHOD != "forkserver" or workers.elsewhere or workers.count == 0:
         return
     multiprocessing.get_context(METHOD).set_forkserver_preload(list(NEEDED))
-    with _ctrl_c_for_us_alone(), _environment(MEMORY):
+    wanted = {name: str(value) for name, value in {**MEMORY, **ALONE}.items()}
+    with _ctrl_c_for_us_alone(), _environment(wanted):
         forkserver.ensure_running()
 
 
 @contextmanager
-def _environment(further: Mapping[str, object]) -> Iterator[None]:
-    before = dict(os.environ)
-    os.environ.update({name: str(value) for name, value in further.items()})
+def _environment(wanted: Mapping[str, str]) -> Iterator[None]:
+    """What is not set otherwise is set for a while."""
+    further = {name: value for name, value in wanted.items() if name not in os.environ}
+    os.environ.update(further)
     try:
         yield
     finally:
         for name in further:
-            os.environ.pop(name)
-        os.environ.update(before)
+            del os.environ[name]
 
 
 def _local(count: int, life: ExitStack) -> Any:
