@@ -573,8 +573,10 @@ for level in ("3", "4"):
 """
     )
     (tmp_path / "worker.py").write_text(
-        "import os\n\n\ndef arenas(result):\n    return float(os.environ['MALLOC_ARENA_MAX'])\n"
-        "\n\ndef threads(result):\n    return float(os.environ['OPENBLAS_NUM_THREADS'])\n"
+        "import os\n\nimport psutil\n\n\n"
+        "def arenas(result):\n    return float(os.environ['MALLOC_ARENA_MAX'])\n"
+        "\n\ndef threads(result):\n    server = psutil.Process(os.getppid())\n"
+        "    return float(server.environ()['OPENBLAS_NUM_THREADS'])\n"
         "\n\ndef level(result):\n    return float(os.environ['LEVEL'])\n"
     )
     ended = subprocess.run(
