@@ -62,7 +62,7 @@ static const Model start = {
 };
 
 static const Variable variables[] = {
-    ORBIT_ROWS,
+    ORBIT_ROWS(orbit),
     PARAMETER(r_0_N, "m", "position at the start in N axes, used when a = 0"),
     PARAMETER(v_0_N, "m/s", "velocity at the start in N axes, used when a = 0"),
     PARAMETER(rho_0_H, "m",

@@ -63,7 +63,7 @@ static const Model start = {
 
 static const Variable variables[] = {
     POSITIVE_AS("a", orbit.a, "m", "semi-major axis of the orbit of the centre of mass"),
-    ELLIPSE_ROWS,
+    ELLIPSE_ROWS(orbit),
     POSITIVE_AS("mass", links.mass, "kg", "mass of base, link 1, link 2"),
     POSITIVE_AS(
         "Ixx", links.Ixx, "kg.m2",

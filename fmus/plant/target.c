@@ -46,7 +46,7 @@ static const Model start = {
 };
 
 static const Variable variables[] = {
-    ORBIT_ROWS,
+    ORBIT_ROWS(orbit),
     PARAMETER(r_0_N, "m", "start position in N axes, used when a = 0"),
     PARAMETER(v_0_N, "m/s", "start velocity in N axes, used when a = 0"),
     POSITIVE(mass, "kg", "mass, needed for contact forces only"),

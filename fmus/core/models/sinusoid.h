@@ -12,12 +12,14 @@ typedef struct {
     double start;
 } Sinusoid;
 
-#define SINUSOID_ROWS(member, unit, text)                                           \
-    PARAMETER(member.bias, unit, text ": constant part, per axis"),                 \
-        PARAMETER(member.amplitude, unit, text ": amplitude, per axis"),            \
-        PARAMETER(member.frequency, "rad/s", text ": angular frequency, per axis"), \
-        PARAMETER(member.phase, "rad", text ": phase, per axis"),                   \
-        PARAMETER(member.start, "s", text ": nothing before this time")
+#define SINUSOID_ROWS_AS(name, member, unit, text)                                             \
+    PARAMETER_AS(name ".bias", member.bias, unit, text ": constant part, per axis"),           \
+        PARAMETER_AS(name ".amplitude", member.amplitude, unit, text ": amplitude, per axis"), \
+        PARAMETER_AS(name ".frequency", member.frequency, "rad/s",                             \
+                     text ": angular frequency, per axis"),                                    \
+        PARAMETER_AS(name ".phase", member.phase, "rad", text ": phase, per axis"),            \
+        PARAMETER_AS(name ".start", member.start, "s", text ": nothing before this time")
+#define SINUSOID_ROWS(member, unit, text) SINUSOID_ROWS_AS(#member, member, unit, text)
 
 /* one axis; most disturbances of a run are switched off by zero amplitude, and a test is cheaper
  * than a sine */

@@ -10,7 +10,7 @@
 #define EARTH .mu = 3.986004415e14, .R_E = 6378136.3, .J2 = 1.0826360229829945e-3 /* JGM-3 */
 
 /* all but the semi-major axis, in the order of the tables */
-#define ELLIPSE_ROWS                                                                      \
+#define ELLIPSE_ROWS(orbit)                                                               \
     NONNEGATIVE_AS("e", orbit.e, "1", "eccentricity, below 1"),                           \
         PARAMETER_AS("inc", orbit.inc, "rad", "inclination"),                             \
         PARAMETER_AS("argp", orbit.argp, "rad", "argument of perigee"),                   \
@@ -19,10 +19,11 @@
         NONNEGATIVE_AS("mu", orbit.mu, "m3/s2",                                           \
                        "gravitational parameter of the planet; 0 = deep space")
 
-#define ORBIT_ROWS                                                                              \
-    NONNEGATIVE_AS("a", orbit.a, "m",                                                           \
-                   "semi-major axis of the target orbit; 0 = Cartesian start r_0_N, v_0_N"),    \
-        ELLIPSE_ROWS, NONNEGATIVE_AS("R_E", orbit.R_E, "m", "equatorial radius of the planet"), \
+#define ORBIT_ROWS(orbit)                                                                    \
+    NONNEGATIVE_AS("a", orbit.a, "m",                                                        \
+                   "semi-major axis of the target orbit; 0 = Cartesian start r_0_N, v_0_N"), \
+        ELLIPSE_ROWS(orbit),                                                                 \
+        NONNEGATIVE_AS("R_E", orbit.R_E, "m", "equatorial radius of the planet"),            \
         NONNEGATIVE_AS("J2", orbit.J2, "1", "second zonal harmonic of the planet")
 
 static inline void check_ellipse(Problems *problems, const Orbit *o)

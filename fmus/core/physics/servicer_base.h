@@ -1,0 +1,179 @@
+/* servicer_base.h - what every plant of the servicer has: parameters, ports and state of its base
+ * body, the field, the wheels within their limits, the attitude that is frozen before t_att.
+ *
+ * Sensors, thrusters and wheels are bolted to the base body, so these rows mean the same on every
+ * plant. Equations: docs/models.md A.3. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef SERVICER_BASE_H
+#define SERVICER_BASE_H
+
+#include "disturbance.h"
+#include "orbit_rows.h"
+#include "rigid_body.h"
+
+typedef struct {
+    Orbit orbit;
+    vec3 r_0_N, v_0_N, rho_0_H, drho_0_H;
+    double mass_0;
+    mat3 J_S, A_w;
+    vec3 sigma_SN_0, omega_SN_S_0, wheel_speed_0;
+    double t_att, use_J2, use_gravity_gradient, wheel_accel_max, wheel_speed_max;
+    Sinusoid M_dist_S, a_dist;
+    double a_dist_axes, velocity_follows_attitude, max_step;
+} BaseParameters;
+typedef struct {
+    vec3 F_S, M_S;
+    double mdot;
+    vec3 wheel_accel_cmd;
+} BaseInput;
+typedef struct {
+    vec3 r, v, sigma, omega, wheel_speed;
+    double mass;
+} BaseState;
+typedef struct {
+    vec3 r_SN_N, v_SN_N;
+    quat q_SN;
+    vec3 omega_SN_S, sigma_SN, wheel_speed;
+    double mass;
+} BaseOutput;
+
+/* ---- rows; every plant names the members `base` ---- */
+#define BASE_START                                                                                \
+    {.orbit = {EARTH, .a = 7158140, .e = 0.01, .inc = 0.5235987755982988,                         \
+               .argp = 1.0471975511965976, .raan = 2.0943951023931953, .nu = 0.5235987755982988}, \
+     .rho_0_H = {0, 20, 0},                                                                       \
+     .mass_0 = 100,                                                                               \
+     .J_S = {{{200, 0, 0}, {0, 250, 0}, {0, 0, 150}}},                                            \
+     .A_w = {{{12, 0, 0}, {0, 15, 0}, {0, 0, 10}}},                                               \
+     .use_J2 = 1,                                                                                 \
+     .max_step = 0.1}
+
+#define BASE_SWITCH(member, text) \
+    ROW_AS(PARAMETER_ROW, p, #member, base.member, 1, "1", text, SWITCH_VALUE)
+#define BASE_MATRIX(member, text) \
+    ROW_AS(PARAMETER_ROW, p, #member, base.member, 3, "kg.m2", text, ANY_VALUE)
+#define BASE_PARAMETERS                                                                            \
+    ORBIT_ROWS(base.orbit),                                                                        \
+        PARAMETER_AS("r_0_N", base.r_0_N, "m", "start position in N axes, used when a = 0"),       \
+        PARAMETER_AS("v_0_N", base.v_0_N, "m/s", "start velocity in N axes, used when a = 0"),     \
+        PARAMETER_AS("rho_0_H", base.rho_0_H, "m",                                                 \
+                     "start position relative to the target, Hill axes, used when a > 0"),         \
+        PARAMETER_AS("drho_0_H", base.drho_0_H, "m/s",                                             \
+                     "start velocity relative to the target as seen in the Hill frame, used when " \
+                     "a > 0"),                                                                     \
+        POSITIVE_AS("mass_0", base.mass_0, "kg", "start mass"),                                    \
+        BASE_MATRIX(J_S, "inertia of the whole servicer about its centre of mass, wheels locked, " \
+                         "body axes"),                                                             \
+        BASE_MATRIX(A_w, "wheel inertia matrix: wheel speeds to wheel momentum in body axes"),     \
+        PARAMETER_AS("sigma_SN_0", base.sigma_SN_0, "1",                                           \
+                     "start attitude relative to N, modified Rodrigues parameters"),               \
+        PARAMETER_AS("omega_SN_S_0", base.omega_SN_S_0, "rad/s",                                   \
+                     "angular velocity relative to N when the attitude is released, body axes"),   \
+        PARAMETER_AS("wheel_speed_0", base.wheel_speed_0, "rad/s",                                 \
+                     "wheel speeds relative to the body when the attitude is released"),           \
+        PARAMETER_AS("t_att", base.t_att, "s", "the attitude is frozen before this time"),         \
+        BASE_SWITCH(use_J2, "1: oblateness of the planet acts on the orbit"),                      \
+        BASE_SWITCH(use_gravity_gradient, "1: gravity gradient acts on the attitude"),             \
+        NONNEGATIVE_AS("wheel_accel_max", base.wheel_accel_max, "rad/s2",                          \
+                       "largest wheel acceleration, per wheel; 0 = no limit"),                     \
+        NONNEGATIVE_AS("wheel_speed_max", base.wheel_speed_max, "rad/s",                           \
+                       "largest wheel speed, per wheel; 0 = no limit"),                            \
+        SINUSOID_ROWS_AS("M_dist_S", base.M_dist_S, "N.m", "disturbance torque, body axes"),       \
+        SINUSOID_ROWS_AS("a_dist", base.a_dist, "m/s2",                                            \
+                         "disturbance acceleration, axes by a_dist_axes"),                         \
+        BASE_SWITCH(a_dist_axes, "axes of a_dist: 0 = N, 1 = Hill frame of the own orbit"),        \
+        BASE_SWITCH(velocity_follows_attitude,                                                     \
+                    "1: the velocity turns with the body; unphysical, only to reproduce Kozlova "  \
+                    "& Fomichev"),                                                                 \
+        POSITIVE_AS("max_step", base.max_step, "s", "internal integration step")
+
+#define BASE_INPUT(member, unit, text, rule) \
+    ROW_AS(INPUT_ROW, u, #member, base.member, 1, unit, text, rule)
+#define BASE_INPUTS                                                                                \
+    BASE_INPUT(F_S, "N", "force of the actuators, body axes", ANY_VALUE),                          \
+        BASE_INPUT(M_S, "N.m", "torque of the actuators about the centre of mass, body axes",      \
+                   ANY_VALUE),                                                                     \
+        BASE_INPUT(mdot, "kg/s", "propellant consumption", NONNEGATIVE_VALUE),                     \
+        BASE_INPUT(wheel_accel_cmd, "rad/s2", "commanded wheel acceleration relative to the body", \
+                   ANY_VALUE)
+
+#define BASE_OUTPUT(member, unit, text, rule) \
+    ROW_AS(OUTPUT_ROW, y, #member, base.member, 1, unit, text, rule)
+#define BASE_OUTPUTS                                                                               \
+    BASE_OUTPUT(r_SN_N, "m", "position of the servicer, N axes", ANY_VALUE),                       \
+        BASE_OUTPUT(v_SN_N, "m/s", "velocity of the servicer, N axes", ANY_VALUE),                 \
+        BASE_OUTPUT(q_SN, "1", "attitude of the servicer relative to N, scalar first", ANY_VALUE), \
+        BASE_OUTPUT(omega_SN_S, "rad/s",                                                           \
+                    "angular velocity of the servicer relative to N, body axes", ANY_VALUE),       \
+        BASE_OUTPUT(sigma_SN, "1",                                                                 \
+                    "attitude of the servicer relative to N, modified Rodrigues parameters "       \
+                    "inside the unit sphere",                                                      \
+                    ANY_VALUE),                                                                    \
+        BASE_OUTPUT(wheel_speed, "rad/s", "wheel speeds relative to the body", ANY_VALUE),         \
+        BASE_OUTPUT(mass, "kg", "mass with the propellant left", NONNEGATIVE_VALUE)
+
+static inline void check_base(Problems *problems, const BaseParameters *p)
+{
+    check_orbit(problems, &p->orbit, p->r_0_N);
+    check_inertia(problems, "J_S", p->J_S);
+    check_positive_definite(problems, "A_w", p->A_w);
+    mat3 A = p->A_w, J = p->J_S; /* the body without the wheels must have inertia of its own */
+    check_positive_definite(
+        problems, "J_S - A_w",
+        rows(sub(J.row[0], A.row[0]), sub(J.row[1], A.row[1]), sub(J.row[2], A.row[2])));
+}
+
+/* ---- motion ---- */
+static inline BaseState base_at_start(const BaseParameters *p)
+{
+    PosVel s = p->orbit.a > 0 ? posvel_beside(&p->orbit, p->rho_0_H, p->drho_0_H)
+                              : (PosVel){p->r_0_N, p->v_0_N};
+    return (BaseState){s.r,      s.v, mrp_inside(p->sigma_SN_0), p->omega_SN_S_0, p->wheel_speed_0,
+                       p->mass_0};
+}
+
+/* gravity and disturbance of a centre of mass, N axes; `since`: start of the internal step */
+static inline vec3 free_fall_N(const BaseParameters *p, const vec3 *r, const vec3 *v, double since,
+                               double t)
+{
+    return add(gravity(&p->orbit, p->use_J2, *r),
+               disturbance_N(&p->a_dist, p->a_dist_axes, p->orbit.mu, r, v, since, t));
+}
+
+/* velocity_follows_attitude: what keeps C_SN v constant while the body turns; v of the centre of
+ * mass */
+static inline vec3 velocity_turning_N(const BaseParameters *p, int released, const BaseState *x,
+                                      vec3 v)
+{
+    if (!p->velocity_follows_attitude || !released) return vec(0, 0, 0);
+    return cross(tmul(dcm_of_mrp(x->sigma), x->omega), v);
+}
+
+/* acceleration of one wheel over an internal step, within the limits of acceleration and speed */
+static inline double wheel_accel(const BaseParameters *p, double command, double speed, double h)
+{
+    double accel = limited(command, p->wheel_accel_max), top = p->wheel_speed_max;
+    return top > 0 ? clamp(accel, smaller(0, (-top - speed) / h), larger(0, (top - speed) / h))
+                   : accel;
+}
+
+static inline vec3 wheel_accels(const BaseParameters *p, vec3 command, vec3 speed, double h)
+{
+    return vec(wheel_accel(p, command.x, speed.x, h), wheel_accel(p, command.y, speed.y, h),
+               wheel_accel(p, command.z, speed.z, h));
+}
+
+static inline void publish_base(const BaseParameters *p, const BaseState *x, BaseOutput *y,
+                                double t)
+{
+    int released = reached(t, p->t_att);
+    y->r_SN_N = x->r;
+    y->v_SN_N = x->v;
+    y->q_SN = quat_of_mrp(x->sigma);
+    y->omega_SN_S = released ? x->omega : vec(0, 0, 0);
+    y->sigma_SN = x->sigma;
+    y->wheel_speed = released ? x->wheel_speed : vec(0, 0, 0);
+    y->mass = x->mass;
+}
+
+#endif
