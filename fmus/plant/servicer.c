@@ -1,9 +1,10 @@
 /* servicer.c - servicer spacecraft: orbit, attitude, three momentum wheels, propellant.
  *
  *   dr/dt     = v
- *   dv/dt     = -mu r/r^3 + a_J2 + a_dist + C_SN^T F_S / m,        dm/dt = -mdot
+ *   dv/dt     = -mu r/r^3 + a_J2 + a_dist + C_SN^T (F_S + F_contact_S) / m,   dm/dt = -mdot
  *   dsigma/dt = 1/4 G(sigma) omega
- *   J_S domega/dt = -omega x (J_S omega + A_w Omega) - A_w dOmega/dt + M_S + M_gg + M_dist
+ *   J_S domega/dt = -omega x (J_S omega + A_w Omega) - A_w dOmega/dt + M_S + M_contact_S + M_gg
+ *                   + M_dist
  *   dOmega/dt = commanded wheel acceleration, within the limits
  *
  * J_S: whole servicer with wheels locked; Omega: wheel speeds relative to the body; the momentum is
@@ -47,7 +48,7 @@ static void attitude_derivative(const Context *c, double t, const BaseState *x, 
 {
     const BaseParameters *p = c->p;
     vec3 momentum = add(mul(p->J_S, x->omega), mul(p->A_w, x->wheel_speed));
-    vec3 torque = add(c->u->M_S, sinusoid(&p->M_dist_S, c->since, t));
+    vec3 torque = add(torque_S(c->u), sinusoid(&p->M_dist_S, c->since, t));
     if (p->use_gravity_gradient)
         torque =
             add(torque, gravity_gradient(p->orbit.mu, mul(dcm_of_mrp(x->sigma), x->r), p->J_S));
@@ -61,7 +62,7 @@ static void attitude_derivative(const Context *c, double t, const BaseState *x, 
 static void derivative(const Context *c, double t, const State *state, State *rate)
 {
     const BaseState *x = &state->base;
-    vec3 thrust = scale(1 / x->mass, tmul(dcm_of_mrp(x->sigma), c->u->F_S));
+    vec3 thrust = scale(1 / x->mass, tmul(dcm_of_mrp(x->sigma), force_S(c->u)));
     vec3 free_fall = free_fall_N(c->p, &x->r, &x->v, c->since, t);
     vec3 turning = velocity_turning_N(c->p, c->released, x, x->v);
     *rate = (State){{.r = x->v, .v = sum3(free_fall, thrust, turning), .mass = -c->u->mdot}};

@@ -28,6 +28,9 @@ FmpyObject = Any
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad", "factor", "offset")
 """Attributes of an FMI (and SSP) base unit: exponents of the SI units, then factor and offset."""
 
+OPTIONAL = "ModelVariables/ScalarVariable[Annotations/Tool/OptionalInput]/@name"
+"""Where a description names the inputs that a system need not drive."""
+
 
 @dataclass(frozen=True)
 class Variable:
@@ -35,7 +38,8 @@ class Variable:
     initialization.
 
     items: values by name of an enumeration; type_name: name of its type; start: None if it has none
-    or is a String; low, high: the limits declared; begin: start value of any type.
+    or is a String; low, high: the limits declared; begin: start value of any type; optional: an
+    input that keeps its start value where nobody drives it, by an annotation of its own.
     """
 
     name: str
@@ -51,6 +55,7 @@ class Variable:
     low: float | None = None
     high: float | None = None
     begin: float | str | None = None
+    optional: bool = False
 
 
 @dataclass(frozen=True)
@@ -101,7 +106,8 @@ def _read(path: Path, _: Stamp) -> Interface:
     if verdict.errors:
         raise FmuError("\n".join(f"{path.name}: {problem}" for problem in verdict.errors))
     model = _description(path, verdict)
-    variables = {v.name: _variable(v) for v in model.modelVariables}
+    optional = set(verdict.root.xpath(OPTIONAL))
+    variables = {v.name: _variable(v, v.name in optional) for v in model.modelVariables}
     units = {
         u.name: _base_unit(u.baseUnit) for u in model.unitDefinitions if u.baseUnit is not None
     }
@@ -119,7 +125,7 @@ def _description(path: Path, verdict: Verdict) -> FmpyObject:
         raise FmuError(f"{path.name}: cannot be read ({' '.join(str(error).split())})") from error
 
 
-def _variable(v: FmpyObject) -> Variable:
+def _variable(v: FmpyObject, optional: bool) -> Variable:
     unit = v.unit if v.unit is not None or v.declaredType is None else v.declaredType.unit
     settable = v.start is not None and v.variability != "constant"
     items = v.declaredType.items if v.type == "Enumeration" and v.declaredType is not None else ()
@@ -130,6 +136,7 @@ def _variable(v: FmpyObject) -> Variable:
     return Variable(
         v.name, v.valueReference, v.type, v.causality, unit, text, settable, values, name,
         start, low, high, v.start if v.type == "String" else start,
+        optional and v.causality == "input" and start is not None,
     )  # fmt: skip
 
 

@@ -192,8 +192,9 @@ def _double_drive(connections: Sequence[Connection]) -> Iterator[str]:
 def _open_inputs(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
     driven = {connection.target for connection in system.connections}
     for component in (c for c in system.components if c.name in interfaces):
-        for name in interfaces[component.name].named("input"):
-            if Port(component.name, name) not in driven and name not in component.parameters:
+        for name, variable in interfaces[component.name].named("input").items():
+            known = name in component.parameters or variable.optional
+            if Port(component.name, name) not in driven and not known:
                 yield (
                     f"{component.name}.{name}: is an open input, nothing drives it and it has no "
                     "value"

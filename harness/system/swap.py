@@ -75,7 +75,7 @@ def exchange(
     prepared = [a for a in system.alternatives if a.component == name and a.fmu == model]
     renamed = _with_names(system, name, names)
     if not prepared:
-        _warn_of_dropped(renamed.component(name), path, interfaces[name])
+        _warn_of_dropped(renamed.component(name), before[name], interfaces[name])
     changed = _with_fmu(renamed, name, path, interfaces[name])
     for alternative in prepared:
         changed = _with_parameters(changed, alternative.parameters)
@@ -220,7 +220,7 @@ def _rewired(
         sources = drivers(interfaces, ours)
         if len(sources) == 1:
             connections.append(Connection(sources[0], port))
-        elif system.strict:
+        elif system.strict and (sources or not inputs[port.variable].optional):
             problems.append(_undriven(port, sources))
     return connections, problems
 
@@ -234,8 +234,8 @@ def _undriven(port: Port, sources: Sequence[Port]) -> str:
     )
 
 
-def _warn_of_dropped(old: Component, path: Path, interface: Interface) -> None:
-    known = interface.settable()
+def _warn_of_dropped(old: Component, before: Interface, interface: Interface) -> None:
+    known = {*interface.settable(), *(n for n, v in before.variables.items() if v.optional)}
     dropped = list(
         dict.fromkeys(base(p).partition(".")[0] for p in old.parameters if p not in known)
     )
@@ -245,7 +245,7 @@ def _warn_of_dropped(old: Component, path: Path, interface: Interface) -> None:
         _log.warning(
             "%s: %s does not have these parameters of %s: %s",
             old.name,
-            path.name,
+            interface.path.name,
             old.fmu.stem,
             names,
         )

@@ -36,7 +36,7 @@ def wire(
 
     interfaces: by component, in execution order; explicit: exceptions (input, output) as
     `component.variable`, for whole vectors or single elements; left_open: inputs that nobody
-    drives.
+    drives. An optional input that no output is called like needs neither.
     """
     wiring = Wiring()
     for target, source in explicit:
@@ -66,7 +66,7 @@ def _by_name(wiring: Wiring, interfaces: Mapping[str, Interface], target: Port) 
         wiring.problems.append(
             f"{name}: ambiguous, {components} have an output of this name: choose in [connections]"
         )
-    else:
+    elif not interfaces[target.component].variables[target.variable].optional:
         known = {base(name) for interface in interfaces.values() for name in interface.outputs()}
         close = did_you_mean(target.signal, known)
         wiring.problems.append(

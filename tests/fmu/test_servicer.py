@@ -99,6 +99,19 @@ def test_velocity_turns_with_the_body_only_where_the_unphysical_option_asks_for_
         assert deviation(free.get("v_SN_N"), p["v_0_N"]) == 0
 
 
+def test_loads_of_contact_add_to_those_of_the_actuators(fmu, rng):
+    """Powers of two: the sum is the same however it is parted."""
+    F, M = rng.integers(-8, 8, 3) / 4, rng.integers(-8, 8, 3) / 64
+    body = cases.spinning_servicer(rng) | {"sigma_SN_0": (0.1, -0.2, 0.3)}
+    whole, parted, contact, actuators = (fmu("servicer", body) for _ in range(4))
+    whole.step(20, {"F_S": F, "M_S": M})
+    rest = {"F_contact_S": 3 * F / 4, "M_contact_S": 3 * M / 4}
+    parted.step(20, {"F_S": F / 4, "M_S": M / 4} | rest)
+    contact.step(20, {"F_contact_S": F, "M_contact_S": M})
+    actuators.step(20)
+    assert bits(whole) == bits(parted) == bits(contact) != bits(actuators)
+
+
 # ---- orbit and relative motion ----
 
 

@@ -32,6 +32,7 @@ class Var(NamedTuple):
     start: float = 0.0
     unit: str | None = "1"
     type: str = "Real"
+    optional: bool = False
 
 
 @dataclass(frozen=True)
@@ -375,6 +376,7 @@ BASE = {
 TYPE_DEFINITIONS = """<TypeDefinitions><SimpleType name="Mode"><Enumeration>
     <Item name="off" value="1"/><Item name="hold" value="4"/><Item name="go" value="7"/>
   </Enumeration></SimpleType></TypeDefinitions>"""
+MARK = '<Annotations><Tool name="servicing-fmus"><OptionalInput/></Tool></Annotations>'
 VARIABILITY = {"parameter": "fixed", "local": "continuous"}
 
 
@@ -395,4 +397,5 @@ def _variable(i: int, v: Var) -> str:
         f'name={quoteattr(v.name)} valueReference="{i}" causality="{v.causality}"'
         f' variability="{variability}"'
     )
-    return f"<ScalarVariable {head}><{v.type}{kind}{unit}{starts}/></ScalarVariable>"
+    notes = MARK if v.optional else ""
+    return f"<ScalarVariable {head}><{v.type}{kind}{unit}{starts}/>{notes}</ScalarVariable>"

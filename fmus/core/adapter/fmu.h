@@ -40,6 +40,7 @@ typedef struct {
     const char *unit;
     const char *text;
     Rule rule;
+    int optional; /* an input that keeps its start value where nobody drives it */
 } Variable;
 
 #define MODEL_STRUCT  \
@@ -50,15 +51,18 @@ typedef struct {
         Output y;     \
     } Model
 
+#define ROW(causality, part, name, member, columns, unit, text, rule, optional) \
+    {causality,                                                                 \
+     name,                                                                      \
+     offsetof(Model, part.member),                                              \
+     sizeof(((Model *)0)->part.member) / sizeof(double),                        \
+     columns,                                                                   \
+     unit,                                                                      \
+     text,                                                                      \
+     rule,                                                                      \
+     optional}
 #define ROW_AS(causality, part, name, member, columns, unit, text, rule) \
-    {causality,                                                          \
-     name,                                                               \
-     offsetof(Model, part.member),                                       \
-     sizeof(((Model *)0)->part.member) / sizeof(double),                 \
-     columns,                                                            \
-     unit,                                                               \
-     text,                                                               \
-     rule}
+    ROW(causality, part, name, member, columns, unit, text, rule, 0)
 
 #define PARAMETER(member, unit, text) \
     ROW_AS(PARAMETER_ROW, p, #member, member, 1, unit, text, ANY_VALUE)
@@ -78,6 +82,13 @@ typedef struct {
 #define INPUT(member, unit, text) ROW_AS(INPUT_ROW, u, #member, member, 1, unit, text, ANY_VALUE)
 #define NONNEGATIVE_INPUT(member, unit, text) \
     ROW_AS(INPUT_ROW, u, #member, member, 1, unit, text, NONNEGATIVE_VALUE)
+/* inputs that a system need not know: the model description says so, the build of a system asks for
+ * no driver */
+#define OPTIONAL_INPUT_AS(name, member, unit, text) \
+    ROW(INPUT_ROW, u, name, member, 1, unit, text, ANY_VALUE, 1)
+#define OPTIONAL_INPUT(member, unit, text) OPTIONAL_INPUT_AS(#member, member, unit, text)
+#define OPTIONAL_SWITCH(member, text) \
+    ROW(INPUT_ROW, u, #member, member, 1, "1", text, SWITCH_VALUE, 1)
 #define OUTPUT(member, unit, text) ROW_AS(OUTPUT_ROW, y, #member, member, 1, unit, text, ANY_VALUE)
 #define NONNEGATIVE_OUTPUT(member, unit, text) \
     ROW_AS(OUTPUT_ROW, y, #member, member, 1, unit, text, NONNEGATIVE_VALUE)

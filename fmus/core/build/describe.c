@@ -148,6 +148,10 @@ static void print_bounds(Rule rule)
     if (highest(rule) < DBL_MAX) print_attribute("max", highest(rule));
 }
 
+/* what tells a tool that the input may stay undriven (harness/system/interface.py reads it) */
+#define OPTIONAL_MARK \
+    "<Annotations><Tool name=\"servicing-fmus\"><OptionalInput/></Tool></Annotations>"
+
 static void print_variable(size_t row, size_t element, const void *model)
 {
     static const char *const kind[] = {
@@ -168,7 +172,9 @@ static void print_variable(size_t row, size_t element, const void *model)
     print_bounds(v->rule);
     if (nominal(v, values) != 1) print_attribute("nominal", nominal(v, values));
     if (v->causality != OUTPUT_ROW) print_attribute("start", value_of(fmu_model.start, s));
-    printf("/>\n    </ScalarVariable>\n");
+    printf("/>\n");
+    if (v->optional) printf("      " OPTIONAL_MARK "\n");
+    printf("    </ScalarVariable>\n");
 }
 
 static void print_variables(const void *model)
@@ -239,6 +245,7 @@ static void check_row(size_t row)
     if (!*v->text) fault(v->name, "no description");
     if (row > 0 && v->causality < fmu_model.variables[row - 1].causality)
         fault(v->name, "rows must be in the order parameters, inputs, outputs");
+    if (v->optional && v->causality != INPUT_ROW) fault(v->name, "only an input can be optional");
     if (v->size == 0 || v->size > VR_STRIDE || v->size % v->columns)
         fault(v->name, "impossible shape");
     for (size_t i = 0; i < row; i++)

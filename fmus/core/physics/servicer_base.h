@@ -24,7 +24,7 @@ typedef struct {
 typedef struct {
     vec3 F_S, M_S;
     double mdot;
-    vec3 wheel_accel_cmd;
+    vec3 wheel_accel_cmd, F_contact_S, M_contact_S;
 } BaseInput;
 typedef struct {
     vec3 r, v, sigma, omega, wheel_speed;
@@ -95,7 +95,11 @@ typedef struct {
                    ANY_VALUE),                                                                     \
         BASE_INPUT(mdot, "kg/s", "propellant consumption", NONNEGATIVE_VALUE),                     \
         BASE_INPUT(wheel_accel_cmd, "rad/s2", "commanded wheel acceleration relative to the body", \
-                   ANY_VALUE)
+                   ANY_VALUE),                                                                     \
+        OPTIONAL_INPUT_AS("F_contact_S", base.F_contact_S, "N",                                    \
+                          "force of contact or docking, body axes"),                               \
+        OPTIONAL_INPUT_AS("M_contact_S", base.M_contact_S, "N.m",                                  \
+                          "torque of contact or docking about the centre of mass, body axes")
 
 #define BASE_OUTPUT(member, unit, text, rule) \
     ROW_AS(OUTPUT_ROW, y, #member, base.member, 1, unit, text, rule)
@@ -124,6 +128,10 @@ static inline void check_base(Problems *problems, const BaseParameters *p)
 }
 
 /* ---- motion ---- */
+/* of actuators and contact, body axes, the torque about the point that M_S is given about */
+static inline vec3 force_S(const BaseInput *u) { return add(u->F_S, u->F_contact_S); }
+static inline vec3 torque_S(const BaseInput *u) { return add(u->M_S, u->M_contact_S); }
+
 static inline BaseState base_at_start(const BaseParameters *p)
 {
     PosVel s = p->orbit.a > 0 ? posvel_beside(&p->orbit, p->rho_0_H, p->drho_0_H)
