@@ -61,8 +61,10 @@ test-browser: build
 	$(RUN) $(PIP) --no-build-isolation --editable '.[test,browser]'
 	$(BIN)/pytest -m browser -rs
 
+# long studies, and the property tests with many examples at random; SEED=... draws the same again
 test-long: build
-	$(PYTEST) -m long
+	$(PYTEST) -m "long or hypothesis" --hypothesis-profile=random \
+	  --hypothesis-seed=$${SEED:-$$(date +%s)}
 
 # with tools beyond the test dependencies; writes the table docs/tools.md from the run
 test-interop: build

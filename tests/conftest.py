@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The table of tools: what the interoperability tests ran, with which version, and how it ended.
+"""How property tests draw their examples, and the table of tools.
+
+`make test` draws the same few examples wherever and whenever it runs, `make test-long` many at
+random, and prints for a failure the line that repeats it.
+
+The table of tools: what the interoperability tests ran, with which version, and how it ended.
 
     pytest -m interop --tool-table=docs/tools.md
 
@@ -10,10 +15,32 @@ A test names its tool with `@pytest.mark.tool("libcosim", "libcosimpy")`: name, 
 distribution (or the version).
 """
 
+import shlex
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
+from hypothesis.internal.conjecture import providers
+
+settings.register_profile(
+    "repeatable",
+    max_examples=25,
+    derandomize=True,
+    database=None,
+    deadline=None,
+    suppress_health_check=list(HealthCheck),
+)
+settings.register_profile(
+    "random", settings.get_profile("repeatable"), max_examples=250, derandomize=False
+)
+settings.load_profile("repeatable")
+
+if hasattr(providers, "_get_local_constants"):
+    # Constants of the modules that happen to be loaded, other ones in every worker of pytest-xdist,
+    # would be among the examples.
+    NO_CONSTANTS = providers.Constants()
+    providers._get_local_constants = lambda: NO_CONSTANTS
 
 OUTCOMES: dict = {}
 """(tool, version, what was run) -> [(outcome, reason)]"""
@@ -42,8 +69,15 @@ def version_of(distribution):
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item, call):
-    """Every report says which tool it is about; so it does when it comes from another process."""
+    """Every report says which tool it is about; so it does when it comes from another process. That
+    of a property that failed at random says how to repeat it.
+    """
     report = yield
+    seed = item.config.getoption("--hypothesis-seed", None)
+    if report.failed and seed and item.get_closest_marker("hypothesis"):
+        again = f"--hypothesis-profile=random --hypothesis-seed={seed}"
+        line = f".venv/bin/pytest -n 0 -m '' {again} {shlex.quote(item.nodeid)}"
+        report.sections.append(("repeat it", line))
     mark = item.get_closest_marker("tool")
     decisive = report.when == "call" or report.outcome != "passed"
     if mark and decisive and report.when != "teardown":

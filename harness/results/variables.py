@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -41,7 +42,7 @@ def variables(
         if name in table.vectors:
             given = [table.columns[i] for i in table.vectors[name].flat]
             if given != element_names(name, values.shape[1:]):
-                about[ELEMENTS] = "\n".join(given)
+                about[ELEMENTS] = in_lines(given)
         yield name, _dimensions(values.shape[1:]), values, about
 
 
@@ -54,6 +55,22 @@ def _dimensions(shape: tuple[int, ...]) -> tuple[str, ...]:
 def element_names(name: str, shape: tuple[int, ...]) -> list[str]:
     """Scalars of a variable of that shape, counted from 1."""
     return list(expand(name, np.empty(shape).tolist())) if shape else [name]
+
+
+def in_lines(names: Iterable[str]) -> str:
+    """Names in one text, a line each, and from_lines() has them again: a backslash begins a line
+    break inside of a name.
+    """
+    return "\n".join(name.replace("\\", r"\\").replace("\n", r"\n") for name in names)
+
+
+def from_lines(text: str) -> list[str]:
+    """The inverse of in_lines()."""
+    return [_ESCAPED.sub(lambda m: _MEANT[m[0]], line) for line in text.split("\n")]
+
+
+_MEANT = {r"\\": "\\", r"\n": "\n"}
+_ESCAPED = re.compile(r"\\[\\n]")
 
 
 def attributes(table: Table) -> dict[str, Any]:

@@ -22,7 +22,7 @@ def text(measures: Measures, labels: Sequence[str]) -> str:
         key: column for key, column in measures.items() if any(map(math.isfinite, column.values()))
     }
     columns = [
-        [*(*name.split(" ", 1), "")[:2], f"[{unit}]", *_numbers(column, labels)]
+        [*(*one_line(name).split(" ", 1), "")[:2], f"[{one_line(unit)}]", *_numbers(column, labels)]
         for (name, unit), column in shown.items()
     ]
     rows = list(zip(["", "", "", *map(one_line, labels)], *columns, strict=True))
@@ -57,7 +57,7 @@ def read_csv(path: Path) -> tuple[dict[str, dict[str, float]], list[str]]:
     run, and the labels; ResultsError if it cannot be read.
     """
     try:
-        with path.open(newline="") as file:
+        with path.open(encoding="utf-8", newline="") as file:
             (_, *heads), *rows = csv.reader(file)
         labels = [label for label, *_ in rows]
         cells = [[float(cell or "nan") for cell in row] for _, *row in rows]
@@ -72,8 +72,8 @@ def write_csv(measures: Measures, labels: Sequence[str], path: Path) -> None:
     """All measures with all digits, one line per run; what does not exist is empty. ResultsError if
     the file cannot be written.
     """
-    with written(path) as target, target.open("w", newline="") as file:
+    with written(path) as target, target.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["run", *(f"{name} [{unit}]" for name, unit in measures)])
+        writer.writerow(["run", *(one_line(f"{name} [{unit}]") for name, unit in measures)])
         for label, values in _rows(measures, labels):
             writer.writerow([one_line(label), *("" if math.isnan(v) else repr(v) for v in values)])

@@ -11,7 +11,7 @@ import sys
 from math import inf, nan
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as some
 
 from tests.compliance import api
@@ -193,16 +193,9 @@ class Expectation:
             self.saved[arguments[1]] = self.bytes[arguments[0]]
 
 
+@pytest.mark.hypothesis
 def test_no_sequence_of_calls_does_harm(worker, about):
-    healthy = [HealthCheck.too_slow, HealthCheck.data_too_large]
-
-    @settings(
-        max_examples=60,
-        derandomize=True,
-        deadline=None,
-        database=None,
-        suppress_health_check=healthy,
-    )
+    @settings(max_examples=2 * settings().max_examples)
     @given(sequences(about))
     def run(sequence):
         expectation = Expectation()

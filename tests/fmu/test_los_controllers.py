@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from scipy.spatial.transform import Rotation
 
 from ..reference import los
@@ -53,6 +53,7 @@ def test_required_ports_are_those_of_the_adaptive_controller(kind):
     assert all(ports(name) == ports("adaptive_controller") for name in CONTROLLERS)
 
 
+@pytest.mark.hypothesis
 @every
 def test_outputs_are_finite_for_every_finite_input(kind, fmu, name):
     """In flight nothing may end a run: not a pole, not a range of zero, not 1e308 m, not four zeros
@@ -63,9 +64,7 @@ def test_outputs_are_finite_for_every_finite_input(kind, fmu, name):
     unit = fmu(name)
     unit.step(0.1)
 
-    @settings(
-        max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-    )
+    @settings(max_examples=6 * settings().max_examples)
     @given(ANY_INPUTS)
     def flown(u):
         unit.step(0.1, u)

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
-from hypothesis import HealthCheck, given
-from hypothesis import settings as tried
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -205,7 +204,6 @@ def test_the_law_stays_finite_far_outside_and_points_back_inside(fmu):
     assert sample(unit, Scene().inputs())["violation"] == 0
 
 
-@tried(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.tuples(*[st.floats(-1e6, 1e6)] * 6))
 def test_every_generalised_state_gives_a_bounded_command(kind, flown, state):
     """Clamps of theta and kappa bound every channel: k eta p s/(1 - kappa) at theta = 0.998, kappa

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from harness import HarnessError, run, show
@@ -206,7 +206,6 @@ def test_without_pythonfmu_the_extra_is_named(tmp_path, monkeypatch):
         build(created.folder)
 
 
-@settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
 @given(name=st.one_of(st.text(max_size=8), st.from_regex(r"[A-Za-z_0-9]{1,4}", fullmatch=True)))
 def test_a_name_is_an_identifier_of_a_folder_of_its_own_or_refused(tmp_path, name):
     inside = {path.name for path in tmp_path.iterdir()}

@@ -156,7 +156,7 @@ def test_what_holds_for_all_runs_is_told_apart_from_what_varies():
     assert len(without(error, ["target.rho1"]).refusals) == 2
 
 
-@settings(max_examples=200)
+@settings(max_examples=8 * settings().max_examples)
 @given(st.text(), st.lists(st.text(max_size=5), max_size=3))
 @example("K[2] = -1: must be >= 0", ["K[1]", "K[2]"])
 @example("J - A = -14: must be positive definite; e = 2: no", ["e", "J[1,1]"])

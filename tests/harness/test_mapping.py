@@ -258,7 +258,7 @@ NAMES = st.lists(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=8 * settings().max_examples)
 @given(theirs=NAMES, ours=NAMES, pair=st.tuples(st.text(max_size=6), st.text(max_size=6)))
 def test_every_element_is_in_one_family_and_no_pair_is_taken_by_halves(theirs, ours, pair):
     groups = families(theirs)
@@ -276,7 +276,6 @@ def test_every_element_is_in_one_family_and_no_pair_is_taken_by_halves(theirs, o
         assert str(error)
 
 
-@settings(max_examples=15, deadline=None)
 @given(texts=st.lists(st.text(max_size=12), max_size=3))
 def test_any_text_is_a_map_or_a_reason(texts):
     with load("space_robot") as system:

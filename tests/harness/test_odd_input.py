@@ -14,7 +14,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import psutil
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from harness.cli.app import main
@@ -46,11 +46,6 @@ TEXT = st.one_of(
     st.floats().map(repr),
     st.integers(-(2**70), 2**70).map(str),
     st.lists(st.floats(allow_nan=False), max_size=4).map(repr),
-)
-QUICK = settings(
-    max_examples=30,
-    deadline=20_000,
-    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 
 
@@ -103,7 +98,6 @@ OPTIONS = {
 
 
 @pytest.mark.parametrize("option", OPTIONS)
-@QUICK
 @given(text=TEXT)
 def test_values_of_options_of_run(option, text):
     value = OPTIONS[option].format(text)
@@ -124,13 +118,11 @@ def test_known_odd_values_of_options_of_run(option):
 
 
 @pytest.mark.parametrize("option", ["--set", "--swap", "--latency"])
-@QUICK
 @given(text=TEXT)
 def test_whole_assignments(option, text):
     outcome("run", "demo.ssp", "-q", "-o", "out/x.csv", option, text)
 
 
-@QUICK
 @given(text=TEXT, option=st.sampled_from(["--at", "--step", "--set"]))
 @example("nan", "--at")
 @example("1e300", "--at")
@@ -154,7 +146,6 @@ def load_demo(folder):
         yield str(next(c.fmu for c in system.components if c.name == "twice"))
 
 
-@QUICK
 @given(text=TEXT)
 @pytest.mark.parametrize(
     "command", ["run", "check", "list", "draw", "compare", "linearize", "plot"]
@@ -166,7 +157,6 @@ def test_names_of_systems_and_files(command, text):
     outcome(command, text, *further.get(command, []))
 
 
-@QUICK
 @given(texts=st.lists(TEXT, max_size=3), name=st.sampled_from(["twice.k", "bad.t_fail", "x", ""]))
 def test_values_side_by_side(folder, texts, name):
     """Only what compare would run is made: runs of their own take too long here."""
@@ -194,7 +184,6 @@ VALUES = st.recursive(
 KEYS = st.sampled_from(["shared", "parameters", "twice", "bad", "k", "t_fail", "", "x"])
 
 
-@QUICK
 @given(tables=st.dictionaries(KEYS, st.one_of(VALUES, st.dictionaries(KEYS, VALUES, max_size=3))))
 def test_tables_of_parameters(folder, tables):
     from harness.system.graph import read_interfaces
@@ -206,7 +195,6 @@ def test_tables_of_parameters(folder, tables):
     assert all(isinstance(problem, str) for problem in values.problems)
 
 
-@QUICK
 @given(
     text=TEXT,
     key=st.sampled_from(["shared", "parameters", "twice.k", "[twice]\nk", "[[twice]]\nk"]),
@@ -219,7 +207,6 @@ def test_files_of_parameters(folder, text, key):
     outcome("run", "demo.ssp", "-q", "-o", "out/x.csv", "--params", "p.toml")
 
 
-@QUICK
 @given(
     table=st.sampled_from(
         ["name", "experiment", "components", "connections", "parameters", "open", "sets", "swap"]
@@ -270,10 +257,12 @@ def renamed(fmu, path, name):
             new.writestr(entry, data)
 
 
-@QUICK
 @given(name=NAMES, ending=st.sampled_from([".csv", ".nc", ".mat"]))
 @example("p/q", ".nc")
 @example("p\nq", ".csv")
+@example("0\r", ".csv")
+@example("\r", ".csv")
+@example("\x85", ".csv")
 @example("x[4000000000]", ".nc")
 @example("x[0]", ".nc")
 @example("x[" + "9" * 5000 + "]", ".csv")

@@ -11,7 +11,7 @@ import unicodedata
 import zipfile
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from harness import HarnessError, show
@@ -159,7 +159,6 @@ def test_a_matrix_is_folded_between_its_rows(monkeypatch):
 CELLS = st.text(max_size=60)
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
 @given(
     name=CELLS,
     text=CELLS,
@@ -174,7 +173,6 @@ def test_no_name_text_or_value_breaks_the_table(name, text, unit, values, long):
     assert not odd & {"Cc", "Cf", "Cs", "Zl", "Zp"}
 
 
-@settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
 @given(name=st.text(max_size=20), word=st.text(max_size=8))
 def test_any_name_and_word_is_a_table_or_a_reason(folder, name, word):
     for each in (name, f"pair.ssp{name}", f"pair.ssp.{name}"):

@@ -16,7 +16,7 @@ grids = st.floats(1e-6, 1e3)
 numbers = st.one_of(st.integers(0, 2000), st.floats(0, 48).map(lambda e: int(2.0**e)))
 fractions = st.one_of(st.just(0.0), st.floats(0, 1, exclude_max=True))
 lengths = st.integers(0, 40)
-many = settings(max_examples=400, deadline=None)
+many = settings(max_examples=16 * settings().max_examples)
 
 
 def tolerance(n):

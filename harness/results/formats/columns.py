@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Variables with axes as the flat columns of a result: the way back of variables()."""
+"""What a .nc and a .mat have in common: flat columns of variables with axes (the way back of
+variables()), and what their texts cannot hold.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +10,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.results.provenance import flat
 from harness.results.result import Result
-from harness.results.variables import ELEMENTS, element_names
+from harness.results.variables import ELEMENTS, element_names, from_lines
 
 
 def flat_columns(
@@ -21,7 +24,7 @@ def flat_columns(
     columns, blocks, units, descriptions = [], [np.empty((len(time), 0))], [], []
     for name, (values, about) in histories.items():
         given = about.get(ELEMENTS)
-        names = given.split("\n") if given else element_names(name, values.shape[1:])
+        names = from_lines(given) if given else element_names(name, values.shape[1:])
         columns += names
         blocks.append(values.reshape(len(values), -1))
         units += [about.get("units", "")] * len(names)
@@ -29,3 +32,14 @@ def flat_columns(
     return Result(
         system, time, tuple(columns), tuple(units), np.hstack(blocks), tuple(descriptions)
     )
+
+
+def refuse_nul(result: Result) -> None:
+    """ValueError if a text of a result has a character that ends texts in files of C programs."""
+    tables = [table for table in (result, result.parameters) if table is not None]
+    texts = [result.message, result.system]
+    texts += [t for table in tables for t in (*table.columns, *table.units, *table.descriptions)]
+    if result.provenance is not None:
+        texts += [t for t in flat(result.provenance).values() if isinstance(t, str)]
+    if bad := next((text for text in texts if "\0" in text), None):
+        raise ValueError(f"it cannot hold a NUL character: {bad!r}")

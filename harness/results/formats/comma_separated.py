@@ -23,13 +23,21 @@ LONGEST_LINE = 64 * 1024**2
 
 def write(result: Result, path: Path) -> None:
     """Write the table; numbers in full, and a last line if the run ended early."""
-    with path.open("w", newline="") as file:
-        csv.writer(file, lineterminator="\n").writerow(("time", *result.columns))
+    with path.open("w", encoding="utf-8", newline="") as file:
+        file.write(",".join(map(_quoted, ("time", *result.columns))) + "\n")
         table = np.column_stack((result.time, result.values))
         for row in table:  # repr is the shortest text that reads back as the same number
             file.write(",".join(map(repr, row.tolist())) + "\n")
         if not result.complete:
-            file.write(f"{INCOMPLETE}{result.message}\n")
+            file.write(f"{INCOMPLETE}{' '.join(result.message.split())}\n")
+
+
+def _quoted(name: str) -> str:
+    """A name in the header; csv.writer leaves a carriage return, which ends a line, without
+    quotes.
+    """
+    marks = any(mark in name for mark in ',"\r\n') or name != name.strip() or not name
+    return '"{}"'.format(name.replace('"', '""')) if marks else name
 
 
 def _lines(file: TextIO) -> Iterator[str]:
@@ -42,12 +50,12 @@ def _lines(file: TextIO) -> Iterator[str]:
 
 def read(path: Path) -> Result:
     """Read the table and what is beside it; ValueError if it is none."""
-    with path.open(newline="") as file:
+    with path.open(encoding="utf-8", newline="") as file:
         names = next(csv.reader(_lines(file)), [])
         if not names or names[0] != "time":
             raise ValueError("it does not begin with a column named time")
         table = np.loadtxt(file, delimiter=",", ndmin=2)
-        reason = _last_line(file).partition(INCOMPLETE)
+    reason = _last_line(path).partition(INCOMPLETE)
     if table.shape[1] != len(names):
         raise ValueError(f"{len(names)} names for {table.shape[1]} columns")
     units = ("",) * (len(names) - 1)
@@ -64,8 +72,9 @@ def read(path: Path) -> Result:
     return sidecar.completed(result, path)
 
 
-def _last_line(file: TextIO) -> str:
-    file.seek(0, os.SEEK_END)
-    file.seek(max(0, file.tell() - 10_000))
-    lines = file.read().splitlines()
+def _last_line(path: Path) -> str:
+    with path.open("rb") as file:
+        file.seek(0, os.SEEK_END)
+        file.seek(max(0, file.tell() - 10_000))
+        lines = file.read().decode(errors="replace").splitlines()
     return lines[-1] if lines else ""

@@ -12,16 +12,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.results.formats.columns import flat_columns
+from harness.results.formats.columns import flat_columns, refuse_nul
 from harness.results.provenance import flat, from_flat
 from harness.results.result import Result
-from harness.results.variables import ELEMENTS, element_names, variables
+from harness.results.variables import ELEMENTS, element_names, in_lines, variables
 
 
 def write(result: Result, path: Path) -> None:
     """Write the file, in names that MATLAB accepts."""
     import scipy.io
 
+    refuse_nul(result)
     content: dict[str, Any] = {
         "time": result.time,
         "system": result.system,
@@ -34,7 +35,7 @@ def write(result: Result, path: Path) -> None:
         for name, _, values, about in variables(table):
             component, variable = _place(place, name)
             place[component][variable] = values if table is result else values[0]
-            columns = about.get(ELEMENTS) or "\n".join(element_names(name, values.shape[1:]))
+            columns = about.get(ELEMENTS) or in_lines(element_names(name, values.shape[1:]))
             for kind, text in zip(TOLD, (about["units"], about["long_name"], columns), strict=True):
                 told[prefix + kind].setdefault(component, {})[variable] = text
     content |= told | {"parameters": fixed}

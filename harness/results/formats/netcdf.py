@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.results.formats.columns import flat_columns
+from harness.results.formats.columns import flat_columns, refuse_nul
 from harness.results.provenance import Provenance, from_flat
 from harness.results.result import Result
 from harness.results.variables import PROVENANCE, attributes, variables
@@ -40,6 +40,7 @@ def write(result: Result, path: Path) -> None:
     """
     import netCDF4
 
+    refuse_nul(result)
     time = {"units": "s", "long_name": "time"}
     content = {
         name: (axes, data[0], about) for name, axes, data, about in variables(result.parameters)
