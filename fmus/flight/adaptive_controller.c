@@ -37,6 +37,7 @@ typedef struct {
     Body T, S;
     vec3 wheel_speed;
     Reference ref;
+    double active;
 } Input;
 typedef struct {
     double m_hat;
@@ -69,7 +70,8 @@ static const Model start = {
           .A_offdiag_max = 2},
     .u = {.T = {.r = {7158140, 0, 0}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}},
           .S = {.r = {7158140, 20, 0}, .v = {-0.0208, 7462.286, 0}, .q = {1, 0, 0, 0}},
-          .ref = {.rho = {0, 20, 0}, .q = {1, 0, 0, 0}}},
+          .ref = {.rho = {0, 20, 0}, .q = {1, 0, 0, 0}},
+          .active = 1},
 };
 
 static const Variable variables[] = {
@@ -104,6 +106,7 @@ static const Variable variables[] = {
     BODY_INPUTS("S", S, "servicer"),
     INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body"),
     REFERENCE_ROWS(INPUT_ROW, u, ref),
+    OPTIONAL_SWITCH(active, ACTIVE_TEXT),
 
     OUTPUT(F_cmd_S, "N", "commanded force, servicer axes"),
     OUTPUT(M_cmd_S, "N.m", "commanded torque, servicer axes (0 with use_wheels)"),
@@ -256,14 +259,17 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 {
     *x = (State){p->m_hat_0, p->eta_hat_0};
     control(p, u, x, y, t, 0);
+    if (!u->active) y->F_cmd_S = y->F_cmd_H = y->M_cmd_S = y->wheel_accel_cmd = vec(0, 0, 0);
     y->m_hat = x->m_hat;
     y->eta_hat = x->eta_hat;
 }
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
-    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
-        control(p, u, x, y, s.t, s.period);
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s)) {
+        if (u->active) control(p, u, x, y, s.t, s.period);
+        else initialize(p, u, x, y, s.t);
+    }
     y->m_hat = x->m_hat;
     y->eta_hat = x->eta_hat;
 }

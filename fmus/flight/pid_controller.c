@@ -134,12 +134,15 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 {
     *x = (State){.position = vec(0, 0, 0)};
     control(p, u, x, y, t, 0);
+    if (!u->active) command_nothing(&y->common);
 }
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
-    for (Sample s = first_sample(t, h, p->tracking.sample_period); s.left > 0; s = next_sample(s))
-        control(p, u, x, y, s.t, s.period);
+    for (Sample s = first_sample(t, h, p->tracking.sample_period); s.left > 0; s = next_sample(s)) {
+        if (u->active) control(p, u, x, y, s.t, s.period);
+        else initialize(p, u, x, y, s.t);
+    }
 }
 
 FMU_MODEL("pid_controller", "PID control of line of sight and attitude with anti-windup");

@@ -271,13 +271,18 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     *x = first;
     control(p, u, &first, y, t);
     y->position.start_margin = y->attitude.start_margin = 1;
+    if (u->active) return;
+    command_nothing(&y->common);
+    y->position.violation = y->attitude.violation = 0;
 }
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     double period = p->tracking.sample_period;
-    for (Sample s = first_sample(t, h, period); s.left > 0; s = next_sample(s))
-        control(p, u, x, y, s.t);
+    for (Sample s = first_sample(t, h, period); s.left > 0; s = next_sample(s)) {
+        if (u->active) control(p, u, x, y, s.t);
+        else initialize(p, u, x, y, s.t);
+    }
 }
 
 FMU_MODEL("ppc_controller",

@@ -31,7 +31,7 @@ typedef struct {
     Body T, S;
     vec3 wheel_speed;
     Reference ref;
-    double translate;
+    double translate, active;
 } Input;
 typedef struct {
     double started, e[4], on[ENGINES];
@@ -60,7 +60,10 @@ static const Model start = {
           .Kd_w = {40, 40, 40},
           .xi1 = {3e-2, 3e-2, 3e-2},
           .xi2 = {5e-2, 5e-2, 5e-2}},
-    .u = {.T = {.q = {1, 0, 0, 0}}, .S = {.q = {1, 0, 0, 0}}, .ref = {.q = {1, 0, 0, 0}}},
+    .u = {.T = {.q = {1, 0, 0, 0}},
+          .S = {.q = {1, 0, 0, 0}},
+          .ref = {.q = {1, 0, 0, 0}},
+          .active = 1},
 };
 
 static const Variable variables[] = {
@@ -81,6 +84,7 @@ static const Variable variables[] = {
     INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body"),
     REFERENCE_ROWS(INPUT_ROW, u, ref),
     INPUT(translate, "1", "1: translational thrust permitted"),
+    OPTIONAL_SWITCH(active, ACTIVE_TEXT),
 
     NONNEGATIVE_OUTPUT(throttle, "1", "0 or 1, per thruster: P1..P8, P'1..P'4, P'5, none"),
     FLAG(translation_firing, "1: main engine or brakes are commanded"),
@@ -160,12 +164,17 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     (void)t;
     *x = first;
     control(p, u, &first, y, 0);
+    if (u->active) return;
+    y->translation_firing = 0;
+    for (int i = 0; i < ENGINES; i++) y->throttle[i] = 0;
 }
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
-    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
-        control(p, u, x, y, s.period);
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s)) {
+        if (u->active) control(p, u, x, y, s.period);
+        else initialize(p, u, x, y, s.t);
+    }
 }
 
 FMU_MODEL("relay_controller",

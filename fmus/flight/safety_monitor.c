@@ -12,8 +12,8 @@
  * cubic arc through both states, and what was in force at the first (approaching, F_cmd_S) is in
  * force until the second. Published margins are the least since the last sample, never above the
  * true least of the arc and below it by no more than 1e-7; a rule that is off or rests has margin
- * 1e9. Rule 4 is judged at samples, passive_period apart or more; if it fails, the instant is found
- * by halving the arc. The first violation of each rule is kept with its time; `abort` is latched.
+ * 1e9. Rule 4 is judged at samples, passive_period apart or more (with passive_opens not while
+ * approaching); if it fails, the instant is found by halving the arc. The first violation of each rule is kept with its time; `abort` is latched.
  *
  * F_safe_S is F_cmd_S at every call, between samples too. Abort manoeuvre (act = 1): after the abort
  * it is abort_force along a velocity increment, until that is spent: abort_dv_H or, if that is zero,
@@ -123,8 +123,18 @@ static void judge(const Interval *i, State *x)
     keep_first(x, PLUME, plume(i));
 }
 
+static int passive_rests(const Parameters *p, const Input *u)
+{
+    return p->passive_opens && u->approaching;
+}
+
 static void predict(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
+    if (passive_rests(p, u)) {
+        x->margin[PASSIVE] = RESTING;
+        y->passive_entry = NOT_YET;
+        return;
+    }
     int due = !x->foreseen || reached(t, x->t_foreseen + p->passive_period);
     if (p->passive_time == 0 || !due) return;
     double t0 = x->foreseen ? x->t_foreseen : t, entry;
@@ -252,7 +262,8 @@ static void watch(const Parameters *p, const Input *u, State *x, Output *y, doub
         y->nearest = nearest(p, u, x);
         x->last = *u;
     }
-    x->seen = x->foreseen = judged;
+    x->seen = judged;
+    x->foreseen = judged && !passive_rests(p, u);
     x->t = t;
     judge_navigation(p, u, x, t);
     decide(p, x);

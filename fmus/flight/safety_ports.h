@@ -16,7 +16,7 @@ typedef struct {
     double use_corridor, corridor_axes, corridor_half_angle, corridor_length;
     vec3 corridor_axis, corridor_apex;
     double use_speed_limit, speed_at_zero, speed_slope;
-    double passive_time, passive_step, passive_period;
+    double passive_time, passive_step, passive_period, passive_opens;
     double use_plume, plume_half_angle, plume_range, plume_force_min;
     double lost_time, t_armed;
     double abort_on[RULES];
@@ -53,6 +53,7 @@ typedef struct {
         POSITIVE(passive_step, "s", "integration step of the drift"),                              \
         NONNEGATIVE(passive_period, "s",                                                           \
                     "the drift is predicted that often; 0 = at every sample"),                     \
+        SWITCH(passive_opens, "1: the drift is not judged while approaching (berthing)"),          \
         SWITCH(use_plume, "1: the exhaust must not meet the target"),                              \
         POSITIVE(plume_half_angle, "rad", "half angle of the exhaust, below pi/2"),                \
         POSITIVE(plume_range, "m", "the exhaust does no harm beyond this distance"),               \

@@ -182,12 +182,17 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     State first = {FAR};
     control(p, u, &first, y, t);
     *x = (State){FAR};
+    if (u->active) return;
+    y->F_cmd_S = y->M_cmd_S = y->wheel_accel_cmd = y->F_saturated = vec(0, 0, 0);
+    y->approaching = 0;
 }
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
-    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
-        control(p, u, x, y, s.t);
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s)) {
+        if (u->active) control(p, u, x, y, s.t);
+        else initialize(p, u, x, y, s.t);
+    }
 }
 
 FMU_MODEL("switched_controller",

@@ -38,7 +38,10 @@ typedef struct {
     LyapunovInverse solver;
     double t_0;
 } Expansion;
-typedef struct { Expansion position, attitude; } State;
+typedef struct {
+    Expansion position, attitude;
+    double rested; /* the last sample was not active */
+} State;
 typedef struct { TrackingOutput common; } Output;
 MODEL_STRUCT;
 
@@ -131,7 +134,7 @@ static vec3 block_times(const mat6 *m, int row, int column, vec3 a)
 
 static mat3 diagonal3(vec3 d) { return diagonal(d.x, d.y, d.z); }
 
-static void expand(double link, mat3 S, vec3 Q_error, vec3 Q_rate, double t_0, Expansion *x)
+static void expand(double link, mat3 S, vec3 Q_error, vec3 Q_rate, Expansion *x)
 {
     mat6 A0 = {{{0}}}, Q = {{{0}}};
     x->S = A0;
@@ -141,7 +144,6 @@ static void expand(double link, mat3 S, vec3 Q_error, vec3 Q_rate, double t_0, E
     set_block(&Q, 3, 3, diagonal3(Q_rate));
     x->T0 = riccati(A0, x->S, Q, &x->solver);
     lyapunov_inverse(sum6(1, A0, -1, product6(x->S, x->T0)), &x->solver);
-    x->t_0 = t_0;
 }
 
 static mat6 with_transpose(mat6 a) { return sum6(1, a, 1, transpose6(a)); }
@@ -163,11 +165,11 @@ static vec3 position_R(const Parameters *p)
     return vec(p->range.R, p->elevation.R, p->azimuth.R);
 }
 
-static void expand_position(const Parameters *p, double t, Expansion *x)
+static void expand_position(const Parameters *p, Expansion *x)
 {
     vec3 Q_error = vec(p->range.Q_error, p->elevation.Q_error, p->azimuth.Q_error);
     vec3 Q_rate = vec(p->range.Q_rate, p->elevation.Q_rate, p->azimuth.Q_rate);
-    expand(1, diagonal3(per_channel(vec(1, 1, 1), position_R(p))), Q_error, Q_rate, t, x);
+    expand(1, diagonal3(per_channel(vec(1, 1, 1), position_R(p))), Q_error, Q_rate, x);
 }
 
 static double sin_over(double x) { return fabs(x) < 1e-8 ? 1 : sine(x) / x; }
@@ -226,12 +228,11 @@ static mat3 scaled3(double k, mat3 m)
     return rows(scale(k, m.row[0]), scale(k, m.row[1]), scale(k, m.row[2]));
 }
 
-static void expand_attitude(const Parameters *p, double t, Expansion *x)
+static void expand_attitude(const Parameters *p, Expansion *x)
 {
     mat3 B = inverse_of(p->J_hat);
     double e = p->attitude.Q_error, w = p->attitude.Q_rate;
-    expand(0.5, scaled3(1 / p->attitude.R, matmul_t(B, B)), vec(e, e, e), vec(w, w, w),
-           larger(t, p->tracking.t_att), x);
+    expand(0.5, scaled3(1 / p->attitude.R, matmul_t(B, B)), vec(e, e, e), vec(w, w, w), x);
 }
 
 /* A = [0 (T(q) - I)/2; 0 0] */
@@ -267,18 +268,34 @@ static void control(const Parameters *p, const Input *u, const State *x, Output 
     control_attitude(p, &in, &e, &x->attitude, t, y);
 }
 
+/* the corrections are released from here on */
+static void begin(const Parameters *p, State *x, double t)
+{
+    x->position.t_0 = t;
+    x->attitude.t_0 = larger(t, p->tracking.t_att);
+}
+
+static void sample(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    if (x->rested || !u->active) begin(p, x, t);
+    control(p, u, x, y, t);
+    if (!u->active) command_nothing(&y->common);
+    x->rested = !u->active;
+}
+
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
-    expand_position(p, t, &x->position);
-    expand_attitude(p, t, &x->attitude);
-    control(p, u, x, y, t);
+    expand_position(p, &x->position);
+    expand_attitude(p, &x->attitude);
+    begin(p, x, t);
+    sample(p, u, x, y, t);
 }
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     double period = p->tracking.sample_period;
     for (Sample s = first_sample(t, h, period); s.left > 0; s = next_sample(s))
-        control(p, u, x, y, s.t);
+        sample(p, u, x, y, s.t);
 }
 
 FMU_MODEL("theta_d_controller",

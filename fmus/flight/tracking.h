@@ -23,21 +23,21 @@ typedef struct {
     Body T, S;
     vec3 wheel_speed;
     Reference ref;
+    double active;
 } TrackingInput;
 
 #define TRACKING_INPUTS                                                   \
     BODY_INPUTS("T", T, "target"), BODY_INPUTS("S", S, "servicer"),       \
         INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body"), \
-        REFERENCE_ROWS(INPUT_ROW, u, ref)
+        REFERENCE_ROWS(INPUT_ROW, u, ref), OPTIONAL_SWITCH(active, ACTIVE_TEXT)
 
 /* 300 m away, at rest on the reference, far from the poles of the LOS angles whichever axis is
  * up */
-#define TRACKING_START                                                                           \
-    {                                                                                            \
-        .T = {.r = {7158140, 0, 0}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}},                   \
-        .S = {.r = {7157960, 180, 158.7450786638754}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}}, \
-        .ref = {.rho = {-180, 180, 158.7450786638754}, .q = {1, 0, 0, 0}}                        \
-    }
+#define TRACKING_START                                                                        \
+    {.T = {.r = {7158140, 0, 0}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}},                   \
+     .S = {.r = {7157960, 180, 158.7450786638754}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}}, \
+     .ref = {.rho = {-180, 180, 158.7450786638754}, .q = {1, 0, 0, 0}},                       \
+     .active = 1}
 
 typedef struct {
     vec3 M_max;
@@ -92,6 +92,14 @@ typedef struct {
         TRACKING_OUTPUT("domega_S", member.domega_S, "rad/s",                                     \
                         "angular velocity minus the reference one, servicer axes", ANY_VALUE)
 
+/* while the law rests */
+static inline void command_nothing(TrackingOutput *y)
+{
+    vec3 none = vec(0, 0, 0);
+    y->F_cmd_S = y->M_cmd_S = y->wheel_accel_cmd = y->a_cmd_L = none;
+    y->a_saturated = y->M_saturated = none;
+}
+
 /* ---- inputs: no finite value, however absurd, may lead to a number that is not finite ---- */
 static inline double bounded(double value) { return clamp(value, -1e30, 1e30); }
 static inline vec3 bounded3(vec3 a) { return vec(bounded(a.x), bounded(a.y), bounded(a.z)); }
@@ -118,7 +126,7 @@ static inline Reference reference_in(Reference r)
 static inline TrackingInput tracking_in(const TrackingInput *u)
 {
     return (TrackingInput){body_in(u->T), body_in(u->S), bounded3(u->wheel_speed),
-                           reference_in(u->ref)};
+                           reference_in(u->ref), u->active};
 }
 
 /* ---- errors ---- */

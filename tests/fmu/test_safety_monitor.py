@@ -803,6 +803,28 @@ def test_drift_is_predicted_at_its_own_period(fmu, period):
     assert changes.tolist() == (list(range(1, 12)) if period == 0 else [5, 10])
 
 
+def test_drift_may_rest_while_approaching_and_is_judged_from_then_on(fmu):
+    """Straight flight towards the zone: the rule rests from 2 s to 5 s, and the violation begins
+    with the first sample at which it is judged again; nothing is remembered from before.
+    """
+    flown = {}
+    for opens in (0, 1):
+        unit = fmu("safety_monitor", DRIFT | DEEP | {"passive_opens": opens, "passive_period": 4})
+        shown = []
+        for k in range(9):
+            drho = (0.1, 0, 0) if k > 2 else (0, 0.1, 0)
+            here = states(k, (-20 + 0.1 * k, 0, 0), drho, 0)
+            unit.step(1, here | {"approaching": 2 <= k < 6})
+            shown.append((unit.get("passive_margin"), unit.get("passive_entry")))
+        flown[opens] = shown, unit.get("t_first")[3], unit.get("least_margin")[3]
+    shown, first, least = flown[1]
+    assert shown[:2] == flown[0][0][:2] == [(shown[0][0], NOT_YET)] * 2
+    assert shown[2:6] == [(1e9, NOT_YET)] * 4
+    assert first == 6 and least == shown[6][0] == pytest.approx(-3)
+    assert shown[6][1] == pytest.approx((19.4 - 3) / 0.1)
+    assert 2 < flown[0][1] <= 4 and flown[0][0][4][0] == pytest.approx(-3)
+
+
 def test_without_act_the_command_passes_unchanged(fmu):
     unit = fmu("safety_monitor", SPHERE)
     unit.step(1, states(0, (0, 1, 0), (0, 0, 0)) | {"F_cmd_S": (1, 2, 3)})

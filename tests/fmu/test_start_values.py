@@ -197,6 +197,9 @@ CONTROLLERS = {
     | {"plume_force_min": 1e-3, "lost_time": 20, "abort_on": (1,) * 6, "mass": 100}
     | {"abort_force": 20, "abort_speed": 0.1, "approaching": 1, "relative_valid": 1},
 }
+CONTROLLERS |= {
+    name: CONTROLLERS[name] | {"active": 1} for name in CONTROLLERS if name.endswith("_controller")
+}
 CASES = SENSORS_AND_FILTERS | PLANTS | GUIDANCES | CONTROLLERS
 
 

@@ -12,6 +12,9 @@ typedef struct {
     vec3 omega, alpha;
 } Reference; /* N axes; rates in D axes */
 
+/* of the optional input of the software of an approach */
+#define ACTIVE_TEXT "1: at work; 0: commands are 0, the next active sample is as the first"
+
 #define REFERENCE_ROW(causality, part, name, member, unit, text) \
     ROW_AS(causality, part, name, member, 1, unit, text, ANY_VALUE)
 
