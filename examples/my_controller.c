@@ -13,19 +13,14 @@ typedef struct {
 } Input;
 typedef struct { double unused; } State;
 typedef struct { vec3 F_cmd_S, M_cmd_S, wheel_accel_cmd; } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {.p = {.K = 10, .D = 60}, .u = {.T.q = {1}, .S.q = {1}, .ref.q = {1}}};
 
 static const Variable variables[] = {
     NONNEGATIVE(K, "N/m", "stiffness"),
     NONNEGATIVE(D, "N.s/m", "damping"),
-    NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call"),
+    SAMPLE_PERIOD,
     BODY_INPUTS("T", T, "target"),
     BODY_INPUTS("S", S, "servicer"),
     REFERENCE_ROWS(INPUT_ROW, u, ref),

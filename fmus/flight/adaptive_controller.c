@@ -100,7 +100,7 @@ static const Variable variables[] = {
     NONNEGATIVE(A_offdiag_max, "kg.m2",
                 "projection: largest change of the off-diagonal wheel inertia estimates"),
     SWITCH(damping_in_regressor, "1: P e2 also drives the mass estimate"),
-    NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call"),
+    SAMPLE_PERIOD,
 
     BODY_INPUTS("T", T, "target"),
     BODY_INPUTS("S", S, "servicer"),

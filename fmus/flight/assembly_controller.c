@@ -32,12 +32,7 @@ typedef struct {
     vec3 hdot_cmd_S, eps_e, domega_S, dh_S;
     double attitude_error;
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {
     .p = {.assembly = ASSEMBLY_START,
@@ -58,7 +53,7 @@ static const Variable variables[] = {
     SWITCH(use_plan_rate,
            "1: feed-forward for the mean of the coming sample, from the plan; 0: for "
            "the sample instant, from the model alone"),
-    NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call"),
+    SAMPLE_PERIOD,
 
     INPUT(q_SH, "1", "attitude of the base relative to H, scalar first"),
     INPUT(omega_SN_S, "rad/s", "angular velocity of the base relative to N, body axes"),

@@ -45,12 +45,7 @@ typedef struct {
     vec3 omega_SN_S, bias_hat_S, sigma_theta_S, sigma_bias_S;
     double star_nis, star_rejected, star_age, attitude_valid;
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {
     .p = {.sample_period = 0.1,
@@ -65,7 +60,7 @@ static const Model start = {
 };
 
 static const Variable variables[] = {
-    POSITIVE(sample_period, "s", "sample period of the software, that of the gyro"),
+    GRID(sample_period, "sample period of the software, that of the gyro"),
     NONNEGATIVE(sigma_v, "1", "angle random walk of the gyro [rad/s^0.5]"),
     NONNEGATIVE(sigma_u, "1", "rate random walk of the gyro [rad/s^1.5]"),
     NONNEGATIVE(sigma_A, "rad", "noise about the axes of the star tracker, X is the boresight"),

@@ -26,17 +26,11 @@ typedef struct {
     double gimbal_rate_cmd[GYROS], singularity, damping, rate_limited;
     vec3 hdot_missing_S;
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {
     .p = {.use_cluster = 1, .h_w = 350, .gimbal_rate_max = 0.1, .lambda_0 = 0.01, .k_null = 0.02},
-    .u = {.gimbal_angle = {0.9424777960769379, -1.8849555921538759, 2.5132741228718345, 0,
-                           -2.5132741228718345, 1.8849555921538759}},
+    .u = {.gimbal_angle = GIMBALS_AT_START},
 };
 
 static const Variable variables[] = {
@@ -45,7 +39,7 @@ static const Variable variables[] = {
     POSITIVE(gimbal_rate_max, "rad/s", "largest gimbal rate"),
     NONNEGATIVE(lambda_0, "1", "damping at the singularity"),
     NONNEGATIVE(k_null, "rad2/s", "gain of the null motion"),
-    NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call"),
+    SAMPLE_PERIOD,
 
     INPUT(hdot_cmd_S, "N.m", "wanted rate of change of the momentum, body axes"),
     INPUT(gimbal_angle, "rad", "gimbal angles"),
@@ -65,6 +59,10 @@ static void check(const Parameters *p, Problems *problems)
     (void)problems;
 }
 
+#define SINGULAR       1e-9 /* a measure m below this is 0: there is no gradient */
+#define SMALLEST_SHARE 1e-3 /* of the largest singular value; below, A^+ drops it */
+#define DITHER         0.01 /* amplitude of e_j */
+
 typedef struct { vec3 A[GYROS], dA[GYROS]; } Columns;
 
 static Columns columns_at(const double d[GYROS])
@@ -79,8 +77,8 @@ static Columns columns_at(const double d[GYROS])
 
 static mat3 dither(double t) /* E */
 {
-    SineCosine w = sine_and_cosine(1.5707963267948966 * t);
-    double e1 = 0.01 * w.s, e2 = 0.01 * w.c, e3 = -0.01 * w.s;
+    SineCosine w = sine_and_cosine(PI / 2 * t);
+    double e1 = DITHER * w.s, e2 = DITHER * w.c, e3 = -DITHER * w.s;
     return rows(vec(1, e3, e2), vec(e3, 1, e1), vec(e2, e1, 1));
 }
 
@@ -90,10 +88,10 @@ static void null_motion(const Columns *c, mat3 AAt, double m, double rate[GYROS]
     double gradient[GYROS];
     vec3 moved = vec(0, 0, 0);
     for (int i = 0; i < GYROS; i++) {
-        gradient[i] = m > 1e-9 ? m * dot(c->dA[i], solve(AAt, c->A[i])) : 0;
+        gradient[i] = m > SINGULAR ? m * dot(c->dA[i], solve(AAt, c->A[i])) : 0;
         moved = add(moved, scale(gradient[i], c->A[i]));
     }
-    vec3 back = mul(pseudo_inverse(AAt, 1e-6), moved); /* squares of the singular values */
+    vec3 back = mul(pseudo_inverse(AAt, SMALLEST_SHARE * SMALLEST_SHARE), moved);
     for (int i = 0; i < GYROS; i++) rate[i] = gradient[i] - dot(c->A[i], back);
 }
 

@@ -27,15 +27,14 @@ static inline Relative relative_in_hill(double mu, const Pair *x)
     return (Relative){p, rate_in_frame(&H, p, mul(H.C_HN, sub(x->S.v, x->T.v)))};
 }
 
-static inline void drift_derivative(const void *context, double t, const double *from, double *to)
+static inline void drift_derivative(const Drift *d, double t, const Pair *x, Pair *dx)
 {
-    const Drift *d = context;
-    const Pair *x = (const Pair *)(const void *)from;
-    Pair *dx = (Pair *)(void *)to;
     (void)t;
     *dx = (Pair){{x->T.v, gravity(&d->planet, d->use_J2, x->T.r)},
                  {x->S.v, gravity(&d->planet, d->use_J2, x->S.r)}};
 }
+
+RK4(integrate_drift, drift_derivative, Drift, Pair)
 
 /* least margin over the duration, and when it first falls below zero (NEVER: not at all) */
 typedef struct { double margin, entry; } Encounter;
@@ -46,7 +45,7 @@ static inline Encounter drift_encounter(const Drift *d, const Margin *m, Pair x)
     Encounter found = {INFINITY, NEVER};
     Relative before = relative_in_hill(d->planet.mu, &x);
     for (double k = 0; k < steps; k++) {
-        rk4(drift_derivative, d, k * h, h, &x.T.r.x, sizeof x / sizeof(double));
+        integrate_drift(d, k * h, h, &x);
         Relative after = relative_in_hill(d->planet.mu, &x);
         Arc arc = hermite(before.p, before.v, after.p, after.v, h);
         found.margin = smaller(found.margin, least_on(m, &arc));

@@ -35,7 +35,7 @@ static const Variable variables[] = {
     NONNEGATIVE(torque_max, "N.m", "largest torque, per joint; 0 = no limit"),
     SWITCH(use_lock, "1: the joints are locked from lock_from on"),
     PARAMETER(lock_from, "s", "start of the lock"),
-    NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call"),
+    SAMPLE_PERIOD,
 
     INPUT(joint_angle, "rad", "joint angles"),
     INPUT(joint_rate, "rad/s", "joint rates"),

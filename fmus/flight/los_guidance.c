@@ -15,6 +15,8 @@
  * Source: Yin, Luo, Wei & Yuan 2017, equations (2) and (5); docs/models.md C.1 to C.3. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
+#include "directions.h"
+#include "earth.h"
 #include "line_of_sight.h"
 #include "reference_rows.h"
 #include "rigid_body.h"
@@ -44,7 +46,7 @@ typedef struct {
 MODEL_STRUCT;
 
 static const Model start = {
-    .p = {.mu = 3.986004418e14,
+    .p = {.mu = MU_WGS84,
           .J_T = {{{100, 0, 0}, {0, 150, 0}, {0, 0, 90}}},
           .p_T = {1, 0, 0},
           .sun_N = {0.3, 0.9, 0.3},
@@ -52,7 +54,7 @@ static const Model start = {
           .force_scale = 100,
           .up_axis = UP_IS_Y,
           .guard_angle = 1e-3,
-          .elevation_limit = 1.3962634015954636,
+          .elevation_limit = 4 * PI / 9,
           .range_limit = 5},
     .u = {.T = {.r = {7158140, 0, 0}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}},
           .S = {.r = {7157960, 180, 158.7450786638754}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}}},
@@ -72,7 +74,7 @@ static const Variable variables[] = {
              "smallest angle between line of sight and Sun before the panel axis is held"),
     POSITIVE(elevation_limit, "rad", "los_guard: largest elevation, actual or desired"),
     NONNEGATIVE(range_limit, "m", "los_guard: smallest range"),
-    NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call"),
+    SAMPLE_PERIOD,
 
     BODY_INPUTS("T", T, "target"),
     BODY_INPUTS("S", S, "servicer"),
@@ -99,8 +101,7 @@ static void check(const Parameters *p, Problems *problems)
 {
     check_inertia(problems, "J_T", p->J_T);
     check_up_axis(problems, p->up_axis);
-    if (fabs(norm(p->p_T) - 1) > 1e-9)
-        refuse(problems, "p_T", norm(p->p_T), "must be a unit vector");
+    check_unit_vector(problems, "p_T", p->p_T);
     if (!(norm(p->sun_N) > 0)) refuse(problems, "sun_N", norm(p->sun_N), "must have a direction");
     if (p->guard_angle >= 1.5)
         refuse(problems, "guard_angle", p->guard_angle, "must be below 1.5 rad");

@@ -38,17 +38,10 @@ typedef struct {
     vec3 r_SN_N, v_SN_N, sigma_r_N, sigma_v_N;
     double fix_nis, fix_rejected, fix_age, orbit_valid;
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {
-    .p = {.orbit = {EARTH, .a = 7158140, .e = 0.01, .inc = 0.5235987755982988,
-                    .argp = 1.0471975511965976, .raan = 2.0943951023931953,
-                    .nu = 0.5235987755982988},
+    .p = {.orbit = START_ORBIT,
           .sample_period = 0.1,
           .use_J2 = 1,
           .mass_hat = 95,
@@ -70,7 +63,7 @@ static const Variable variables[] = {
     PARAMETER(drho_0_H, "m/s",
               "velocity at the start relative to the orbit as seen in the Hill "
               "frame, used when a > 0"),
-    POSITIVE(sample_period, "s", "sample period of the software"),
+    GRID(sample_period, "sample period of the software"),
     SWITCH(use_J2, "1: the software models the oblateness of the planet"),
     POSITIVE(mass_hat, "kg", "mass of the servicer as known to the software"),
     NONNEGATIVE(sigma_a, "1", "white acceleration, per axis [m/s^1.5]"),
@@ -108,19 +101,18 @@ typedef struct {
     vec3 thrust_N; /* m/s2 */
 } Flight;
 
-static void derivative(const void *context, double t, const double *from, double *to)
+static void derivative(const Flight *f, double t, const PosVel *s, PosVel *ds)
 {
-    const Flight *f = context;
-    const PosVel *s = (const PosVel *)(const void *)from;
     (void)t;
-    *(PosVel *)(void *)to =
-        (PosVel){s->v, add(gravity(&f->p->orbit, f->p->use_J2, s->r), f->thrust_N)};
+    *ds = (PosVel){s->v, add(gravity(&f->p->orbit, f->p->use_J2, s->r), f->thrust_N)};
 }
+
+RK4(fly, derivative, Flight, PosVel)
 
 static PosVel flown(const Parameters *p, PosVel s, vec3 thrust_N, double h)
 {
     const Flight context = {p, thrust_N};
-    rk4(derivative, &context, 0, h, &s.r.x, sizeof s / sizeof(double));
+    fly(&context, 0, h, &s);
     return s;
 }
 

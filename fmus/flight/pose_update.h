@@ -67,13 +67,13 @@ static inline double update(Estimate *x, const Residual *m)
 {
     double dx[ERRORS];
     double nis = update_covariance(x->P, ERRORS, m, dx);
-    x->rho = add(x->rho, three(dx + RHO));
-    x->v = add(x->v, three(dx + V));
-    x->q = canonical(product(x->q, rotation(three(dx + THETA))));
-    x->w = add(x->w, three(dx + W));
-    for (size_t i = 0; i < RATIOS; i++) x->kappa.k[i] += dx[KAPPA + i];
+    x->rho = add(x->rho, three(dx + RHO_AT));
+    x->v = add(x->v, three(dx + V_AT));
+    x->q = canonical(product(x->q, rotation(three(dx + THETA_AT))));
+    x->w = add(x->w, three(dx + W_AT));
+    for (size_t i = 0; i < RATIOS; i++) x->kappa.k[i] += dx[KAPPA_AT + i];
     x->d = add(x->d, three(dx + D_AT));
-    x->a = add(x->a, three(dx + ACC));
+    x->a = add(x->a, three(dx + ACC_AT));
     return nis;
 }
 
@@ -84,8 +84,8 @@ static inline double update_position(Estimate *x, const Pose *m, mat3 R)
     Residual residual = {.y = sub(m->r, position_predicted(m, x)),
                          .R = R,
                          .count = 3,
-                         .block = {{RHO, scaled(-1, m->C_KN)},
-                                   {THETA, scaled(-1, matmul(C_KT, tilde(x->d)))},
+                         .block = {{RHO_AT, scaled(-1, m->C_KN)},
+                                   {THETA_AT, scaled(-1, matmul(C_KT, tilde(x->d)))},
                                    {D_AT, C_KT}}};
     return update(x, &residual);
 }
@@ -95,7 +95,7 @@ static inline double update_attitude(Estimate *x, const Pose *m, mat3 R)
     Residual residual = {.y = rotation_error(product(conjugate(x->q), m->q)),
                          .R = R,
                          .count = 1,
-                         .block = {{THETA, identity(1)}}};
+                         .block = {{THETA_AT, identity(1)}}};
     return update(x, &residual);
 }
 
@@ -112,12 +112,12 @@ static inline mat3 squared(vec3 s) { return diagonal(s.x * s.x, s.y * s.y, s.z *
 static inline void start_covariance(const StartSigmas *s, double *P)
 {
     memset(P, 0, ERRORS * ERRORS * sizeof *P);
-    add_diagonal(P, V, THETA, s->drho * s->drho);
-    add_diagonal(P, W, KAPPA, s->omega * s->omega);
+    add_diagonal(P, V_AT, THETA_AT, s->drho * s->drho);
+    add_diagonal(P, W_AT, KAPPA_AT, s->omega * s->omega);
     for (size_t i = 0; i < RATIOS; i++)
-        add_diagonal(P, KAPPA + i, KAPPA + i + 1, s->inertia.k[i] * s->inertia.k[i]);
+        add_diagonal(P, KAPPA_AT + i, KAPPA_AT + i + 1, s->inertia.k[i] * s->inertia.k[i]);
     put_block(P, ERRORS, D_AT, D_AT, squared(s->p));
-    add_diagonal(P, ACC, ERRORS, s->acc * s->acc);
+    add_diagonal(P, ACC_AT, ERRORS, s->acc * s->acc);
 }
 
 static inline void put_pair(double *P, size_t row, size_t column, mat3 block)
@@ -135,12 +135,12 @@ static inline void acquire(const PoseModel *p, const StartSigmas *s, Estimate *x
     mat3 swing = matmul(C_NT, tilde(x->d));
     x->rho = sub(sub(mul(C_NT, x->d), mul(C_NK, m->r)), m->lever_S);
     start_covariance(s, x->P);
-    put_block(x->P, ERRORS, THETA, THETA, R_2);
-    put_block(x->P, ERRORS, RHO, RHO,
+    put_block(x->P, ERRORS, THETA_AT, THETA_AT, R_2);
+    put_block(x->P, ERRORS, RHO_AT, RHO_AT,
               plus(matmul(C_NK, matmul_t(R_1, C_NK)),
                    plus(matmul(swing, matmul_t(R_2, swing)), matmul(C_NT, matmul_t(P_dd, C_NT)))));
-    put_pair(x->P, RHO, THETA, scaled(-1, matmul(swing, R_2)));
-    put_pair(x->P, RHO, D_AT, matmul(C_NT, P_dd));
+    put_pair(x->P, RHO_AT, THETA_AT, scaled(-1, matmul(swing, R_2)));
+    put_pair(x->P, RHO_AT, D_AT, matmul(C_NT, P_dd));
     symmetrise(x->P, ERRORS);
 }
 

@@ -26,6 +26,9 @@
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "tracking.h"
 
+#define KEPT_INSIDE   1e-3 /* part of its width by which theta stays inside its funnel */
+#define LARGEST_KAPPA 0.98 /* the law stays finite */
+
 typedef struct { double k, eta, lambda, alpha_0, alpha_inf, beta, delta; } Channel;
 
 typedef struct {
@@ -188,7 +191,8 @@ static Mapped map(const Channel *c, double law, double rising, double z, double 
 {
     double L = rising ? -c->delta : -1, U = rising ? 1 : c->delta, width = U - L;
     double alpha = (c->alpha_0 - c->alpha_inf) * exponential(-c->beta * age) + c->alpha_inf;
-    double theta = z / alpha, inside = clamp(theta, L + 1e-3 * width, U - 1e-3 * width);
+    double theta = z / alpha,
+           inside = clamp(theta, L + KEPT_INSIDE * width, U - KEPT_INSIDE * width);
     double r = width / ((inside - L) * (U - inside) * alpha);
     double gain = c->k * c->eta * power(law, r, alpha * width / 4);
     return (Mapped){theta, mapped(inside, L, U),          alpha,
@@ -221,7 +225,8 @@ static vec3 barrier(const Channel *const c[3], double law, Funnel *x, vec3 z, do
     *y = (Telemetry){
         z,     vec(a.theta, b.theta, d.theta),  vec(a.s, b.s, d.s), vec(a.alpha, b.alpha, d.alpha),
         kappa, smaller(1 - kappa, inside) <= 0, x->margin};
-    return scale(-1 / (1 - smaller(kappa, 0.98)), vec(a.gain * a.s, b.gain * b.s, d.gain * d.s));
+    return scale(-1 / (1 - smaller(kappa, LARGEST_KAPPA)),
+                 vec(a.gain * a.s, b.gain * b.s, d.gain * d.s));
 }
 
 /* (12) to (19) */

@@ -92,7 +92,7 @@ static const Variable variables[] = {
         frame_radius, "m",
         "when mu > 0 the speed of the target counts relative to a point on a circular orbit of "
         "this radius in the xy plane of N, on +x at t = 0"),
-    NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call"),
+    SAMPLE_PERIOD,
 
     BODY_INPUTS("T", T, "target"),
     BODY_INPUTS("S", S, "servicer"),

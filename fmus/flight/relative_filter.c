@@ -9,6 +9,7 @@
  * the order of their stamps are filtered exactly. Equations: docs/models.md F.6. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
+#include "earth.h"
 #include "measurements.h"
 #include "pose_update.h"
 #include "rigid_body.h"
@@ -47,16 +48,11 @@ typedef struct {
     vec3 sigma_p_T, sigma_acc_N;
     double pose_nis, pose_rejected, pose_late, pose_age, relative_valid;
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {
     .p = {.sample_period = 0.1,
-          .model = {.planet = {.mu = 3.986004415e14, .R_E = 6378136.3, .J2 = 1.0826360229829945e-3},
+          .model = {.planet = {EARTH},
                     .use_J2 = 1,
                     .use_gravity_gradient = 1,
                     .sigma_a = 3e-5,
@@ -80,7 +76,7 @@ static const Model start = {
 };
 
 static const Variable variables[] = {
-    POSITIVE(sample_period, "s", "sample period of the software"),
+    GRID(sample_period, "sample period of the software"),
     NONNEGATIVE_AS("mu", model.planet.mu, "m3/s2",
                    "gravitational parameter of the planet; 0 = deep space"),
     NONNEGATIVE_AS("R_E", model.planet.R_E, "m", "equatorial radius of the planet"),
@@ -171,8 +167,7 @@ static void check(const Parameters *p, Problems *problems)
 {
     check_inertia(problems, "J_T", p->J_T);
     check_unit_quaternion(problems, "|q_KS|", p->pose.camera.q_KS);
-    if (fabs(norm(p->pose.flip_axis) - 1) > 1e-9)
-        refuse(problems, "|flip_axis|", norm(p->pose.flip_axis), "must be a unit vector");
+    check_unit_vector(problems, "|flip_axis|", p->pose.flip_axis);
 }
 
 /* ---- start ---- */
@@ -194,8 +189,8 @@ static void start_estimate(const Parameters *p, const Input *u, Estimate *x)
     x->d = p->p_GT_T;
     x->a = vec(0, 0, 0);
     start_covariance(&p->sigma_0, x->P);
-    add_diagonal(x->P, RHO, V, p->sigma_0.rho * p->sigma_0.rho);
-    add_diagonal(x->P, THETA, W, p->sigma_0.att * p->sigma_0.att);
+    add_diagonal(x->P, RHO_AT, V_AT, p->sigma_0.rho * p->sigma_0.rho);
+    add_diagonal(x->P, THETA_AT, W_AT, p->sigma_0.att * p->sigma_0.att);
 }
 
 /* ---- delay: ring, anchor, head ---- */
@@ -279,19 +274,19 @@ static void advance(const Parameters *p, const Input *u, State *x, double k)
 static Ratios sigma_ratios(const double *P)
 {
     Ratios s;
-    for (size_t i = 0; i < RATIOS; i++) s.k[i] = sqrt(P[(KAPPA + i) * (ERRORS + 1)]);
+    for (size_t i = 0; i < RATIOS; i++) s.k[i] = sqrt(P[(KAPPA_AT + i) * (ERRORS + 1)]);
     return s;
 }
 
 static void publish_sigmas(const double *P, Output *y)
 {
-    y->sigma_rho_N = sigma_at(P, ERRORS, RHO);
-    y->sigma_drho_N = sigma_at(P, ERRORS, V);
-    y->sigma_theta_T = sigma_at(P, ERRORS, THETA);
-    y->sigma_omega_T = sigma_at(P, ERRORS, W);
+    y->sigma_rho_N = sigma_at(P, ERRORS, RHO_AT);
+    y->sigma_drho_N = sigma_at(P, ERRORS, V_AT);
+    y->sigma_theta_T = sigma_at(P, ERRORS, THETA_AT);
+    y->sigma_omega_T = sigma_at(P, ERRORS, W_AT);
     y->sigma_inertia = sigma_ratios(P);
     y->sigma_p_T = sigma_at(P, ERRORS, D_AT);
-    y->sigma_acc_N = sigma_at(P, ERRORS, ACC);
+    y->sigma_acc_N = sigma_at(P, ERRORS, ACC_AT);
 }
 
 static void publish(const Parameters *p, const Input *u, const State *x, Output *y, double t)

@@ -19,13 +19,13 @@
 
 enum { RATIOS = 5 };
 enum {
-    RHO = 0,
-    V = 3,
-    THETA = 6,
-    W = 9,
-    KAPPA = 12,
+    RHO_AT = 0,
+    V_AT = 3,
+    THETA_AT = 6,
+    W_AT = 9,
+    KAPPA_AT = 12,
     D_AT = 17,
-    ACC = 20,
+    ACC_AT = 20,
     ERRORS = 23,
     MOVING = 12
 };
@@ -86,27 +86,26 @@ typedef struct {
     vec3 a;
 } MotionContext;
 
-static inline void relative_derivative(const void *context, double s, const double *from,
-                                       double *to)
+static inline void relative_derivative(const MotionContext *c, double s, const Moving *x,
+                                       Moving *dx)
 {
-    const MotionContext *c = context;
-    const Moving *x = (const Moving *)(const void *)from;
     const Orbit *planet = &c->model->planet;
     vec3 r_S = add(c->S->r, scale(s, c->S->v)), r_T = sub(r_S, x->rho);
     vec3 tide = sub(gravity(planet, c->model->use_J2, r_S), gravity(planet, c->model->use_J2, r_T));
     vec3 e = radial_T(canonical(x->q), r_T);
     quat dq = product(x->q, (quat){0, x->w.x / 2, x->w.y / 2, x->w.z / 2});
-    *(Moving *)(void *)to =
-        (Moving){x->v, sum3(tide, c->S->thrust_N, c->a), dq,
-                 solve(c->B, torque_of(c->B, x->w, tidal_rate(c->model, norm(r_T)), e))};
+    *dx = (Moving){x->v, sum3(tide, c->S->thrust_N, c->a), dq,
+                   solve(c->B, torque_of(c->B, x->w, tidal_rate(c->model, norm(r_T)), e))};
 }
+
+RK4(integrate_motion, relative_derivative, MotionContext, Moving)
 
 static inline void propagate_state(const MotionModel *model, const Servicer *S, Estimate *x,
                                    double T)
 {
     const MotionContext context = {model, S, inertia_of_ratios(1, x->kappa), x->a};
     Moving m = {x->rho, x->v, x->q, x->w};
-    rk4(relative_derivative, &context, 0, T, &m.rho.x, sizeof m / sizeof(double));
+    integrate_motion(&context, 0, T, &m);
     x->rho = m.rho, x->v = m.v, x->q = canonical(m.q), x->w = m.w;
 }
 
@@ -114,12 +113,12 @@ static inline void propagate_state(const MotionModel *model, const Servicer *S, 
 static inline void translation_blocks(const MotionModel *model, vec3 r_T, double T, double *F)
 {
     mat3 G = gravity_gradient_matrix(model->planet.mu, r_T);
-    put_block(F, ERRORS, RHO, RHO, scaled(T * T / 2, G));
-    put_block(F, ERRORS, RHO, V, identity(T));
-    put_block(F, ERRORS, RHO, ACC, identity(T * T / 2));
-    put_block(F, ERRORS, V, RHO, scaled(T, G));
-    put_block(F, ERRORS, V, V, scaled(T * T / 2, G));
-    put_block(F, ERRORS, V, ACC, identity(T));
+    put_block(F, ERRORS, RHO_AT, RHO_AT, scaled(T * T / 2, G));
+    put_block(F, ERRORS, RHO_AT, V_AT, identity(T));
+    put_block(F, ERRORS, RHO_AT, ACC_AT, identity(T * T / 2));
+    put_block(F, ERRORS, V_AT, RHO_AT, scaled(T, G));
+    put_block(F, ERRORS, V_AT, V_AT, scaled(T * T / 2, G));
+    put_block(F, ERRORS, V_AT, ACC_AT, identity(T));
 }
 
 typedef struct {
@@ -151,10 +150,10 @@ static inline void rotation_blocks(const Rotation *r, double T, double *F)
     mat3 w_th = plus(matmul(r->w_th, r->th_th), matmul(r->w_w, r->w_th));
     mat3 w_w = plus(r->w_th, matmul(r->w_w, r->w_w));
     double h = T * T / 2;
-    put_block(F, ERRORS, THETA, THETA, plus(scaled(T, r->th_th), scaled(h, th_th)));
-    put_block(F, ERRORS, THETA, W, plus(identity(T), scaled(h, th_w)));
-    put_block(F, ERRORS, W, THETA, plus(scaled(T, r->w_th), scaled(h, w_th)));
-    put_block(F, ERRORS, W, W, plus(scaled(T, r->w_w), scaled(h, w_w)));
+    put_block(F, ERRORS, THETA_AT, THETA_AT, plus(scaled(T, r->th_th), scaled(h, th_th)));
+    put_block(F, ERRORS, THETA_AT, W_AT, plus(identity(T), scaled(h, th_w)));
+    put_block(F, ERRORS, W_AT, THETA_AT, plus(scaled(T, r->w_th), scaled(h, w_th)));
+    put_block(F, ERRORS, W_AT, W_AT, plus(scaled(T, r->w_w), scaled(h, w_w)));
 }
 
 static inline void put_column(double *F, size_t row, size_t column, vec3 a)
@@ -172,15 +171,15 @@ static inline void inertia_columns(const Rotation *r, double T, double *F)
         one.k[i] = 1;
         mat3 E = inertia_of_ratios(0, one);
         vec3 A = mul(r->inverse_B, sub(torque_of(E, r->w, r->tide, r->e), mul(E, r->dw)));
-        put_column(F, THETA, KAPPA + i, scale(T * T / 2, A));
-        put_column(F, W, KAPPA + i, add(scale(T, A), scale(T * T / 2, mul(r->w_w, A))));
+        put_column(F, THETA_AT, KAPPA_AT + i, scale(T * T / 2, A));
+        put_column(F, W_AT, KAPPA_AT + i, add(scale(T, A), scale(T * T / 2, mul(r->w_w, A))));
     }
 }
 
 static inline int ratios_are_estimated(const Estimate *x)
 {
     double sum = 0;
-    for (size_t i = KAPPA; i < D_AT; i++) sum += x->P[i * (ERRORS + 1)];
+    for (size_t i = KAPPA_AT; i < D_AT; i++) sum += x->P[i * (ERRORS + 1)];
     return sum > 0;
 }
 
@@ -204,11 +203,11 @@ static inline void add_diagonal(double *P, size_t from, size_t to, double varian
 static inline void add_motion_noise(const MotionModel *m, vec3 thrust_N, double *P, double T)
 {
     double thrust = m->sigma_thrust * m->sigma_thrust * dot(thrust_N, thrust_N);
-    add_white_acceleration(P, ERRORS, RHO, V, m->sigma_a * m->sigma_a + thrust, T);
-    add_white_acceleration(P, ERRORS, THETA, W, m->sigma_alpha * m->sigma_alpha, T);
-    add_diagonal(P, KAPPA, D_AT, m->sigma_kappa * m->sigma_kappa * T);
-    add_diagonal(P, D_AT, ACC, m->sigma_d * m->sigma_d * T);
-    add_diagonal(P, ACC, ERRORS, m->sigma_acc * m->sigma_acc * T);
+    add_white_acceleration(P, ERRORS, RHO_AT, V_AT, m->sigma_a * m->sigma_a + thrust, T);
+    add_white_acceleration(P, ERRORS, THETA_AT, W_AT, m->sigma_alpha * m->sigma_alpha, T);
+    add_diagonal(P, KAPPA_AT, D_AT, m->sigma_kappa * m->sigma_kappa * T);
+    add_diagonal(P, D_AT, ACC_AT, m->sigma_d * m->sigma_d * T);
+    add_diagonal(P, ACC_AT, ERRORS, m->sigma_acc * m->sigma_acc * T);
 }
 
 /* from the sample of S to the next */

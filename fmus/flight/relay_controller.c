@@ -77,7 +77,7 @@ static const Variable variables[] = {
     NONNEGATIVE(Kd_w, "s2", "gain of its derivative, per body axis"),
     NONNEGATIVE(xi1, "1", "rotation goes off below this switching function, per body axis"),
     POSITIVE(xi2, "1", "rotation goes on from this switching function on, per body axis"),
-    NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call"),
+    SAMPLE_PERIOD,
 
     BODY_INPUTS("T", T, "target"),
     BODY_INPUTS("S", S, "servicer"),

@@ -22,6 +22,7 @@
  * and the next valid state begins a new arc. At zero range the zone is violated, corridor and plume
  * are on their edge. Inputs that are not numbers are refused by the interface. Equations: docs/models.md G. */
 /* SPDX-License-Identifier: BSD-2-Clause */
+#include "earth.h"
 #include "safety_judgement.h"
 
 #define NOT_YET    (-1) /* time of what has not happened */
@@ -46,15 +47,10 @@ typedef struct {
     double abort, violated[RULES], t_first[RULES], t_violation, rule_violated;
     vec3 F_safe_S, dv_left_N;
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {
-    .p = {.mu = 3.986004415e14,
+    .p = {.mu = MU_JGM3,
           .R_E = 6378136.3,
           .J2 = 1.0826360229829945e-3,
           .use_J2 = 1,

@@ -70,7 +70,7 @@ typedef struct {
         NONNEGATIVE(abort_force, "N", "force of the abort manoeuvre; 0: free drift"),              \
         NONNEGATIVE(abort_speed, "m/s", "velocity increment outwards along the corridor"),         \
         PARAMETER(abort_dv_H, "m/s", "velocity increment in Hill axes; zero: along the corridor"), \
-        NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call")
+        SAMPLE_PERIOD
 
 #define SAFETY_INPUTS                                                         \
     BODY_INPUTS("T", T, "target"), BODY_INPUTS("S", S, "servicer"),           \
@@ -82,7 +82,7 @@ typedef struct {
 
 static inline void check_acute(Problems *problems, const char *name, double angle)
 {
-    if (angle >= 1.5707963267948966) refuse(problems, name, angle, "must be below pi/2");
+    if (angle >= PI / 2) refuse(problems, name, angle, "must be below pi/2");
 }
 
 static inline void check_safety(const SafetyParameters *p, Problems *problems)

@@ -13,6 +13,8 @@
  * Sampled: force and torque are held in servicer axes. The phases are those of the rendezvous
  * benchmark of Chan & Mitra 2017. Equations: docs/models.md H. */
 /* SPDX-License-Identifier: BSD-2-Clause */
+#include "directions.h"
+#include "earth.h"
 #include "orbit.h"
 #include "tracking.h"
 
@@ -35,12 +37,7 @@ typedef struct {
     quat q_SD;
     double phase, approaching;
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 #define STABLE(k, d)                                       \
     {                                                      \
@@ -53,7 +50,7 @@ typedef struct {
     }
 
 static const Model start = {
-    .p = {.mu = 3.986004415e14,
+    .p = {.mu = MU_JGM3,
           .K = {STABLE(0.04, 4), STABLE(0.04, 4), STABLE(0.04, 4)},
           .axis_H = {0, 1, 0},
           .t_abort = 1e9,
@@ -87,7 +84,7 @@ static const Variable variables[] = {
     POSITIVE(wheel_scale, "kg.m2",
              "newton metre per rad/s2 of wheel acceleration, used with use_wheels"),
     PARAMETER(t_att, "s", "attitude control rests before this time"),
-    NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call"),
+    SAMPLE_PERIOD,
 
     TRACKING_INPUTS,
 
@@ -107,8 +104,7 @@ static const Variable variables[] = {
 
 static void check(const Parameters *p, Problems *problems)
 {
-    double length = norm(p->axis_H);
-    if (fabs(length - 1) > 1e-9) refuse(problems, "axis_H", length, "must be a unit vector");
+    check_unit_vector(problems, "axis_H", p->axis_H);
 }
 
 /* ---- phases ---- */

@@ -11,6 +11,8 @@
  * Source: Zhu & Yang 2009, equations (5) to (7) and (10); derivatives: docs/models.md A.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
+#include "directions.h"
+#include "earth.h"
 #include "motion.h"
 #include "orbit.h"
 #include "reference_rows.h"
@@ -34,14 +36,14 @@ typedef struct {
 MODEL_STRUCT;
 
 static const Model start = {
-    .p = {.mu = 3.986004415e14,
+    .p = {.mu = MU_JGM3,
           .J_T = {{{100, 0, 0}, {0, 150, 0}, {0, 0, 90}}},
           .p_T = {1, 0, 0},
           .rho_M = 4,
           .rho_0 = 20,
           .beta = 1.0 / 120,
           .use_gravity_gradient = 1,
-          .guard_angle = 0.08726646259971647},
+          .guard_angle = PI / 36},
     .u = {.T = {.r = {7158140, 0, 0}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}},
           .S = {.r = {7158140, 20, 0}, .v = {-0.0208, 7462.286, 0}, .q = {1, 0, 0, 0}}},
 };
@@ -58,7 +60,7 @@ static const Variable variables[] = {
     POSITIVE(
         guard_angle, "rad",
         "smallest angle between grasp axis and orbit normal before the roll reference is held"),
-    NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call"),
+    SAMPLE_PERIOD,
     SINUSOID_ROWS(M_dist_T, "N.m", "disturbance torque on the target, used with know_M_dist"),
 
     BODY_INPUTS("T", T, "target"),
@@ -78,8 +80,7 @@ static const Variable variables[] = {
 static void check(const Parameters *p, Problems *problems)
 {
     check_inertia(problems, "J_T", p->J_T);
-    if (fabs(norm(p->p_T) - 1) > 1e-9)
-        refuse(problems, "p_T", norm(p->p_T), "must be a unit vector");
+    check_unit_vector(problems, "p_T", p->p_T);
     if (p->guard_angle >= 1.5)
         refuse(problems, "guard_angle", p->guard_angle, "must be below 1.5 rad");
 }

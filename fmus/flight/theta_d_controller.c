@@ -20,6 +20,7 @@
  * Source: Xin & Balakrishnan 2002 as used by Yin, Luo, Wei & Yuan 2017; docs/models.md C.5, with
  * the terms that a reference of variable range adds. */
 /* SPDX-License-Identifier: BSD-2-Clause */
+#include "earth.h"
 #include "riccati.h"
 #include "rigid_body.h"
 #include "tracking.h"
@@ -47,7 +48,7 @@ MODEL_STRUCT;
 
 static const Model start = {
     .p = {.tracking = TRACKING_DEFAULTS,
-          .mu = 3.986004418e14,
+          .mu = MU_WGS84,
           .J_hat = {{{50, 0, 0}, {0, 45, 0}, {0, 0, 60}}},
           .A_hat = {{{10, 0, 0}, {0, 10, 0}, {0, 0, 10}}},
           .range = {.Q_error = 0.04, .Q_rate = 1.0884, .R = 1},
@@ -172,7 +173,9 @@ static void expand_position(const Parameters *p, Expansion *x)
     expand(1, diagonal3(per_channel(vec(1, 1, 1), position_R(p))), Q_error, Q_rate, x);
 }
 
-static double sin_over(double x) { return fabs(x) < 1e-8 ? 1 : sine(x) / x; }
+#define STRAIGHT 1e-8 /* rad, below it sin(x)/x is 1 to the last bit */
+
+static double sin_over(double x) { return fabs(x) < STRAIGHT ? 1 : sine(x) / x; }
 
 /* rows 4 to 6 of A: kinematics along the actual motion minus that along the reference, A x = f(x) -
  * f(0) */

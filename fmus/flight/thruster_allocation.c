@@ -62,8 +62,7 @@ static const Variable variables[] = {
     SWITCH(pulsed, "0: continuous throttles, 1: pulse-width modulation"),
     POSITIVE(pulse_period, "s", "period of the pulses, a multiple of sample_period"),
     NONNEGATIVE(min_on_time, "s", "shortest pulse"),
-    NONNEGATIVE(sample_period, "s",
-                "sample period of the software; 0 = at every call (not with pulses)"),
+    SAMPLE_PERIOD_AS(sample_period, "at every call (not with pulses)"),
 
     INPUT(F_cmd_S, "N", "commanded force, body axes"),
     INPUT(M_cmd_S, "N.m", "commanded torque about the centre of mass, body axes"),
@@ -80,7 +79,7 @@ static const Variable variables[] = {
 
 static int is_multiple(double a, double b)
 {
-    return fabs(a / b - nearest_whole(a / b)) <= 1e-9 * larger(1, a / b);
+    return fabs(a / b - nearest_whole(a / b)) <= ROUNDED_OFF * larger(1, a / b);
 }
 
 static void check(const Parameters *p, Problems *problems)
@@ -259,7 +258,7 @@ static void plan_pulse(double demand, double period, double shortest, double *on
 static void modulate(const Parameters *p, State *x, Output *y, double index)
 {
     double period = nearest_whole(p->pulse_period / p->sample_period);
-    double shortest = ceiling_of(p->min_on_time / p->sample_period - 1e-9);
+    double shortest = ceiling_of(p->min_on_time / p->sample_period - ROUNDED_OFF);
     double phase = index - period * floor_of(index / period);
     for (int i = 0; i < THRUSTERS; i++) {
         if (phase == 0) plan_pulse(y->demand[i], period, shortest, &x->on[i], &x->carry[i]);

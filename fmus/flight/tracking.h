@@ -55,8 +55,7 @@ typedef struct {
         ROW_AS(PARAMETER_ROW, p, "use_wheels", member.use_wheels, 1, "1",                         \
                "1: torque by wheels (wheel_accel_cmd), 0: by thrusters (M_cmd_S)", SWITCH_VALUE), \
         PARAMETER_AS("t_att", member.t_att, "s", "attitude control rests before this time"),      \
-        NONNEGATIVE_AS("sample_period", member.sample_period, "s",                                \
-                       "sample period of the software; 0 = at every call")
+        SAMPLE_PERIOD_AS(member.sample_period, "at every call")
 
 #define TRACKING_DEFAULTS \
     {.M_max = {10, 10, 10}, .up_axis = UP_IS_Y, .a_max = 4.9, .force_scale = 100}

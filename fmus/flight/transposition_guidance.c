@@ -36,12 +36,7 @@ typedef struct {
     double rotation_ref, status, no_plan, iterations, momentum_max, rotation_largest;
     double peak[MAX_ITERATIONS + 1], rotation[MAX_ITERATIONS + 1];
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {
     .p = {.assembly = ASSEMBLY_START,
@@ -50,7 +45,7 @@ static const Model start = {
           .nodes = 24, /* coarse: starts in milliseconds; systems set 90 */
           .H_sat = 1500,
           .momentum_share = 0.9,
-          .rotation_max = 0.6108652381980153,
+          .rotation_max = 7 * PI / 36,
           .use_plan = 1,
           .alpha = 0.5,
           .lambda = 1e20,
@@ -75,7 +70,7 @@ static const Variable variables[] = {
     NONNEGATIVE(lambda, "N2.m2.s6", "weight on the second differences of a step"),
     NONNEGATIVE(weight, "1", "power of |h|/max |h| in the weight of a node, whole number up to 8"),
     NONNEGATIVE(iterations_max, "1", "largest number of steps, whole number up to 30"),
-    NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call"),
+    SAMPLE_PERIOD,
 
     ATTITUDE_REFERENCE_ROWS(OUTPUT_ROW, y, ref),
     OUTPUT(eps_ref, "1",

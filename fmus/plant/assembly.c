@@ -45,20 +45,14 @@ typedef struct {
     vec3 M_gravity_S, M_aero_S, h_total_N;
     mat3 J_A;
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {
     .p = {.assembly = ASSEMBLY_START,
           .swing = SWING_START,
           .H_sat = 1500,
           .h_w = 350,
-          .gimbal_angle_0 = {0.9424777960769379, -1.8849555921538759, 2.5132741228718345, 0,
-                             -2.5132741228718345, 1.8849555921538759},
+          .gimbal_angle_0 = GIMBALS_AT_START,
           .gimbal_rate_max = 0.1,
           .use_gravity_gradient = 1,
           .use_aero = 1,
@@ -81,7 +75,7 @@ static const Variable variables[] = {
     POSITIVE(gimbal_rate_max, "rad/s", "largest gimbal rate"),
     SWITCH(use_gravity_gradient, "1: gravity gradient acts"),
     SWITCH(use_aero, "1: drag acts on the surfaces"),
-    POSITIVE(max_step, "s", "internal integration step"),
+    GRID(max_step, "internal integration step"),
 
     INPUT(hdot_cmd_S, "N.m", "rate of change of the momentum of the ideal device, body axes"),
     INPUT(gimbal_rate_cmd, "rad/s", "gimbal rates of the cluster"),
@@ -187,10 +181,8 @@ typedef struct {
     vec3 omega;
 } Motion7;
 
-static void derivative(const void *context, double t, const double *from, double *to)
+static void derivative(const Context *c, double t, const Motion7 *x, Motion7 *dx)
 {
-    const Context *c = context;
-    const Motion7 *x = (const Motion7 *)(const void *)from;
     Configuration now = configuration(&c->p->assembly, arm_in_step(&c->p->swing, t, c->inside));
     Momentum gyros = momentum_at(c->drive, t - c->t_0);
     mat3 C_So = dcm_of_quat(x->q);
@@ -198,10 +190,11 @@ static void derivative(const void *context, double t, const double *from, double
 
     vec3 w = rate_relative_to_H(c->p, C_So, x->omega);
     quat dq = product(x->q, (quat){0, w.x, w.y, w.z});
-    *(Motion7 *)(void *)to = (Motion7){
-        {dq.w / 2, dq.x / 2, dq.y / 2, dq.z / 2},
-        acceleration(&now, x->omega, gyros.h, gyros.dh, add(torque.gravity, torque.aero))};
+    dx->q = (quat){dq.w / 2, dq.x / 2, dq.y / 2, dq.z / 2};
+    dx->omega = acceleration(&now, x->omega, gyros.h, gyros.dh, add(torque.gravity, torque.aero));
 }
+
+RK4(integrate, derivative, Context, Motion7)
 
 /* ---- outputs ---- */
 static double largest_momentum(const Parameters *p, vec3 h)
@@ -265,7 +258,7 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
         Motion7 motion = {x->q, x->omega};
         inside = s.t + s.h / 2;
         const Context context = {p, &drive, s.t, inside};
-        rk4(derivative, &context, s.t, s.h, &motion.q.w, sizeof motion / sizeof(double));
+        integrate(&context, s.t, s.h, &motion);
         x->q = canonical(motion.q);
         x->omega = motion.omega;
         advance_gyros(&drive, s.h, x);

@@ -29,12 +29,7 @@ typedef struct {
     double gyro_time, gyro_valid;
     vec3 bias_S;
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {
     .p = {.sample_period = 0.1,
@@ -108,10 +103,6 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     *y = (Output){.gyro_time = -1, .bias_S = x->bias};
 }
 
-static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
-{
-    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
-        measure(p, u, x, y, s);
-}
+SAMPLED(step, measure)
 
 FMU_MODEL("gyro", "Rate-integrating gyro with angle and rate random walk, bias and quantisation");

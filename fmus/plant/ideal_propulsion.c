@@ -33,7 +33,7 @@ static const Variable variables[] = {
     NONNEGATIVE(M_max, "N.m", "largest torque per body axis; 0 = no limit"),
     NONNEGATIVE(tau, "s", "time constant of the first-order lag; 0 = none"),
     NONNEGATIVE(Isp, "s", "specific impulse; 0 = no propellant is consumed"),
-    POSITIVE(max_step, "s", "internal step"),
+    GRID(max_step, "internal step"),
 
     INPUT(F_cmd_S, "N", "commanded force, body axes"),
     INPUT(M_cmd_S, "N.m", "commanded torque, body axes"),

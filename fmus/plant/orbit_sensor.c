@@ -18,12 +18,7 @@ typedef struct {
     vec3 r_fix_N, v_fix_N;
     double fix_time, fix_valid;
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {
     .p = {.sample_period = 1, .random = {.stream = 4}, .sigma_fix_r = 5, .sigma_fix_v = 0.05}};
@@ -50,11 +45,12 @@ static void check(const Parameters *p, Problems *problems)
     check_probability(problems, "p_drop", p->outage.p_drop);
 }
 
-static void measure(const Parameters *p, const Input *u, Output *y, Sample s)
+static void measure(const Parameters *p, const Input *u, State *x, Output *y, Sample s)
 {
     const Draws d = draws_of_sample(&p->random, s.index);
+    (void)x;
     *y = (Output){.fix_time = s.t};
-    y->fix_valid = !in_outage(&p->outage, s.t) && !(uniform(&d, 6) < p->outage.p_drop);
+    y->fix_valid = !in_outage(&p->outage, s.t) && !dropped(&p->outage, uniform(&d, 6));
     if (!y->fix_valid) return;
     y->r_fix_N = add(u->r_SN_N, scale(p->sigma_fix_r, normals(&d, 0)));
     y->v_fix_N = add(u->v_SN_N, scale(p->sigma_fix_v, normals(&d, 3)));
@@ -67,11 +63,6 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     *y = (Output){.fix_time = -1};
 }
 
-static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
-{
-    (void)x;
-    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
-        measure(p, u, y, s);
-}
+SAMPLED(step, measure)
 
 FMU_MODEL("orbit_sensor", "Satellite navigation receiver: position and velocity with noise");

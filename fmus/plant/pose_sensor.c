@@ -43,12 +43,7 @@ typedef struct {
     Output pose;
 } Slot;
 typedef struct { Slot ring[RING]; } State;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 enum {
     OUT_OF_VIEW = 1,
@@ -124,7 +119,7 @@ static void check(const Parameters *p, Problems *problems)
     check_probability(problems, "p_flip", p->p_flip);
     if (p->range_max <= p->range_min)
         refuse(problems, "range_max", p->range_max, "must be above range_min");
-    if (p->latency > 7 * p->sample_period * (1 + 1e-9))
+    if (p->latency > 7 * p->sample_period * (1 + ROUNDED_OFF))
         refuse(problems, "latency", p->latency, "must be at most 7 sample periods");
 }
 
@@ -141,7 +136,7 @@ static int status(const Parameters *p, vec3 r, quat q_KN, double t, const Draws 
     return OUT_OF_VIEW * (angle(r, vec(1, 0, 0)) > p->fov) |
            OUT_OF_RANGE * (R < p->range_min || R > p->range_max) |
            DAZZLED * dazzled(&p->sun, q_KN) | IN_OUTAGE * in_outage(&p->outage, t) |
-           DROPPED * (uniform(d, 6) < p->outage.p_drop) | OUTLIER * (uniform(d, 7) < p->p_outlier) |
+           DROPPED * dropped(&p->outage, uniform(d, 6)) | OUTLIER * (uniform(d, 7) < p->p_outlier) |
            FLIP * (uniform(d, 14) < p->p_flip);
 }
 
@@ -163,7 +158,7 @@ static void spoil(const Parameters *p, Output *pose, int what, const Draws *d)
         pose->q_TK = product(pose->q_TK, (quat){0, p->flip_axis.x, p->flip_axis.y, p->flip_axis.z});
 }
 
-static Output measure(const Parameters *p, const Input *u, Sample s)
+static Output seen(const Parameters *p, const Input *u, Sample s)
 {
     const Draws d = draws_of_sample(&p->random, s.index);
     quat q_KN = canonical(product(u->q_SN, p->camera.q_KS));
@@ -183,6 +178,14 @@ static Output measure(const Parameters *p, const Input *u, Sample s)
 
 static Slot *slot(State *x, double index) { return &x->ring[(int)remainder_of(index, RING)]; }
 
+static void measure(const Parameters *p, const Input *u, State *x, Output *y, Sample s)
+{
+    (void)y;
+    *slot(x, s.index) = (Slot){1, s.index, seen(p, u, s)};
+}
+
+SAMPLED(expose, measure)
+
 /* the newest sample n with n P + latency < t */
 static void release(const Parameters *p, State *x, Output *y, double t)
 {
@@ -200,8 +203,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
-    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
-        *slot(x, s.index) = (Slot){1, s.index, measure(p, u, s)};
+    expose(p, u, x, y, t, h);
     release(p, x, y, t + h);
 }
 

@@ -44,7 +44,7 @@ static const Model start = {
 
 static const Variable variables[] = {
     THRUSTER_ROWS(thrusters),
-    POSITIVE(T0, "s", "call period; thrust is constant between calls"),
+    GRID(T0, "call period; thrust is constant between calls"),
     NONNEGATIVE(Tl, "s", "switching delay"),
     NONNEGATIVE(T2up, "s", "time constant of the rise; below T0 the Euler lag acts at once"),
     NONNEGATIVE(T2dn, "s", "time constant of the fall; below T0 the Euler lag acts at once"),
@@ -86,7 +86,8 @@ static void check(const Parameters *p, Problems *problems)
 /* B.6: the counter runs while the command differs from what is delivered (latch: always) */
 static void delay(const Parameters *p, Engine *e)
 {
-    int settled = e->command == e->delayed && !p->latch, ripe = e->waited >= p->Tl / p->T0 - 1e-9;
+    int settled = e->command == e->delayed && !p->latch,
+        ripe = e->waited >= p->Tl / p->T0 - ROUNDED_OFF;
     if (settled || ripe) {
         e->delayed = e->command;
         e->waited = 0;

@@ -49,7 +49,7 @@ typedef struct {
 MODEL_STRUCT;
 
 static const Model start = {
-    .p = {.orbit = {.mu = 3.986004418e14, .a = 7.0e6},
+    .p = {.orbit = {.mu = MU_WGS84, .a = 7.0e6},
           .links = {.mass = {5799.28, 68.68, 68.68},
                     .Ixx = {4124.83, 0.38, 0.38},
                     .Iyy = {4124.83, 22.84, 22.84},
@@ -85,8 +85,8 @@ static const Variable variables[] = {
               "joint angles at the start: link 1 from x of the base, link 2 from link 1"),
     PARAMETER(joint_rate_0, "rad/s", "joint rates at the start"),
     SWITCH(use_gravity_gradient, "1: gravity gradient acts on all bodies"),
-    POSITIVE(max_step, "s",
-             "internal integration step; at most 0.1 s with joint torques, 10 s in free drift"),
+    GRID(max_step,
+         "internal integration step; at most 0.1 s with joint torques, 10 s in free drift"),
 
     INPUT(F_S, "N", "force at the centre of mass of the base, base axes"),
     INPUT(M_S, "N.m", "torque on the base, base axes"),
@@ -233,6 +233,8 @@ static mat3 dcm_of_euler(const double angles[3])
     return matmul(Ry, matmul(Rz, Rx));
 }
 
+#define UPRIGHT 1e-9 /* smallest cosine that divides */
+
 /* theta = asin(-C10), vartheta = atan2(C12, C11), psi = atan2(C20, C00); omega relative to the
  * orbital frame, base axes: rates from omega = T_Y [dvartheta; dpsi; dtheta], which is singular at
  * theta = +-90 deg */
@@ -243,7 +245,7 @@ static void euler_of_dcm(mat3 C, vec3 w, double angles[3], double rates[3])
     angles[1] = arc_tangent(C.row[2].x, C.row[0].x);
     angles[2] = arc_tangent(sz, cz);
     SineCosine y = sine_and_cosine(angles[1]);
-    rates[0] = (y.c * w.x + y.s * w.z) / larger(cz, 1e-9);
+    rates[0] = (y.c * w.x + y.s * w.z) / larger(cz, UPRIGHT);
     rates[1] = w.y + sz * rates[0];
     rates[2] = y.c * w.z - y.s * w.x;
 }
@@ -258,8 +260,7 @@ static vec3 rate_of_euler(const double angles[3], const double rates[3]) /* T_Y 
 /* the angle of the same direction nearest to an earlier one: counts full turns */
 static double continued(double earlier, double angle)
 {
-    double turn = 6.283185307179586476925;
-    return angle + turn * nearest_whole((earlier - angle) / turn);
+    return angle + 2 * PI * nearest_whole((earlier - angle) / (2 * PI));
 }
 
 static double pitch_of(const State *x)

@@ -28,12 +28,7 @@ typedef struct {
     quat q_AN;
     double star_time, star_valid;
 } Output;
-typedef struct {
-    Parameters p;
-    Input u;
-    State x;
-    Output y;
-} Model;
+MODEL_STRUCT;
 
 static const Model start = {
     .p = {.sample_period = 0.5,
@@ -73,13 +68,14 @@ static void check(const Parameters *p, Problems *problems)
 static int sees(const Parameters *p, const Input *u, quat q_AN, double t, const Draws *d)
 {
     return norm(u->omega_SN_S) <= p->rate_max && !dazzled(&p->sun, q_AN) &&
-           !in_outage(&p->outage, t) && !(uniform(d, 3) < p->outage.p_drop);
+           !in_outage(&p->outage, t) && !dropped(&p->outage, uniform(d, 3));
 }
 
-static void measure(const Parameters *p, const Input *u, Output *y, Sample s)
+static void measure(const Parameters *p, const Input *u, State *x, Output *y, Sample s)
 {
     const Draws d = draws_of_sample(&p->random, s.index);
     quat q_AN = canonical(product(u->q_SN, p->q_AS));
+    (void)x;
     *y = (Output){.q_AN = {1, 0, 0, 0}, .star_time = s.t};
     y->star_valid = sees(p, u, q_AN, s.t, &d);
     if (y->star_valid)
@@ -93,12 +89,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     *y = (Output){.q_AN = {1, 0, 0, 0}, .star_time = -1};
 }
 
-static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
-{
-    (void)x;
-    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
-        measure(p, u, y, s);
-}
+SAMPLED(step, measure)
 
 FMU_MODEL("star_tracker",
           "Star tracker: attitude with noise, blinded by the Sun and by fast turns");

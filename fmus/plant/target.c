@@ -33,9 +33,7 @@ typedef struct {
 MODEL_STRUCT;
 
 static const Model start = {
-    .p = {.orbit = {EARTH, .a = 7158140, .e = 0.01, .inc = 0.5235987755982988,
-                    .argp = 1.0471975511965976, .raan = 2.0943951023931953,
-                    .nu = 0.5235987755982988},
+    .p = {.orbit = START_ORBIT,
           .mass = 100,
           .J_T = {{{100, 0, 0}, {0, 150, 0}, {0, 0, 90}}},
           .sigma_TN_0 = {-0.02, 0.015, -0.25},
@@ -59,7 +57,7 @@ static const Variable variables[] = {
     SINUSOID_ROWS(a_dist, "m/s2", "disturbance acceleration, axes by a_dist_axes"),
     SINUSOID_ROWS(a_manoeuvre_N, "m/s2", "manoeuvre unknown to the servicer, N axes"),
     SWITCH(a_dist_axes, "axes of a_dist: 0 = N, 1 = Hill frame of the own orbit"),
-    POSITIVE(max_step, "s", "internal integration step"),
+    GRID(max_step, "internal integration step"),
 
     INPUT(F_T, "N", "contact or servicing force, body axes"),
     INPUT(M_T, "N.m", "contact or servicing torque about the centre of mass, body axes"),

@@ -37,7 +37,7 @@ $starts
 };
 
 static const Variable variables[] = {
-    NONNEGATIVE(sample_period, "s", "sample period of the software; 0 = at every call"),
+    SAMPLE_PERIOD,
 $rows
 };
 

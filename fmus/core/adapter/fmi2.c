@@ -138,18 +138,14 @@ static bool refresh(Instance *instance, const char *function)
     return true;
 }
 
-/* the shortest internal step or sample period; the parameters have the same names in all models; 0:
- * there is none */
+/* the shortest internal step or sample period; 0: there is none */
 static double finest_grid(const void *model)
 {
     double finest = INFINITY;
     for (size_t i = 0; i < fmu_model.variable_count; i++) {
         const Variable *v = &fmu_model.variables[i];
         double value = value_of(model, (Scalar){v, 0});
-        if (strcmp(v->name, "max_step") && strcmp(v->name, "sample_period") &&
-            strcmp(v->name, "T0"))
-            continue;
-        if (value > 0) finest = smaller(finest, value);
+        if (v->kind == GRID_ROW && value > 0) finest = smaller(finest, value);
     }
     return isfinite(finest) ? finest : 0;
 }

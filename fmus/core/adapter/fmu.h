@@ -31,6 +31,12 @@ typedef enum {
     ALARM_VALUE
 } Rule;
 
+typedef enum {
+    PLAIN_ROW,
+    OPTIONAL_ROW, /* an input that keeps its start value where nobody drives it */
+    GRID_ROW      /* an internal step or sample period: the model does nothing at finer times */
+} Kind;
+
 typedef struct {
     Causality causality;
     const char *name;
@@ -40,7 +46,7 @@ typedef struct {
     const char *unit;
     const char *text;
     Rule rule;
-    int optional; /* an input that keeps its start value where nobody drives it */
+    Kind kind;
 } Variable;
 
 #define MODEL_STRUCT  \
@@ -51,18 +57,18 @@ typedef struct {
         Output y;     \
     } Model
 
-#define ROW(causality, part, name, member, columns, unit, text, rule, optional) \
-    {causality,                                                                 \
-     name,                                                                      \
-     offsetof(Model, part.member),                                              \
-     sizeof(((Model *)0)->part.member) / sizeof(double),                        \
-     columns,                                                                   \
-     unit,                                                                      \
-     text,                                                                      \
-     rule,                                                                      \
-     optional}
+#define ROW(causality, part, name, member, columns, unit, text, rule, kind) \
+    {causality,                                                             \
+     name,                                                                  \
+     offsetof(Model, part.member),                                          \
+     sizeof(((Model *)0)->part.member) / sizeof(double),                    \
+     columns,                                                               \
+     unit,                                                                  \
+     text,                                                                  \
+     rule,                                                                  \
+     kind}
 #define ROW_AS(causality, part, name, member, columns, unit, text, rule) \
-    ROW(causality, part, name, member, columns, unit, text, rule, 0)
+    ROW(causality, part, name, member, columns, unit, text, rule, PLAIN_ROW)
 
 #define PARAMETER(member, unit, text) \
     ROW_AS(PARAMETER_ROW, p, #member, member, 1, unit, text, ANY_VALUE)
@@ -79,16 +85,24 @@ typedef struct {
 #define SWITCH(member, text) ROW_AS(PARAMETER_ROW, p, #member, member, 1, "1", text, SWITCH_VALUE)
 #define MATRIX(member, unit, text) \
     ROW_AS(PARAMETER_ROW, p, #member, member, 3, unit, text, ANY_VALUE)
+/* times at which a model works: its adapter knows by them how fine a step is */
+#define GRID_OF(name, member, text, rule) \
+    ROW(PARAMETER_ROW, p, name, member, 1, "s", text, rule, GRID_ROW)
+#define GRID_AS(name, member, text) GRID_OF(name, member, text, POSITIVE_VALUE)
+#define GRID(member, text)          GRID_AS(#member, member, text)
+#define SAMPLE_PERIOD_AS(member, text) \
+    GRID_OF("sample_period", member, "sample period of the software; 0 = " text, NONNEGATIVE_VALUE)
+#define SAMPLE_PERIOD             SAMPLE_PERIOD_AS(sample_period, "at every call")
 #define INPUT(member, unit, text) ROW_AS(INPUT_ROW, u, #member, member, 1, unit, text, ANY_VALUE)
 #define NONNEGATIVE_INPUT(member, unit, text) \
     ROW_AS(INPUT_ROW, u, #member, member, 1, unit, text, NONNEGATIVE_VALUE)
 /* inputs that a system need not know: the model description says so, the build of a system asks for
  * no driver */
 #define OPTIONAL_INPUT_AS(name, member, unit, text) \
-    ROW(INPUT_ROW, u, name, member, 1, unit, text, ANY_VALUE, 1)
+    ROW(INPUT_ROW, u, name, member, 1, unit, text, ANY_VALUE, OPTIONAL_ROW)
 #define OPTIONAL_INPUT(member, unit, text) OPTIONAL_INPUT_AS(#member, member, unit, text)
 #define OPTIONAL_SWITCH(member, text) \
-    ROW(INPUT_ROW, u, #member, member, 1, "1", text, SWITCH_VALUE, 1)
+    ROW(INPUT_ROW, u, #member, member, 1, "1", text, SWITCH_VALUE, OPTIONAL_ROW)
 #define OUTPUT(member, unit, text) ROW_AS(OUTPUT_ROW, y, #member, member, 1, unit, text, ANY_VALUE)
 #define NONNEGATIVE_OUTPUT(member, unit, text) \
     ROW_AS(OUTPUT_ROW, y, #member, member, 1, unit, text, NONNEGATIVE_VALUE)

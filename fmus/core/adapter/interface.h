@@ -52,7 +52,7 @@ static inline double lowest(Rule rule) { return rule == ANY_VALUE ? -DBL_MAX : 0
 static inline int is_flag(Rule rule) { return rule == SWITCH_VALUE || rule == ALARM_VALUE; }
 static inline double highest(Rule rule)
 {
-    return is_flag(rule) ? 1 : rule == ANGLE_VALUE ? 3.14159265358979323846 : DBL_MAX;
+    return is_flag(rule) ? 1 : rule == ANGLE_VALUE ? PI : DBL_MAX;
 }
 static inline const char *broken_rule(Rule rule, double value) /* NULL: the value is fine */
 {

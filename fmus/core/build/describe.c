@@ -173,7 +173,7 @@ static void print_variable(size_t row, size_t element, const void *model)
     if (nominal(v, values) != 1) print_attribute("nominal", nominal(v, values));
     if (v->causality != OUTPUT_ROW) print_attribute("start", value_of(fmu_model.start, s));
     printf("/>\n");
-    if (v->optional) printf("      " OPTIONAL_MARK "\n");
+    if (v->kind == OPTIONAL_ROW) printf("      " OPTIONAL_MARK "\n");
     printf("    </ScalarVariable>\n");
 }
 
@@ -245,7 +245,10 @@ static void check_row(size_t row)
     if (!*v->text) fault(v->name, "no description");
     if (row > 0 && v->causality < fmu_model.variables[row - 1].causality)
         fault(v->name, "rows must be in the order parameters, inputs, outputs");
-    if (v->optional && v->causality != INPUT_ROW) fault(v->name, "only an input can be optional");
+    if (v->kind == OPTIONAL_ROW && v->causality != INPUT_ROW)
+        fault(v->name, "only an input can be optional");
+    if (v->kind == GRID_ROW && (v->causality != PARAMETER_ROW || v->size != 1))
+        fault(v->name, "only a parameter of one element can be a grid of times");
     if (v->size == 0 || v->size > VR_STRIDE || v->size % v->columns)
         fault(v->name, "impossible shape");
     for (size_t i = 0; i < row; i++)

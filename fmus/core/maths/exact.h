@@ -12,6 +12,8 @@
 static inline double smaller(double a, double b) { return a < b || isnan(b) ? a : b; }
 static inline double larger(double a, double b) { return a > b || isnan(b) ? a : b; }
 
+#define PI 3.14159265358979323846
+
 #define ALL_WHOLE 4503599627370496.0 /* 2^52: from here on every double is a whole number */
 
 /* to the nearest whole number, halves to the even one; 2^52 pushes the fraction out */

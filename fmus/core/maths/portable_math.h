@@ -20,7 +20,7 @@
  * the third part cancels, by the digits of 2/pi */
 static inline Angle reduced(double x)
 {
-    if (fabs(x) <= 0.78539816339744831) return (Angle){x, 0, 0};
+    if (fabs(x) <= PI / 4) return (Angle){x, 0, 0};
     if (fabs(x) < 1e6) {
         double n = x * TWO_OVER_PI + ROUNDER - ROUNDER;
         double a = x - n * HALF_PI_1, b = n * HALF_PI_2, c = n * HALF_PI_3;

@@ -3,7 +3,8 @@
  *     static void derivative(const Context *c, double t, const State *x, State *dx);
  *     RK4(integrate, derivative, Context, State)
  *
- * defines  integrate(const Context *c, double t, double h, State *x),  a step from t to t + h. */
+ * defines  integrate(const Context *c, double t, double h, State *x),  a step from t to t + h. It is
+ * the only way to rk4: a derivative has types. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef RK4_H
 #define RK4_H
@@ -30,16 +31,16 @@ static inline void rk4(Derivative *f, const void *context, double t, double h, d
 }
 
 /* the array holds no more than RK4_MAX_STATES: a larger State does not compile */
-#define RK4(name, derivative, Context, State)                                              \
-    typedef char name##_fits[sizeof(State) <= RK4_MAX_STATES * sizeof(double) ? 1 : -1];   \
-    static void name##_rates(const void *context, double t, const double *x, double *dx)   \
-    {                                                                                      \
-        derivative((const Context *)context, t, (const State *)(const void *)x,            \
-                   (State *)(void *)dx);                                                   \
-    }                                                                                      \
-    static void name(const Context *context, double t, double h, State *x)                 \
-    {                                                                                      \
-        rk4(name##_rates, context, t, h, (double *)(void *)x, sizeof *x / sizeof(double)); \
+#define RK4(name, derivative, Context, State)                                                   \
+    typedef char name##_fits[sizeof(State) <= RK4_MAX_STATES * sizeof(double) ? 1 : -1];        \
+    static inline void name##_rates(const void *context, double t, const double *x, double *dx) \
+    {                                                                                           \
+        derivative((const Context *)context, t, (const State *)(const void *)x,                 \
+                   (State *)(void *)dx);                                                        \
+    }                                                                                           \
+    static inline void name(const Context *context, double t, double h, State *x)               \
+    {                                                                                           \
+        rk4(name##_rates, context, t, h, (double *)(void *)x, sizeof *x / sizeof(double));      \
     }
 
 #endif

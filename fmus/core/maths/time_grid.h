@@ -13,6 +13,8 @@
 
 #include "exact.h"
 
+#define ROUNDED_OFF 1e-9 /* what a quotient of times may lack to a whole number */
+
 static const double most_grid_steps = 9007199254740992.0; /* 2^53 */
 
 /* how far from x a number may be that stands for x */

@@ -14,6 +14,9 @@
 
 enum { GYROS = 6 };
 
+/* at rest and far from singular */
+#define GIMBALS_AT_START {0.3 * PI, -0.6 * PI, 0.8 * PI, 0, -0.8 * PI, 0.6 * PI}
+
 typedef struct { vec3 g, s, t; } Gyro; /* gimbal axis, spin axis at zero, torque axis at zero */
 
 static inline Gyro gyro(int i)

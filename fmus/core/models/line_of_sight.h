@@ -18,6 +18,9 @@
 #include "fmu.h"
 #include "motion.h"
 
+#define SMALLEST_COSINE 1e-3 /* of the elevation, where it divides: near the poles */
+#define SMALLEST_RANGE  0.1  /* m, where it divides */
+
 enum { UP_IS_X = 1, UP_IS_Y = 2, UP_IS_Z = 3 };
 
 #define UP_AXIS_TEXT "inertial axis that is up for the line-of-sight angles: 1 = X, 2 = Y, 3 = Z"
@@ -85,8 +88,8 @@ static inline LineOfSight line_of_sight(double up, Motion r)
                        .C_LN = los_axes(up, e.c, e.s, b.c, b.s),
                        .ce = e.c,
                        .se = e.s,
-                       .ce_safe = larger(e.c, 1e-3),
-                       .rho_safe = larger(norm(r.x), 0.1)};
+                       .ce_safe = larger(e.c, SMALLEST_COSINE),
+                       .rho_safe = larger(norm(r.x), SMALLEST_RANGE)};
     los.q.d = los_rates(&los, mul(los.C_LN, r.d));
     los.q.dd = los_accelerations(&los, mul(los.C_LN, r.dd));
     return los;
@@ -95,8 +98,7 @@ static inline LineOfSight line_of_sight(double up, Motion r)
 /* the same angle in (-pi, pi] */
 static inline double wrapped(double angle)
 {
-    const double turn = 6.283185307179586477;
-    return angle - turn * ceiling_of(angle / turn - 0.5);
+    return angle - 2 * PI * ceiling_of(angle / (2 * PI) - 0.5);
 }
 
 /* gravity at r_T + rho minus gravity at r_T, without cancellation (Encke):

@@ -1,16 +1,9 @@
-/* mounting.h - how a sensor is mounted on the servicer, and the rules for such an attitude. */
+/* mounting.h - how a sensor is mounted on the servicer. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MOUNTING_H
 #define MOUNTING_H
 
-#include "attitude.h"
-#include "fmu.h"
-
-static inline void check_unit_quaternion(Problems *problems, const char *name, quat q)
-{
-    double n = sqrt(q.w * q.w + dot(vector_part(q), vector_part(q)));
-    if (!(fabs(n - 1) <= 1e-9)) refuse(problems, name, n, "must be a unit quaternion");
-}
+#include "directions.h"
 
 /* the camera that measures the pose of the target: boresight +X of K */
 typedef struct {

@@ -15,14 +15,16 @@ static inline vec3 gravity_gradient(double mu, vec3 r_B, mat3 J)
     return scale(3 * mu / (r * r * r), cross(rb, mul(J, rb)));
 }
 
-/* within 1e-9 of the largest diagonal element: a matrix rotated in floating point is symmetric but
+#define SYMMETRIC 1e-9
+
+/* within SYMMETRIC of the largest diagonal element: a matrix rotated in floating point is symmetric but
  * for roundings. It is used as given; what its unsymmetric part does to the motion is as small. */
 static inline int is_symmetric(mat3 m)
 {
     double largest = larger(fabs(m.row[0].x), larger(fabs(m.row[1].y), fabs(m.row[2].z)));
     double xy = fabs(m.row[0].y - m.row[1].x), xz = fabs(m.row[0].z - m.row[2].x),
            yz = fabs(m.row[1].z - m.row[2].y);
-    return larger(xy, larger(xz, yz)) <= 1e-9 * largest;
+    return larger(xy, larger(xz, yz)) <= SYMMETRIC * largest;
 }
 
 static inline void check_positive_definite(Problems *problems, const char *name, mat3 m)

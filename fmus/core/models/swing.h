@@ -13,7 +13,7 @@
 typedef struct { double angle, start, duration, smooth; } Swing;
 typedef struct { double angle, rate, accel; } Arm; /* rad, rad/s, rad/s2 */
 
-#define SWING_START {.angle = 1.5707963267948966, .start = 600, .duration = 3000, .smooth = 1}
+#define SWING_START {.angle = PI / 2, .start = 600, .duration = 3000, .smooth = 1}
 
 #define SWING_ROWS(member)                                                                \
     PARAMETER_AS("swing_angle", member.angle, "rad", "angle of the arm after the swing"), \

@@ -6,13 +6,20 @@
 #ifndef SENSOR_H
 #define SENSOR_H
 
-#include "attitude.h"
-#include "fmu.h"
+#include "directions.h"
 #include "random.h"
 #include "time_grid.h"
 
 #define SENSOR_PERIOD_ROW \
-    POSITIVE(sample_period, "s", "period of the measurements, a multiple of the macro step")
+    GRID(sample_period, "period of the measurements, a multiple of the macro step")
+
+/* defines  name(p, u, x, y, t, h):  measure(p, u, x, y, s) at every sample instant in [t, t+h) */
+#define SAMPLED(name, measure)                                                                     \
+    static void name(const Parameters *p, const Input *u, State *x, Output *y, double t, double h) \
+    {                                                                                              \
+        for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))      \
+            measure(p, u, x, y, s);                                                                \
+    }
 
 typedef struct { double start, duration, p_drop; } Outage;
 
@@ -36,6 +43,9 @@ static inline int in_outage(const Outage *o, double t)
     return reached(t, o->start) && !reached(t, o->start + o->duration);
 }
 
+/* u: draw of the sample, uniform in [0, 1) */
+static inline int dropped(const Outage *o, double u) { return u < o->p_drop; }
+
 /* boresight is +X of the sensor, q its attitude relative to N */
 static inline int dazzled(const Sun *sun, quat q)
 {
@@ -45,10 +55,6 @@ static inline int dazzled(const Sun *sun, quat q)
 static inline void check_probability(Problems *problems, const char *name, double p)
 {
     if (p > 1) refuse(problems, name, p, "must be in [0, 1]");
-}
-static inline void check_unit_vector(Problems *problems, const char *name, vec3 a)
-{
-    if (!(fabs(norm(a) - 1) <= 1e-9)) refuse(problems, name, norm(a), "must be a unit vector");
 }
 
 #endif

@@ -38,14 +38,13 @@ typedef struct {
 } BaseOutput;
 
 /* ---- rows; every plant names the members `base` ---- */
-#define BASE_START                                                                                \
-    {.orbit = {EARTH, .a = 7158140, .e = 0.01, .inc = 0.5235987755982988,                         \
-               .argp = 1.0471975511965976, .raan = 2.0943951023931953, .nu = 0.5235987755982988}, \
-     .rho_0_H = {0, 20, 0},                                                                       \
-     .mass_0 = 100,                                                                               \
-     .J_S = {{{200, 0, 0}, {0, 250, 0}, {0, 0, 150}}},                                            \
-     .A_w = {{{12, 0, 0}, {0, 15, 0}, {0, 0, 10}}},                                               \
-     .use_J2 = 1,                                                                                 \
+#define BASE_START                                     \
+    {.orbit = START_ORBIT,                             \
+     .rho_0_H = {0, 20, 0},                            \
+     .mass_0 = 100,                                    \
+     .J_S = {{{200, 0, 0}, {0, 250, 0}, {0, 0, 150}}}, \
+     .A_w = {{{12, 0, 0}, {0, 15, 0}, {0, 0, 10}}},    \
+     .use_J2 = 1,                                      \
      .max_step = 0.1}
 
 #define BASE_SWITCH(member, text) \
@@ -85,7 +84,7 @@ typedef struct {
         BASE_SWITCH(velocity_follows_attitude,                                                     \
                     "1: the velocity turns with the body; unphysical, only to reproduce Kozlova "  \
                     "& Fomichev"),                                                                 \
-        POSITIVE_AS("max_step", base.max_step, "s", "internal integration step")
+        GRID_AS("max_step", base.max_step, "internal integration step")
 
 #define BASE_INPUT(member, unit, text, rule) \
     ROW_AS(INPUT_ROW, u, #member, base.member, 1, unit, text, rule)

@@ -5,6 +5,8 @@
 #define ASSEMBLY_ROWS_H
 
 #include "assembly.h"
+#include "directions.h"
+#include "earth.h"
 #include "fmu.h"
 
 /* scenario of docs/models.md E.3 */
@@ -21,7 +23,7 @@
                   .panel_body = {0, 0, 1, 0},                                                  \
                   .panel_position = {{{-2, 12, 0}, {-2, -12, 0}, {-4, 0, -6}, {0, 0, 0}}},     \
                   .panel_normal = {{{0.6, 0, 0.8}, {0.6, 0, 0.8}, {0, 0.6, 0.8}, {0, 0, 1}}}}, \
-     .mu = 3.9860044e14,                                                                       \
+     .mu = MU_ROUNDED,                                                                         \
      .R_C = 6768137,                                                                           \
      .rho = 3.0e-12,                                                                           \
      .C_D = 2.2}
@@ -66,9 +68,8 @@ static inline void check_assembly(Problems *problems, const Assembly *a)
     check_inertia(problems, "J0", a->J0);
     check_inertia(problems, "J1", a->J1);
     for (int k = 0; k < PANELS; k++) {
-        double length = norm(a->surfaces.panel_normal.of[k]);
         snprintf(name, sizeof name, "panel_normal[%d]", k + 1);
-        if (fabs(length - 1) > 1e-9) refuse(problems, name, length, "must be a unit vector");
+        check_unit_vector(problems, name, a->surfaces.panel_normal.of[k]);
     }
 }
 

@@ -4,10 +4,9 @@
 #ifndef ORBIT_ROWS_H
 #define ORBIT_ROWS_H
 
+#include "earth.h"
 #include "fmu.h"
 #include "orbit.h"
-
-#define EARTH .mu = 3.986004415e14, .R_E = 6378136.3, .J2 = 1.0826360229829945e-3 /* JGM-3 */
 
 /* all but the semi-major axis, in the order of the tables */
 #define ELLIPSE_ROWS(orbit)                                                               \

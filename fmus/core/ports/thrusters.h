@@ -7,8 +7,7 @@
 #ifndef THRUSTERS_H
 #define THRUSTERS_H
 
-#include "fmu.h"
-#include "vec3.h"
+#include "directions.h"
 
 enum { THRUSTERS = 16 };
 
@@ -75,7 +74,7 @@ static inline void check_thrusters(Problems *problems, const Thrusters *all)
     for (int i = 0; i < THRUSTERS; i++) {
         double length = norm(all->direction.row[i]);
         snprintf(name, sizeof name, "|thruster_direction[%d]|", i + 1);
-        if (all->nominal[i] > 0 && !(fabs(length - 1) <= 1e-9))
+        if (all->nominal[i] > 0 && !(is_unit_length(length)))
             refuse(problems, name, length, "must be a unit vector where thrust_nominal > 0");
     }
 }

@@ -1,0 +1,22 @@
+/* earth.h - the Earth as the works take it, and the orbit from which target and servicer start.
+ *
+ * Three values of its gravitational parameter, because every system has the one of its paper: they
+ * differ by 1e-8, less than any result shows, and none is corrected. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef EARTH_H
+#define EARTH_H
+
+#include "exact.h"
+
+#define MU_JGM3    3.986004415e14 /* m3/s2, Zhu & Yang 2009: JGM-3 (Tapley et al. 1996) */
+#define MU_WGS84   3.986004418e14 /* m3/s2, IERS Conventions 2010, WGS 84 */
+#define MU_ROUNDED 3.9860044e14   /* m3/s2, patent CN106020225A */
+
+#define EARTH .mu = MU_JGM3, .R_E = 6378136.3, .J2 = 1.0826360229829945e-3 /* JGM-3 */
+
+/* Zhu & Yang 2009, with J2: elements of the target; the servicer starts beside it */
+#define START_ORBIT                                                  \
+    {EARTH,          .a = 7158140,       .e = 0.01,   .inc = PI / 6, \
+     .argp = PI / 3, .raan = 2 * PI / 3, .nu = PI / 6}
+
+#endif
