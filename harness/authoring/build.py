@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import importlib.util
+import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -24,8 +26,8 @@ def build(name: str | Path, output: str | Path | None = None, compiler: str = "c
     """Build an FMU from a C or Python file; returns what it says about itself.
 
     name: the file, or a folder NAME with NAME.c or NAME.py; output: default NAME.fmu beside the
-    file; compiler: the command for C. Raises UsageError if there is no such file, compiler or
-    package, and FmuError with the words of the compiler.
+    file; compiler: the command for C with its arguments, quoted as in a shell. Raises UsageError if
+    there is no such file, compiler or package, and FmuError with the words of the compiler.
     """
     source = _source(Path(name))
     target = Path(output) if output is not None else source.with_suffix(".fmu")
@@ -34,7 +36,7 @@ def build(name: str | Path, output: str | Path | None = None, compiler: str = "c
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / f"{source.stem}.fmu"
         if source.suffix == ".c":
-            _build_c(source, made, compiler.split())
+            _build_c(source, made, _command(compiler))
         else:
             made = _build_python(source, Path(folder))
         with written(target) as file:
@@ -69,7 +71,14 @@ def _build_c(source: Path, output: Path, compiler: Sequence[str]) -> None:
             "clang, or name yours with --cc"
         )
     helper = [sys.executable, str(core / "build" / "build_fmu.py")]
-    _run([*helper, str(source), "-o", str(output), "--cc", *compiler], source)
+    _run([*helper, str(source), "-o", str(output), f"--cc={shlex.join(compiler)}"], source)
+
+
+def _command(compiler: str) -> list[str]:
+    try:
+        return shlex.split(compiler, posix=os.name == "posix")
+    except ValueError as error:
+        raise UsageError(f"--cc {compiler}: is no command ({error})") from error
 
 
 def _build_python(source: Path, folder: Path) -> Path:

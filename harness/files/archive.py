@@ -50,14 +50,15 @@ _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EMFILE,
 def unpack(
     path: Path, folder: Path, limit: int = MAX_UNPACKED, content: bytes | None = None
 ) -> None:
-    """Unpack a zip archive into an existing folder; ArchiveError if it is missing, damaged or
-    unsafe.
+    """Unpack a zip archive into a folder, which is made if it is missing; ArchiveError if the
+    archive is missing, damaged or unsafe, or if there is no room.
 
     content: the bytes of the archive, if they have been read already.
     """
     with _opened(path, "unpacked", content) as archive:
         _refuse_unsafe(path, archive.infolist(), limit)
         try:
+            folder.mkdir(exist_ok=True)
             archive.extractall(folder)
         except OSError as error:
             if error.errno not in _NO_ROOM:
@@ -91,6 +92,14 @@ def read_entry(path: Path, name: str, limit: int = MAX_ENTRY) -> bytes:
         if found[0].file_size > limit:
             raise ArchiveError(f"{path}: {name} is longer than the limit of {limit} bytes")
         return archive.read(found[0])
+
+
+def head(path: Path, name: str, count: int) -> bytes:
+    """The first bytes of one file of an archive, at most `count`; ArchiveError as of
+    read_entry().
+    """
+    with _opened(path, "read") as archive, archive.open(name) as file:
+        return file.read(count)
 
 
 @contextmanager

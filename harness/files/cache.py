@@ -1,32 +1,31 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a user's earlier runs have unpacked and checked, kept under the hash of its content.
+"""What a user's earlier runs have unpacked, made and checked, kept under the hash of its content.
 
-The folder is private: it is used only if it belongs to the user, nobody else may enter it, and no
-folder above it lets others exchange it. What is kept appears whole or not at all, and nothing is
-removed while somebody uses it. HARNESS_CACHE names another folder; empty or `off`, nothing is kept.
+What is kept appears whole or not at all, is compared with its hash whenever it is used, and made
+anew if it is damaged. Nothing is removed while somebody uses it. A cache that cannot be used is
+left out, with one note. HARNESS_CACHE names another folder; empty or `off`, nothing is kept.
 """
 
 from __future__ import annotations
 
 import hashlib
-import logging
 import os
 import shutil
-import stat
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
-from tempfile import mkdtemp
 
-from harness.errors import ArchiveError
+from harness.errors import ArchiveError, ResultsError
+from harness.files import sealed
 from harness.files.archive import unpack
+from harness.files.cache_folder import folder, leave_out
 from harness.files.temporary import PrivateFolder
 
 try:
     import fcntl
-except ImportError:  # Windows: nothing is kept there
+except ImportError:  # Windows: folder() gives nothing there
     fcntl = None  # type: ignore[assignment]
 
 LIMIT = 512 * 1024**2
@@ -38,10 +37,6 @@ MAX_ARCHIVE = 128 * 1024**2
 STALE = 24 * 3600.0
 """Age at which what an interrupted process has left half unpacked is removed [s]."""
 
-OFF = ("", "off", "0")
-
-_log = logging.getLogger("harness")
-
 
 @contextmanager
 def unpacked(archive: Path) -> Iterator[Path | None]:
@@ -50,23 +45,21 @@ def unpacked(archive: Path) -> Iterator[Path | None]:
     Nobody removes it before the end of the `with` block.
     """
     with ExitStack() as use:
-        try:
-            place = _enter(archive, use)
-        except (OSError, ArchiveError):  # no locks, no room; a damaged archive is for the caller
-            place = None
-        yield place
+        yield _entered(archive, use)
 
 
-def _enter(archive: Path, use: ExitStack) -> Path | None:
+def _entered(archive: Path, use: ExitStack) -> Path | None:
     root = folder()
     content = None if root is None else _content(archive)
     if root is None or content is None:
         return None
-    place = root / hashlib.sha256(content).hexdigest()
-    use.enter_context(_locked(place.with_suffix(".lock")))
-    if not place.is_dir():
-        _add(archive, content, place)
-    return place
+    place = root / _word(content)
+    try:
+        return _kept(place, lambda into: unpack(archive, into, content=content), use)
+    except (OSError, ArchiveError) as error:  # a damaged archive is for the caller
+        if reason := _fault(error):
+            leave_out(root, reason)
+        return None
 
 
 def passed(kind: str, content: bytes, check: Callable[[], None]) -> None:
@@ -87,7 +80,10 @@ def passed(kind: str, content: bytes, check: Callable[[], None]) -> None:
 
 
 _used_here = ExitStack()
-"""What made() has given out, until this process ends."""
+"""Locks on what made() has given out, until this process ends."""
+
+_given: set[Path] = set()
+"""What is locked there."""
 
 
 def made(name: str, key: bytes, make: Callable[[Path], None]) -> Path:
@@ -95,22 +91,30 @@ def made(name: str, key: bytes, make: Callable[[Path], None]) -> Path:
 
     Nobody removes it before this process ends.
     """
-    root = folder()
-    if root is None:
-        root = _own_folder()
-    place = root / hashlib.sha256(name.encode() + b"\0" + key).hexdigest()
-    if fcntl is not None:
-        _used_here.enter_context(_locked(place.with_suffix(".lock")))
-    if not (place / name).is_file():
-        beside = Path(mkdtemp(prefix="new-", dir=root))
+    word = _word(name.encode() + b"\0", key)
+    if root := folder():
         try:
-            make(beside / name)
-            with suppress(OSError):  # somebody was quicker
-                beside.rename(place)
-        finally:
-            shutil.rmtree(beside, ignore_errors=True)
-        _tidy(root)
-    return place / name
+            with ExitStack() as use:
+                path = _kept(root / word, lambda into: make(into / name), use) / name
+                if path not in _given:
+                    _given.add(path)
+                    _used_here.push(use.pop_all())
+                return path
+        except (OSError, ResultsError) as error:
+            if not (reason := _fault(error)):
+                raise
+            leave_out(root, reason)
+    place = _own_folder() / word / name
+    if not place.is_file():
+        place.parent.mkdir(exist_ok=True)
+        make(place)
+    return place
+
+
+def _fault(error: Exception) -> str:
+    """Of the cache or its disk; "" if it is not theirs."""
+    cause = error if isinstance(error, OSError) else error.__cause__
+    return str(cause.strerror or cause) if isinstance(cause, OSError) and cause.errno else ""
 
 
 @lru_cache
@@ -119,53 +123,15 @@ def _own_folder() -> Path:
     return _used_here.enter_context(PrivateFolder())
 
 
-# ---- the folder
-
-
-def folder() -> Path | None:
-    """The private folder; None if nothing is to be kept, or nowhere safe."""
-    wanted = os.environ.get("HARNESS_CACHE")
-    if fcntl is None or (wanted is not None and wanted.strip().lower() in OFF):
-        return None
-    return _private(wanted, os.environ.get("XDG_CACHE_HOME"))
-
-
-@lru_cache
-def _private(wanted: str | None, caches: str | None) -> Path | None:
-    """The folder itself, made if it is missing, if it is safe; else a warning."""
-    try:
-        path = Path(wanted or Path(caches or Path.home() / ".cache") / "servicing-fmus").absolute()
-        path.mkdir(mode=0o700, parents=True, exist_ok=True)
-        reason = _unsafe(path)
-    except (OSError, RuntimeError) as error:  # no home, or one that cannot be written
-        if wanted is None:
-            return None
-        path, reason = Path(wanted), getattr(error, "strerror", None) or str(error)
-    if reason:
-        _log.warning("%s: nothing is kept there, %s (see HARNESS_CACHE)", path, reason)
-        return None
-    return path
-
-
-def _unsafe(path: Path) -> str | None:
-    """Why others could read or exchange what is in a folder, or None."""
-    about = path.lstat()
-    if not stat.S_ISDIR(about.st_mode):
-        return "it is not a folder"
-    if about.st_uid != os.geteuid():
-        return "it belongs to somebody else"
-    if about.st_mode & 0o077:
-        return "others may enter it"
-    for above in path.resolve().parents:
-        about = above.stat()
-        if about.st_uid not in (0, os.geteuid()):
-            return f"{above} belongs to somebody else"
-        if about.st_mode & 0o022 and not about.st_mode & stat.S_ISVTX:
-            return f"others may write to {above}"
-    return None if os.access(path, os.W_OK) else "it cannot be written"
-
-
 # ---- entries
+
+
+def _word(*parts: bytes) -> str:
+    """Name of an entry: versions of the harness with another layout know nothing of it."""
+    total = hashlib.sha256(sealed.LAYOUT)
+    for part in parts:
+        total.update(part)
+    return total.hexdigest()
 
 
 def _content(archive: Path) -> bytes | None:
@@ -176,22 +142,21 @@ def _content(archive: Path) -> bytes | None:
         return None  # unpack() says what is wrong
 
 
-def _add(archive: Path, content: bytes, place: Path) -> None:
-    """Unpack beside the place, then rename: a folder that is there is whole."""
-    beside = Path(mkdtemp(prefix="new-", dir=place.parent))
-    try:
-        unpack(archive, beside, content=content)
-        with suppress(OSError):  # somebody was quicker
-            beside.rename(place)
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
-    _tidy(place.parent)
+def _kept(place: Path, make: Callable[[Path], None], use: ExitStack) -> Path:
+    """The content of an entry, whole; made by make(folder) if it is not there or damaged."""
+    use.enter_context(_locked(place.with_suffix(".lock"), fcntl.LOCK_SH))
+    if not sealed.is_whole(place):
+        with sealed.beside(place, make) as new, _locked(place.parent / "exchange", fcntl.LOCK_EX):
+            if not sealed.is_whole(place):  # else somebody was quicker
+                sealed.exchange(place, new)
+        _tidy(place.parent)
+    return place / sealed.CONTENT
 
 
 @contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    """Hold a lock that others may hold too; its time says when the entry was used last."""
-    if (descriptor := _lock(path, fcntl.LOCK_SH)) is None:
+def _locked(path: Path, how: int) -> Iterator[None]:
+    """Hold a lock; the time of its file says when the entry was used last."""
+    if (descriptor := _lock(path, how)) is None:
         raise BlockingIOError(path)
     try:
         os.utime(descriptor)
@@ -222,7 +187,7 @@ def _tidy(root: Path) -> None:
     interrupted work.
     """
     now = time.time()
-    for left in root.glob("new-*"):
+    for left in root.glob(f"{sealed.UNFINISHED}*"):
         with suppress(OSError):
             if now - left.stat().st_mtime > STALE:
                 shutil.rmtree(left, ignore_errors=True)

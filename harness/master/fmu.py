@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import secrets
+import shutil
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from shutil import copytree
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from fmpy.fmi2 import FMU2Slave
 from numpy.typing import NDArray
 
 from harness.errors import FmuError, RefusalError, RunError
-from harness.files import cache
+from harness.files import cache, machine
 from harness.files.archive import unpack
 from harness.files.paths import is_ours
 from harness.master import messages, place
@@ -129,14 +129,13 @@ class Instance:
         An FMU from elsewhere may keep globals, and a library that is loaded twice from one file has
         them once: each of its instances needs files of its own.
         """
-        kept = self._files.enter_context(cache.unpacked(self.node.interface.path))
-        if kept is not None and is_ours(self.node.interface.path):
-            return kept
-        folder = Path(self._files.enter_context(TemporaryDirectory(prefix="fmu-", dir=self._place)))
+        path = self.node.interface.path
+        kept = self._files.enter_context(cache.unpacked(path)) if is_ours(path) else None
         if kept is not None:
-            copytree(kept, folder, dirs_exist_ok=True)
-        else:
-            unpack(self.node.interface.path, folder)
+            return kept
+        folder = self._place / f"fmu-{secrets.token_hex(4)}"
+        self._files.callback(shutil.rmtree, folder, ignore_errors=True)
+        unpack(path, folder)
         return folder
 
     def _library(self, folder: Path) -> Path:
@@ -146,6 +145,11 @@ class Instance:
             raise FmuError(
                 f"{self.name}: {self.node.interface.path.name} holds no binary for this platform"
             )
+        with library.open("rb") as file:
+            reason = machine.foreign(file.read(machine.HEAD))
+        if reason:
+            inside = library.relative_to(folder)
+            raise FmuError(f"{self.name}: {self.node.interface.path.name}: {inside} {reason}")
         return library
 
     def _listen(self, slave: Slave) -> None:

@@ -19,7 +19,7 @@ from harness.files.archive import unpack
 from harness.files.paths import board_library
 from harness.files.temporary import PrivateFolder
 from harness.remote.firmware import ALWAYS, STATES, functions
-from harness.system.interface import binaries, read_interface
+from harness.system.interface import binaries, binary_problem, read_interface
 
 TARGET = b"this machine"
 
@@ -83,17 +83,15 @@ class StandIn:
     def __init__(self, fmu: Path) -> None:
         """FmuError if the FMU cannot be loaded here."""
         interface = read_interface(fmu)
+        if problem := binary_problem(interface):
+            raise FmuError(f"{fmu.name}: {problem}")
         place = board_library()
         if place is None:
             raise UsageError("a stand-in board is for Linux and macOS only")
         self._files = ExitStack()
         folder = Path(self._files.enter_context(PrivateFolder()))
         unpack(fmu, folder)
-        found = (folder / name for name in binaries(interface))
-        path = next((file for file in found if file.is_file()), None)
-        if path is None:
-            self._files.close()
-            raise FmuError(f"{fmu.name}: it holds no binary for this platform")
+        path = next(file for name in binaries(interface) if (file := folder / name).is_file())
         self._fmu = ctypes.CDLL(str(path))
         self._serve = ctypes.CDLL(str(place)).serve
         self._software = _Software(

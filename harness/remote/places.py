@@ -87,7 +87,10 @@ def _options(said: str, query: str) -> dict[str, str]:
 
 
 def _address(said: str, name: str) -> dict[str, str]:
+    """Settings of an address as it was typed: urlsplit() drops line breaks in silence."""
     with suppress(ValueError):  # of a port or a host that is none
+        if not name.isprintable():
+            raise ValueError(name)
         url = urlsplit(name)
         if url.scheme == "tcp" and url.hostname and url.port:
             return {"via": "tcp", "host": url.hostname, "port": str(url.port)}

@@ -25,7 +25,7 @@ from harness.spelling import did_you_mean
 from harness.ssp import reader
 from harness.studies.notes import noted
 from harness.system.graph import readable_interfaces
-from harness.system.interface import Interface, binaries, has_binary, platforms, read_interface
+from harness.system.interface import Interface, binary_problem, read_interface
 from harness.system.model import System
 from harness.system.problems import problems as graph_problems
 from harness.system.problems import size_problems
@@ -85,17 +85,8 @@ def _check_fmu(path: Path, strict: bool) -> Verdict:
 
 def _loadable(path: Path) -> None:
     """FmuError if the FMU has nothing to load."""
-    if problem := _without_binary(read_interface(path)):
+    if problem := binary_problem(read_interface(path)):
         raise FmuError(problem)
-
-
-def _without_binary(interface: Interface) -> str | None:
-    """Why a readable FMU has nothing to load here, or None."""
-    if has_binary(interface):
-        return None
-    others = platforms(interface)
-    shown = f", only for {', '.join(others)}" if others else f" ({binaries(interface)[0]})"
-    return f"it holds no binary for this platform{shown}"
 
 
 def _check_system(path: Path, strict: bool, changes: Changes) -> Verdict:
@@ -130,7 +121,7 @@ def _system_errors(system: System, sets: Sequence[str]) -> Iterator[str]:
     yield from unreadable
     for component in system.components:
         interface = interfaces.get(component.name)
-        if interface and (problem := _without_binary(interface)):
+        if interface and (problem := binary_problem(interface)):
             yield f"{component.name}: {component.fmu.name}: {problem}"
     yield from size_problems(system, interfaces)
     chosen = [choose_set(system, name) if name else system for name in sets]

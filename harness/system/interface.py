@@ -16,7 +16,8 @@ from typing import Any
 from fmpy import platform, platform_tuple, read_model_description, sharedLibraryExtension
 
 from harness.errors import FmuError
-from harness.files.archive import unpacked_size
+from harness.files import machine
+from harness.files.archive import head, inspect, unpacked_size
 from harness.files.paths import Stamp, is_file, stamp
 from harness.rules.judge import Verdict, judge
 from harness.rules.mend import readable
@@ -168,17 +169,17 @@ def binaries(interface: Interface) -> tuple[str, ...]:
     return f"binaries/{platform}/{file}", f"binaries/{platform_tuple}/{file}"
 
 
-def has_binary(interface: Interface) -> bool:
-    """Whether the archive holds a binary for this platform."""
-    with zipfile.ZipFile(interface.path) as archive:
-        return not set(binaries(interface)).isdisjoint(archive.namelist())
-
-
-def platforms(interface: Interface) -> tuple[str, ...]:
-    """Platforms for which the archive holds binaries."""
-    with zipfile.ZipFile(interface.path) as archive:
-        places = (name.split("/") for name in archive.namelist() if name.startswith("binaries/"))
-        return tuple(sorted({place[1] for place in places if len(place) > 2 and place[-1]}))
+def binary_problem(interface: Interface) -> str | None:
+    """Why the archive holds nothing that can be loaded here, or None."""
+    names = inspect(interface.path)
+    found = next((name for name in binaries(interface) if name in names), None)
+    if found is not None:
+        reason = machine.foreign(head(interface.path, found, machine.HEAD))
+        return f"{found} {reason}" if reason else None
+    places = (name.split("/") for name in names if name.startswith("binaries/"))
+    others = sorted({place[1] for place in places if len(place) > 2})
+    shown = f", only for {', '.join(others)}" if others else f" ({binaries(interface)[0]})"
+    return f"it holds no binary for this platform{shown}"
 
 
 def units_agree(a: str | None, b: str | None) -> bool:

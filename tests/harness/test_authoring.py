@@ -149,6 +149,7 @@ def test_an_fmu_of_another_file_name_has_its_binary_where_it_is_looked_for(twins
         (["build", "bad.c", "-o", "x.so"], "--output x.so: an FMU is a file NAME.fmu"),
         (["build", "bad.c", "--cc", "no_such_cc"], "no_such_cc: there is no such C compiler"),
         (["build", "bad.c", "--cc", ""], "(nothing): there is no such C compiler"),
+        (["build", "bad.c", "--cc", "cc '-DX"], "--cc cc '-DX: is no command (No closing quot"),
         (
             ["run", "sync_approach", "--swap", "controller=empty"],
             "empty: a folder without empty.fmu; harness build empty makes it",
@@ -166,6 +167,16 @@ def test_wrong_use_is_status_2_and_one_line(tmp_path, monkeypatch, capsys, argum
     assert out == ""
     assert err.startswith(f"harness: {line}")
     assert err.count("\n") == 1
+
+
+def test_a_compiler_may_have_arguments(tmp_path):
+    """Also one that holds a blank: without both the file does not compile."""
+    source = new_controller("mine", folder=tmp_path).folder / "mine.c"
+    with source.open("a", encoding="utf-8") as file:
+        file.write("#if SIX != 6 || SUM != 1 + 1\n#error arguments are lost\n#endif\n")
+    with pytest.raises(HarnessError, match="arguments are lost"):
+        build(source)
+    assert build(source, compiler="cc -DSIX=6 '-DSUM=1 + 1'").path.is_file()
 
 
 def test_nothing_that_exists_is_overwritten(tmp_path):

@@ -3,19 +3,25 @@
 
 from __future__ import annotations
 
+import errno
+import io
 import os
+import shutil
 import subprocess
 import sys
+import tempfile
 import time
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from harness import run
-from harness.errors import ArchiveError
+from harness.errors import ArchiveError, ResultsError
 from harness.files import cache
+from harness.files.archive import pack, read_entry
 from harness.master.simulation import Simulation
 from tests.harness import foreign_fmu
 from tests.harness.foreign_fmu import Model, build, p, y
@@ -170,6 +176,255 @@ def test_a_check_that_failed_is_repeated(place):
             cache.passed("kind", b"a", fail)
 
 
+# ---- damage
+
+LIBRARY = "binaries/linux64/x.so"
+CONTENT = {LIBRARY: bytes(range(256)) * 80, "modelDescription.xml": b"<a/>", "resources/r": b"r"}
+
+
+def fill(path):
+    with zipfile.ZipFile(path, "w") as file:
+        for name, data in CONTENT.items():
+            file.writestr(name, data)
+    return path
+
+
+def read(folder):
+    return {str(f.relative_to(folder)): f.read_bytes() for f in folder.rglob("*") if f.is_file()}
+
+
+def rewrite(change):
+    """Damage of a file by what change(bytes) makes of it."""
+    return lambda path: path.write_bytes(change(path.read_bytes()))
+
+
+DAMAGE = {
+    "cut at 5000 bytes": rewrite(lambda data: data[:5000]),
+    "zeros": rewrite(lambda data: bytes(len(data))),
+    "empty": rewrite(lambda data: b""),
+    "one bit": rewrite(lambda data: data[:-1] + bytes([data[-1] ^ 1])),
+    "longer": rewrite(lambda data: data + b"x"),
+    "missing": Path.unlink,
+    "another name": lambda path: path.rename(path.with_name("other")),
+    "a folder": lambda path: (path.unlink(), path.mkdir()),
+}
+
+
+@pytest.mark.parametrize("name", [LIBRARY, "modelDescription.xml"])
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_a_damaged_entry_is_made_anew(place, tmp_path, name, damage):
+    path = fill(tmp_path / "x.fmu")
+    with cache.unpacked(path) as found:
+        DAMAGE[damage](found / name)
+    for _ in range(2):
+        with cache.unpacked(path) as found:
+            assert read(found) == CONTENT
+    assert len(entries(place)) == 1
+
+
+@pytest.mark.parametrize("left", [[], ["sha256"], ["content"]])
+def test_an_entry_of_which_something_is_left_is_made_anew(place, tmp_path, left):
+    path = fill(tmp_path / "x.fmu")
+    with cache.unpacked(path) as found:
+        pass
+    for part in {"sha256", "content"} - set(left):
+        (found.parent / part).rename(tmp_path / part)
+    with cache.unpacked(path) as found:
+        assert read(found) == CONTENT
+
+
+def test_a_damaged_file_that_was_made_is_made_anew(place):
+    made, firmware = [], bytes(range(256)) * 40
+
+    def make(path):
+        made.append(path)
+        path.write_bytes(firmware)
+
+    for damage in DAMAGE.values():
+        damage(cache.made("firmware.elf", b"key", make))
+        assert cache.made("firmware.elf", b"key", make).read_bytes() == firmware
+    assert len(made) == 1 + len(DAMAGE)
+
+
+def test_what_was_made_is_locked_once_in_a_process(place):
+    def descriptors():
+        return len(list(Path("/proc/self/fd").iterdir()))
+
+    cache.made("x", b"key of this test", Path.touch)
+    before = descriptors()
+    for _ in range(5):
+        cache.made("x", b"key of this test", Path.touch)
+    assert descriptors() == before
+
+
+def test_an_entry_is_on_the_disk_before_it_has_its_name(place, tmp_path, monkeypatch):
+    """In the order of the calls: every file and folder of it, then the name, then its folder."""
+    events = []
+    sync, rename = os.fsync, Path.rename
+
+    def synced(descriptor):
+        events.append(("sync", Path(f"/proc/self/fd/{descriptor}").readlink()))
+        sync(descriptor)
+
+    def renamed(self, target):
+        moved = rename(self, target)
+        events.append(("rename", self))
+        return moved
+
+    monkeypatch.setattr(os, "fsync", synced)
+    monkeypatch.setattr(Path, "rename", renamed)
+    with cache.unpacked(fill(tmp_path / "x.fmu")) as found:
+        pass
+    (at,) = [k for k, (what, _) in enumerate(events) if what == "rename"]
+    entry, new = found.parent, events[at][1]
+    inside = {new / path.relative_to(entry) for path in entry.rglob("*")}
+    assert {path for _, path in events[:at]} == inside | {new}
+    assert events[at + 1 :] == [("sync", place)]
+
+
+RUN = "from harness import run; print(len(run('sync_approach', stop=1.0).time))"
+
+
+@pytest.mark.parametrize("damage", ["cut at 5000 bytes", "zeros"])
+def test_a_run_with_damaged_libraries_in_the_cache_is_a_run(place, damage):
+    """In a process of its own: a library that is too short ends it with SIGBUS."""
+
+    def output():
+        done = subprocess.run([sys.executable, "-c", RUN], capture_output=True, check=False)
+        return done.returncode, done.stdout, done.stderr
+
+    wanted = output()
+    libraries = list(place.glob("*/content/binaries/*/*"))
+    assert len(libraries) >= 5
+    for library in libraries:
+        DAMAGE[damage](library)
+    assert output() == wanted == (0, b"11\n", b"")
+
+
+# ---- a cache that cannot be used
+
+
+def notes(caplog):
+    return [r.getMessage() for r in caplog.records if r.levelname == "WARNING"]
+
+
+def used_three_times(path):
+    for _ in range(3):
+        with cache.unpacked(path) as found:
+            yield found
+
+
+@pytest.mark.skipif(not hasattr(os, "ST_NOEXEC"), reason="the system does not tell")
+def test_a_folder_without_programs_is_left_out(place, tmp_path, monkeypatch, caplog):
+    about = os.statvfs(tmp_path)
+    flags = about.f_flag | os.ST_NOEXEC
+    changed = os.statvfs_result((*about[:8], flags, about.f_namemax))
+    monkeypatch.setattr(os, "statvfs", lambda _: changed)
+    assert set(used_three_times(fill(tmp_path / "x.fmu"))) == {None}
+    (note,) = notes(caplog)
+    assert note.startswith(f"{place}: nothing is kept there, no library can be loaded from it")
+
+
+def full(*_):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def full_disk(monkeypatch, below):
+    """Files below a folder can be made, but hold nothing."""
+    real = open
+
+    class Full(io.FileIO):
+        def write(self, _):
+            full()
+
+    def opened(file, mode="r", *arguments, **options):
+        named = isinstance(file, str | Path)
+        if named and "w" in mode and Path(file).is_relative_to(below):
+            return Full(file, "w")
+        return real(file, mode, *arguments, **options)
+
+    monkeypatch.setattr(io, "open", opened)
+    monkeypatch.setattr("builtins.open", opened)
+
+
+def test_a_full_cache_is_left_out(place, tmp_path, monkeypatch, caplog):
+    path = fill(tmp_path / "x.fmu")
+    full_disk(monkeypatch, place)
+    assert set(used_three_times(path)) == {None}
+    made = [cache.made("x", b"key", lambda path: path.write_bytes(b"made")) for _ in range(3)]
+    assert {path.read_bytes() for path in made} == {b"made"}
+    assert notes(caplog) == [
+        f"{place}: nothing is kept there, No space left on device (see HARNESS_CACHE)"
+    ]
+    assert entries(place) == []
+
+
+def test_a_full_cache_is_found_where_a_file_is_made(place, monkeypatch, caplog):
+    full_disk(monkeypatch, place)
+    for key in (b"1", b"2"):
+        path = cache.made("x.zip", key, lambda path, key=key: pack(path, {"a": key}))
+        assert not path.is_relative_to(place)
+        assert read_entry(path, "a") == key
+    assert len(notes(caplog)) == 1
+
+
+def test_what_cannot_be_made_is_no_fault_of_the_cache(place, caplog):
+    def fail(path):
+        raise ResultsError("the compiler does not like it")
+
+    with pytest.raises(ResultsError, match="the compiler does not like it"):
+        cache.made("x", b"key", fail)
+    assert notes(caplog) == []
+
+
+def test_a_run_goes_on_without_a_full_cache(place, monkeypatch, caplog):
+    wanted = run("sync_approach", stop=1.0).values.tobytes()
+    shutil.rmtree(place)
+    place.mkdir(mode=0o700)
+    full_disk(monkeypatch, place)
+    assert run("sync_approach", stop=1.0).values.tobytes() == wanted
+    assert len(notes(caplog)) == 1
+
+
+def test_a_cache_that_cannot_be_written_is_left_out(tmp_path, monkeypatch, caplog):
+    """As below a home that is read-only."""
+    monkeypatch.setenv("HARNESS_CACHE", "/proc/cache")
+    assert set(used_three_times(fill(tmp_path / "x.fmu"))) == {None}
+    (note,) = notes(caplog)
+    assert note.startswith("/proc/cache: nothing is kept there, ")
+
+
+def test_a_home_that_cannot_be_written_is_said(tmp_path, monkeypatch, caplog):
+    monkeypatch.delenv("HARNESS_CACHE", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", "/proc")
+    assert set(used_three_times(fill(tmp_path / "x.fmu"))) == {None}
+    (note,) = notes(caplog)
+    assert note.startswith("/proc/servicing-fmus: nothing is kept there, ")
+
+
+def test_a_relative_path_of_caches_is_left_out(tmp_path, monkeypatch, caplog):
+    """The specification of XDG_CACHE_HOME wants it ignored."""
+    monkeypatch.delenv("HARNESS_CACHE", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", "caches")
+    assert set(used_three_times(fill(tmp_path / "x.fmu"))) == {None}
+    (note,) = notes(caplog)
+    assert note.startswith("caches/servicing-fmus: nothing is kept there, the path of XDG_CACHE_")
+    assert not Path("caches").exists()
+
+
+def test_a_full_temporary_folder_is_one_error(make, place, tmp_path, monkeypatch):
+    """Of an FMU that is not ours, whose files were copied from the cache."""
+    system = make({"a": "counter"})
+    assert len(run(system).time) == 7
+    folder = tmp_path / "full"
+    folder.mkdir()
+    monkeypatch.setenv("TMPDIR", str(folder))
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    full_disk(monkeypatch, folder)
+    with pytest.raises(ArchiveError, match=r"cannot be unpacked into .*No space left on device"):
+        run(system)
+
+
 # ---- FMUs
 
 
@@ -188,7 +443,7 @@ def test_components_of_one_foreign_fmu_do_not_share_its_globals(make, place, tmp
     path = build(GLOBAL, tmp_path)
     system = make({"a": "counter", "b": "counter"})
     system = replace(system, components=tuple(replace(c, fmu=path) for c in system.components))
-    for _ in range(2):  # the second time from the cache
+    for _ in range(2):
         result = run(system)
         assert result["a.n"].tolist() == result["b.n"].tolist() == [0, 1, 2, 3, 4, 5, 6]
     with Simulation(system) as simulation:

@@ -273,15 +273,14 @@ def test_an_fmu_without_a_binary_for_this_platform_is_refused(with_library):
 
 
 def test_a_library_that_does_not_load_is_refused_and_leaves_the_working_directory_alone(
-    with_library,
+    with_library, fmus
 ):
-    before = Path.cwd()
+    """Its header is right, but nothing follows."""
+    before, name = Path.cwd(), f"binaries/{fmpy.platform}/gain{fmpy.sharedLibraryExtension}"
+    with zipfile.ZipFile(fmus["gain"]) as good:
+        header = good.read(name)[:64]
     with pytest.raises(FmuError, match=r"a: odd\.fmu cannot be loaded: .*gain\.so"):
-        run(
-            with_library(
-                f"binaries/{fmpy.platform}/gain{fmpy.sharedLibraryExtension}", b"not a library"
-            )
-        )
+        run(with_library(name, header))
     assert Path.cwd() == before
 
 

@@ -5,6 +5,7 @@ tells errors from warnings, and says the same as `run`.
 
 from __future__ import annotations
 
+import struct
 import warnings
 import zipfile
 from typing import NamedTuple
@@ -16,10 +17,12 @@ from fmpy.validation import validate_fmu
 from harness import run
 from harness.cli.app import main
 from harness.errors import FmuError
+from harness.files import machine
 from harness.rules.judge import ERRORS, WARNINGS, judge
 from harness.system.interface import read_interface
 from tests.harness.foreign_ssp import component, system, write
 
+TOP = system("top", [component("gain", "gain")], [])
 BINARY = f"binaries/{fmpy.platform}/gain{fmpy.sharedLibraryExtension}"
 
 GOOD = """<?xml version="1.0" encoding="UTF-8"?>
@@ -341,6 +344,74 @@ def test_check_and_run_refuse_a_binary_of_another_platform(packed, tmp_path, cap
     for arguments in (["check", whole], ["run", whole, "-o", str(tmp_path / "x.csv")]):
         assert main(arguments) == 1
         assert "no binary for this platform" in capsys.readouterr().err
+
+
+def elf(machine, bits=64, order="<"):
+    """The header of a shared library of ELF, as readelf prints it."""
+    ident = b"\x7fELF" + bytes([bits // 32, 1 if order == "<" else 2, 1]) + bytes(9)
+    return ident + struct.pack(f"{order}HHI", 3, machine, 1) + bytes(40)
+
+
+def pe(machine):
+    """DOS stub and COFF header."""
+    stub = b"MZ" + bytes(58) + struct.pack("<I", 128)
+    return stub.ljust(128, b"\0") + b"PE\0\0" + struct.pack("<H", machine) + bytes(18)
+
+
+def mach_o(*machines):
+    """One machine, or a file for several."""
+    if len(machines) == 1:
+        return struct.pack("<IiiI", 0xFEEDFACF, machines[0], 0, 6) + bytes(16)
+    heads = [struct.pack(">iiIII", machine, 0, 4096, 1, 12) for machine in machines]
+    return struct.pack(">II", 0xCAFEBABE, len(machines)) + b"".join(heads)
+
+
+FOREIGN = {
+    "AArch64 (64-bit ELF)": elf(183),
+    "x86 (32-bit ELF)": elf(3, 32),
+    "Arm (32-bit ELF)": elf(40, 32),
+    "RISC-V (64-bit ELF)": elf(243),
+    "PowerPC64 (64-bit ELF, big-endian)": elf(21, order=">"),
+    "machine 4711 (64-bit ELF)": elf(4711),
+    "x86-64 (PE)": pe(0x8664),
+    "AArch64 (PE)": pe(0xAA64),
+    "x86-64 (Mach-O)": mach_o(0x1000007),
+    "AArch64 (Mach-O) and x86-64 (Mach-O)": mach_o(0x1000007, 0x100000C),
+}
+"""Libraries in the folder of linux64 that no Linux on x86-64 can load."""
+
+
+@pytest.mark.skipif(machine.own() != {"x86-64 (64-bit ELF)"}, reason="for Linux on x86-64")
+@pytest.mark.parametrize("kind", FOREIGN)
+def test_check_run_and_serve_name_the_machine_of_a_binary(packed, tmp_path, capsys, kind):
+    path = packed(GOOD, {BINARY: FOREIGN[kind]})
+    line = f"{BINARY} is for {kind}, this machine loads x86-64 (64-bit ELF)"
+    whole = str(write(tmp_path / "x.ssp", TOP, {"gain": path}))
+    for arguments in (
+        ["check", str(path)],
+        ["serve", str(path), "--port", "0"],
+        ["check", whole],
+        ["run", whole, "-o", str(tmp_path / "x.csv")],
+    ):
+        assert main(arguments) == 1
+        (said,) = [s for s in capsys.readouterr().err.splitlines() if "warning: " not in s]
+        assert said.endswith(f"gain.fmu: {line}")
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", bytes(5000), b"\x7fELF", b"#!/bin/sh\n", b"MZ" + b"\xff" * 100, pe(0x8664)[:130]],
+)
+def test_what_is_no_library_is_told_as_that(packed, tmp_path, capsys, content):
+    path = packed(GOOD, {BINARY: content})
+    whole = str(write(tmp_path / "x.ssp", TOP, {"gain": path}))
+    for arguments in (["check", str(path)], ["run", whole, "-o", str(tmp_path / "x.csv")]):
+        assert main(arguments) == 1
+        assert f"{BINARY} is no shared library (neither ELF" in capsys.readouterr().err
+
+
+def test_a_library_for_several_machines_is_for_each_of_them():
+    assert machine.kinds(mach_o(0x1000007, 0x100000C)) == {"x86-64 (Mach-O)", "AArch64 (Mach-O)"}
 
 
 def test_check_and_run_have_one_limit_of_size(packed, tmp_path, capsys, monkeypatch):

@@ -12,6 +12,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 import tomllib
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -27,7 +28,7 @@ from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from harness.system.schedule import Verb
 from tests.harness.foreign_fmu import Model, build, u, y
-from tests.link.conftest import Listener, flown_twice_from
+from tests.link.conftest import PATIENCE, Listener, flown_twice_from
 from tests.link.frames import ANSWER, CODE, Frame, opened, sealed
 
 MIXED = Model(
@@ -233,8 +234,40 @@ def test_a_board_that_falls_silent_is_one_error(board):
 def test_nobody_at_the_other_end_is_one_error():
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
-    with pytest.raises(FmuError, match="nobody answers \\(Connection refused\\)"):
+    with pytest.raises(FmuError) as caught:
         flown(f"tcp://127.0.0.1:{port}")
+    said = f"fmi2Instantiate: tcp://127.0.0.1:{port}: nobody answers (Connection refused)"
+    assert str(caught.value).endswith(f"cannot be loaded: {said}")
+
+
+def sound(_):
+    return sealed(Frame(CODE["exchange"] | ANSWER, 0, payload=b"abcd"))
+
+
+@pytest.mark.parametrize(
+    "words",
+    [lambda _: b"SLNK", lambda _: b"x", sound, lambda chance: chance.randbytes(64)],
+    ids=["beginnings of frames", "letters", "answers to nobody", "noise"],
+)
+def test_a_board_that_babbles_is_as_silent_as_one_that_says_nothing(words):
+    """Without end as far as the link can tell: until the link has gone, or the test is lost."""
+    babble = words(random.Random(5)) * 4096
+
+    def serve():
+        with suppress(OSError), listener.accept()[0] as connection:
+            connection.settimeout(PATIENCE)
+            until = time.monotonic() + PATIENCE
+            while time.monotonic() < until:
+                connection.sendall(babble)
+
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        worker = threading.Thread(target=serve, daemon=True)
+        worker.start()
+        port = listener.getsockname()[1]
+        with pytest.raises(FmuError) as caught:
+            flown(f"tcp://127.0.0.1:{port}?timeout=0.05&retries=2")
+        worker.join(PATIENCE)
+    assert "no answer to 'describe' within 0.05 s, asked 3 times" in str(caught.value)
 
 
 # ---- the wrong peer
@@ -444,6 +477,9 @@ def test_whole_numbers_and_truth_values_go_through_the_link(tmp_path_factory, i,
         ("tcp://localhost:65536", "expected tcp://HOST:PORT"),
         ("tcp://[::1", "expected tcp://HOST:PORT"),
         ("serial://ttyACM0", "expected tcp://HOST:PORT"),
+        ("tcp://a\nb:9", "expected tcp://HOST:PORT"),
+        ("tcp://a\tb:9", "expected tcp://HOST:PORT"),
+        ("unix:///a\r/b", "expected tcp://HOST:PORT"),
         ("tcp://localhost:1?late=never", "late expects wait, hold or stop, got never"),
         ("tcp://localhost:1?timeout=-1", "timeout expects seconds above 0, got -1"),
         ("tcp://localhost:1?timeouts=1", "there is no option timeouts (close: timeout)"),

@@ -8,6 +8,7 @@ adapter, the model description that the model itself writes, and the archive.
 """
 
 import argparse
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -48,7 +49,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("source", type=Path)
     parser.add_argument("-o", "--output", type=Path, help="default: beside the C file")
-    parser.add_argument("--cc", nargs="+", default=["cc"])
+    parser.add_argument("--cc", type=shlex.split, default=["cc"], help="with its arguments")
     a = parser.parse_args()
     output = a.output or a.source.with_suffix(".fmu")
     try:

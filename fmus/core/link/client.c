@@ -136,9 +136,11 @@ static bool settles(Client *c, Frame f, unsigned *status, bool *damaged)
     return read_answer(c, f, status);
 }
 
+/* what has come by then is read even if nobody has looked in time, but no more of it than a frame:
+ * a board that never pauses is late as well */
 Outcome await(Client *c, double until, unsigned *status)
 {
-    size_t size, got;
+    size_t size, got, overtime = 0;
     Frame f;
     drop(c, c->done);
     for (c->done = 0;;) {
@@ -153,6 +155,7 @@ Outcome await(Client *c, double until, unsigned *status)
         if (state == STREAM_LATE) return TOO_LATE;
         if (state == STREAM_ENDED) return *status = refused(c, "%s", c->stream.reason), BROKEN;
         c->held += got;
+        if (now_s() > until && (overtime += got) > FRAME_LIMIT) return TOO_LATE;
     }
 }
 

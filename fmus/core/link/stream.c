@@ -25,9 +25,9 @@ double now_s(void)
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-static bool failed(Stream *s, const char *doing, const char *what)
+static bool failed(Stream *s, const char *doing)
 {
-    snprintf(s->reason, sizeof s->reason, "%s: %s (%s)", what, doing, strerror(errno));
+    snprintf(s->reason, sizeof s->reason, "%s (%s)", doing, strerror(errno));
     return false;
 }
 
@@ -79,18 +79,13 @@ static int connection(const struct addrinfo *list, double until)
 static bool open_tcp(Stream *s, const Config *c)
 {
     struct addrinfo hints = {.ai_socktype = SOCK_STREAM}, *list = NULL;
-    char name[REASON_SIZE / 2];
     int on = 1, error = getaddrinfo(c->host, c->port, &hints, &list);
-    snprintf(name, sizeof name, "tcp://%s:%s", c->host, c->port);
-    if (error) {
-        snprintf(s->reason, sizeof s->reason, "%s: %s", name, gai_strerror(error));
-        return false;
-    }
+    if (error) return snprintf(s->reason, sizeof s->reason, "%s", gai_strerror(error)), false;
     s->in = s->out = connection(list, now_s() + c->timeout);
     int reason = errno;
     freeaddrinfo(list);
     errno = reason;
-    if (s->in < 0) return failed(s, "nobody answers", name);
+    if (s->in < 0) return failed(s, "nobody answers");
     setsockopt(s->in, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
     return true;
 }
@@ -99,12 +94,12 @@ static bool open_unix(Stream *s, const Config *c)
 {
     struct sockaddr_un address = {.sun_family = AF_UNIX};
     if (strlen(c->path) >= sizeof address.sun_path)
-        return errno = ENAMETOOLONG, failed(s, "no such socket", c->path);
+        return errno = ENAMETOOLONG, failed(s, "no such socket");
     strcpy(address.sun_path, c->path);
     s->in = s->out = socket(AF_UNIX, SOCK_STREAM, 0);
     if (s->in < 0 ||
         !connected(s->in, (struct sockaddr *)&address, sizeof address, now_s() + c->timeout))
-        return failed(s, "nobody answers", c->path);
+        return failed(s, "nobody answers");
     return true;
 }
 
@@ -131,14 +126,14 @@ static bool open_serial(Stream *s, const Config *c)
     struct termios line;
     speed_t speed = speed_of(c->baud);
     s->in = s->out = open(c->path, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
-    if (s->in < 0) return failed(s, "cannot be opened", c->path);
-    if (tcgetattr(s->in, &line) < 0) return failed(s, "is no serial line", c->path);
-    if (speed == B0) return errno = EINVAL, failed(s, "there is no such baud rate", c->path);
+    if (s->in < 0) return failed(s, "cannot be opened");
+    if (tcgetattr(s->in, &line) < 0) return failed(s, "is no serial line");
+    if (speed == B0) return errno = EINVAL, failed(s, "there is no such baud rate");
     line.c_iflag = line.c_oflag = line.c_lflag = 0;
     line.c_cflag = CS8 | CREAD | CLOCAL;
     line.c_cc[VMIN] = 1, line.c_cc[VTIME] = 0;
     cfsetispeed(&line, speed), cfsetospeed(&line, speed);
-    if (tcsetattr(s->in, TCSANOW, &line) < 0) return failed(s, "cannot be set up", c->path);
+    if (tcsetattr(s->in, TCSANOW, &line) < 0) return failed(s, "cannot be set up");
     tcflush(s->in, TCIOFLUSH);
     return true;
 }
@@ -210,7 +205,7 @@ StreamState write_stream(Stream *s, const void *bytes, size_t count, double unti
         ssize_t done = write_quietly(s->out, from, count);
         if (done < 0 && !again()) return ended(s);
         if (done > 0) from += done, count -= (size_t)done;
-        else if (!ready(s->out, POLLOUT, until)) return STREAM_LATE;
+        if (count > 0 && (!ready(s->out, POLLOUT, until) || now_s() > until)) return STREAM_LATE;
     }
     return STREAM_FINE;
 }

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What kind of machine a shared library is for, by its first bytes: ELF, PE, Mach-O.
+
+A library can be loaded if it is of the kind of the program that loads it, which is Python itself.
+"""
+
+from __future__ import annotations
+
+import struct
+import sys
+from functools import lru_cache
+from pathlib import Path
+
+HEAD = 4096
+"""Bytes of a library that are enough [bytes]."""
+
+ELF = {
+    3: "x86", 8: "MIPS", 20: "PowerPC", 21: "PowerPC64", 22: "S/390", 40: "Arm", 62: "x86-64",
+    183: "AArch64", 243: "RISC-V", 258: "LoongArch",
+}  # fmt: skip
+"""Machines by e_machine."""
+
+PE = {0x14C: "x86", 0x1C0: "Arm", 0x1C4: "Arm", 0x8664: "x86-64", 0xAA64: "AArch64"}
+"""Machines by Machine of the COFF header."""
+
+MACH_O = {7: "x86", 12: "Arm", 0x1000007: "x86-64", 0x100000C: "AArch64"}
+"""Machines by cputype."""
+
+FAT = 0xCAFEBABE
+"""Magic number of a Mach-O file for several machines, big-endian; Java's classes have it too, with
+a version of at least 45 in place of the number of machines.
+"""
+
+
+def kinds(head: bytes) -> frozenset[str]:
+    """Machine and format of a library ("x86-64 (64-bit ELF)"), several of a fat Mach-O; empty if it
+    is none.
+
+    head: its first bytes, at most HEAD are needed.
+    """
+    try:
+        return frozenset(_elf(head) or _pe(head) or _mach_o(head))
+    except struct.error:  # shorter than its own header
+        return frozenset()
+
+
+def _elf(head: bytes) -> list[str]:
+    if head[:4] != b"\x7fELF" or len(head) < 6 or head[5] not in (1, 2):
+        return []
+    big = head[5] == 2
+    (machine,) = struct.unpack_from(">H" if big else "<H", head, 18)
+    bits, order = 32 * head[4], ", big-endian" if big else ""
+    return [f"{ELF.get(machine, f'machine {machine}')} ({bits}-bit ELF{order})"]
+
+
+def _pe(head: bytes) -> list[str]:
+    if head[:2] != b"MZ":
+        return []
+    (at,) = struct.unpack_from("<I", head, 0x3C)
+    magic, machine = struct.unpack_from("<4sH", head, at)
+    return [f"{PE.get(machine, f'machine {machine:#x}')} (PE)"] if magic == b"PE\0\0" else []
+
+
+def _mach_o(head: bytes) -> list[str]:
+    magic = head[:4]
+    for order in "<>":
+        if magic in (struct.pack(f"{order}I", 0xFEEDFACE), struct.pack(f"{order}I", 0xFEEDFACF)):
+            return [_of_mach_o(struct.unpack_from(f"{order}I", head, 4)[0])]
+    if magic == struct.pack(">I", FAT):
+        (count,) = struct.unpack_from(">I", head, 4)
+        if count < 40:
+            types = (struct.unpack_from(">I", head, 8 + 20 * i)[0] for i in range(count))
+            return [_of_mach_o(each) for each in types]
+    return []
+
+
+def _of_mach_o(cpu: int) -> str:
+    return f"{MACH_O.get(cpu, f'machine {cpu:#x}')} (Mach-O)"
+
+
+@lru_cache
+def own() -> frozenset[str]:
+    """The kind of the program that this process runs; empty if that is not known."""
+    for path in (Path("/proc/self/exe"), Path(sys.executable or "")):
+        try:
+            with path.open("rb") as file:
+                return kinds(file.read(HEAD))
+        except OSError:
+            continue
+    return frozenset()
+
+
+def foreign(head: bytes) -> str | None:
+    """Why a library cannot be loaded in this process, or None."""
+    found = kinds(head)
+    if not found:
+        return "is no shared library (neither ELF, PE nor Mach-O)"
+    if own() and not found & own():
+        return f"is for {_listed(found)}, this machine loads {_listed(own())}"
+    return None
+
+
+def _listed(kinds: frozenset[str]) -> str:
+    return " and ".join(sorted(kinds))
