@@ -57,7 +57,7 @@ def differences(evaluate, v, value):
 
 def inner(variables):
     """Those with room for a difference on both sides of the value."""
-    return [v for v in variables if (v.low, v.high) == (-inf, inf) or v.start > v.low > -inf]
+    return [v for v in variables if v.low < v.start < v.high]
 
 
 def smooth_difference(evaluate, v, value):

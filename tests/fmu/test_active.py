@@ -138,7 +138,7 @@ def test_at_every_call_too(law, name, rng):
 
 
 def test_the_start_of_a_funnel_is_judged_at_the_first_active_sample(law, rng):
-    """Outside the funnel, but at rest: the margin is 1; when it wakes there, the step is refused."""
+    """Outside the funnel, but at rest: the margin is 1. A law that wakes there refuses the step."""
     unit = law("ppc_controller", rng, active=0)
     far = inputs(rng, 0) | {"rho_ref_N": (-900.0, 900.0, 800.0)}
     unit.step(1, far)
