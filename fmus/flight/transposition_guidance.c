@@ -1,8 +1,9 @@
 /* transposition_guidance.c - attitude reference along which a docked assembly swings its module
  * without saturating its gyros.
  *
- * The attitude history is planned in `initialize` (transposition_plan.h) from parameters alone; the
- * state holds its nodes and the total momentum at the nodes. Published at a sample: attitude, rate
+ * The attitude history is planned in `initialize` (transposition_plan.h) from parameters alone, in
+ * working memory of fixed size that stands beside the model and is no part of its state; the state
+ * holds its nodes and the total momentum at the nodes. Published at a sample: attitude, rate
  * and acceleration of the history, the momentum h that the gyros will have, and its mean rate over
  * the coming sample,
  *
@@ -78,7 +79,7 @@ static const Variable variables[] = {
     ANGLE_OUTPUT(rotation_ref, "angle of the reference rotation from the flight attitude"),
     NONNEGATIVE_OUTPUT(status, "1",
                        "0: planned; 1: flight attitude asked for; 2: not below the limit; 3: "
-                       "rotation would exceed rotation_max; 4: no memory"),
+                       "rotation would exceed rotation_max"),
     ALARM(no_plan, "1: no history keeps the momentum below the limit, the reference is the flight "
                    "attitude; see status"),
     NONNEGATIVE_OUTPUT(iterations, "1", "steps that the plan took"),
@@ -224,23 +225,24 @@ static double largest_rotation(const History *y)
     return largest;
 }
 
-static Result planned(const Parameters *p, History *y)
+static Result planned(const Parameters *p, History *y, Workspace *w)
 {
     Task task = {
         &p->assembly, &p->swing, p->h_0_S,  p->momentum_share * p->H_sat, p->rotation_max,
         p->alpha,     p->lambda, p->weight, (int)p->iterations_max,       (Scheme)(int)p->scheme};
-    if (p->use_plan != 0) return plan(&task, y);
+    if (p->use_plan != 0) return plan(&task, y, w);
     stay_in_flight_attitude(y);
     return (Result){.status = FLIGHT_ATTITUDE};
 }
 
-static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
+static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t,
+                       Workspace *w)
 {
     (void)u;
     x->history.n = p->nodes;
     x->history.t_0 = p->window_start;
     x->history.dt = p->window / p->nodes;
-    Result r = planned(p, &x->history);
+    Result r = planned(p, &x->history, w);
     y->status = r.status;
     y->no_plan = r.status > FLIGHT_ATTITUDE;
     y->iterations = r.iterations;
@@ -260,5 +262,5 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
         guide(p, x, y, s.t);
 }
 
-FMU_MODEL("transposition_guidance",
-          "Attitude history of a docked assembly that keeps its gyros below saturation");
+FMU_MODEL_WITH(Workspace, "transposition_guidance",
+               "Attitude history of a docked assembly that keeps its gyros below saturation");

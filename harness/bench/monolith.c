@@ -29,7 +29,7 @@ const ModelInterface *find_model(const char *name)
 /* ---- the monolithic program ---- */
 void *new_model(const ModelInterface *model)
 {
-    void *memory = malloc(model->size);
+    void *memory = malloc(memory_of(model));
     if (memory) memcpy(memory, model->start, model->size);
     return memory;
 }

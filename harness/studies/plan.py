@@ -27,7 +27,6 @@ STATUS = (
     "not planned: the momentum does not fall below the limit; more steps (iterations_max), a "
     "longer window, or a larger momentum_share",
     "not planned: the rotation would exceed rotation_max",
-    "not planned: no memory",
 )
 """What the output status of the guidance means."""
 

@@ -35,7 +35,7 @@ static void receive(unsigned part)
 static void initialize_all(void)
 {
     for (unsigned i = 0; i < PARTS; i++) {
-        memory[i] = malloc(parts[i]->size);
+        memory[i] = malloc(memory_of(parts[i]));
         if (!memory[i]) abort();
         memcpy(memory[i], parts[i]->start, parts[i]->size);
     }

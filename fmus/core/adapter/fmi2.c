@@ -42,7 +42,7 @@ static Instance *new_instance(const Instance *caller)
     if (!instance) return NULL;
     *instance = *caller;
     instance->name = allocate(caller, name_size);
-    instance->model = allocate(caller, fmu_model.size);
+    instance->model = allocate(caller, memory_of(&fmu_model));
     instance->good = allocate(caller, tail_size());
     instance->guarded = allocate(caller, fmu_model.variable_count * sizeof *instance->guarded);
     if (!instance->name || !instance->model || !instance->good || !instance->guarded) {

@@ -129,7 +129,7 @@ static bool evaluate_at(const Instance *instance, const Direction *d, double dis
 static bool central_difference(const Instance *instance, const Direction *d, double distance,
                                void *work, double *result)
 {
-    char *plus = work, *minus = plus + fmu_model.size;
+    char *plus = work, *minus = plus + memory_of(&fmu_model);
     if (!evaluate_at(instance, d, distance, plus) || !evaluate_at(instance, d, -distance, minus))
         return false;
     for (size_t i = 0; i < d->unknowns; i++) {
@@ -200,7 +200,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
     for (size_t i = 0; i < unknowns; i++) sensitivity[i] = 0;
     if (distance == 0 || unknowns == 0) return fmi2OK;
 
-    double *half = allocate(instance, unknowns * sizeof(double) + 2 * fmu_model.size);
+    double *half = allocate(instance, unknowns * sizeof(double) + 2 * memory_of(&fmu_model));
     if (!half) return failure(instance, function, "out of memory");
     bool good = central_difference(instance, &d, distance, half + unknowns, sensitivity) &&
                 central_difference(instance, &d, distance / 2, half + unknowns, half);

@@ -133,6 +133,7 @@ static inline void refuse(Problems *all, const char *name, double value, const c
 typedef struct {
     const char *name, *text;
     size_t size, state_offset, state_count; /* bytes, bytes, doubles */
+    size_t scratch; /* bytes after the model that initialize works in; no part of the state */
     const void *start;
     const Variable *variables;
     size_t variable_count;
@@ -147,7 +148,7 @@ typedef struct {
 
 extern const ModelInterface FMU_MODEL_SYMBOL;
 
-#define FMU_MODEL(identifier, description)                                   \
+#define FMU_MODEL_OF(identifier, description, first_outputs, scratch)        \
     static void check_model(const void *model, Problems *problems)           \
     {                                                                        \
         check(&((const Model *)model)->p, problems);                         \
@@ -155,7 +156,7 @@ extern const ModelInterface FMU_MODEL_SYMBOL;
     static void initialize_model(void *model, double t)                      \
     {                                                                        \
         Model *m = (Model *)model;                                           \
-        initialize(&m->p, &m->u, &m->x, &m->y, t);                           \
+        first_outputs;                                                       \
     }                                                                        \
     static void step_model(void *model, double t, double h)                  \
     {                                                                        \
@@ -167,11 +168,20 @@ extern const ModelInterface FMU_MODEL_SYMBOL;
                                              sizeof(Model),                  \
                                              offsetof(Model, x),             \
                                              sizeof(State) / sizeof(double), \
+                                             scratch,                        \
                                              &start,                         \
                                              variables,                      \
                                              COUNT(variables),               \
                                              check_model,                    \
                                              initialize_model,               \
                                              step_model}
+
+#define FMU_MODEL(identifier, description) \
+    FMU_MODEL_OF(identifier, description, initialize(&m->p, &m->u, &m->x, &m->y, t), 0)
+/* initialize(p, u, x, y, t, w) works in a Scratch, a struct of doubles, whose values nobody keeps */
+#define FMU_MODEL_WITH(Scratch, identifier, description)                                \
+    FMU_MODEL_OF(identifier, description,                                               \
+                 initialize(&m->p, &m->u, &m->x, &m->y, t, (Scratch *)(void *)(m + 1)), \
+                 sizeof(Scratch))
 
 #endif

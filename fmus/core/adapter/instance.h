@@ -36,7 +36,7 @@ typedef struct {
     char *name;
     unsigned categories; /* log categories switched on */
     Progress now;
-    void *model;                       /* fmu_model.size bytes */
+    void *model;                       /* memory_of(&fmu_model) bytes */
     void *good;                        /* states and outputs before the step: tail_size() bytes */
     Run *guarded;                      /* outputs with a rule beyond being finite */
     size_t guarded_count, alarm_count; /* alarms are the first of them */

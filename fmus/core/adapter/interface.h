@@ -34,6 +34,9 @@ static inline const double *values_from(const void *model, Scalar s)
 }
 static inline double value_of(const void *model, Scalar s) { return *values_from(model, s); }
 
+/* what to allocate for a model: its data, and what its initialize works in */
+static inline size_t memory_of(const ModelInterface *m) { return m->size + m->scratch; }
+
 /* v, v[3] or v[2,3]: one-based, row major */
 static inline const char *element_name(char buffer[NAME_SIZE], Scalar s)
 {

@@ -269,7 +269,7 @@ static void check_values(const void *model)
 static void *initialized_model(void)
 {
     Problems problems = {{0}, 0};
-    void *model = calloc(1, fmu_model.size);
+    void *model = calloc(1, memory_of(&fmu_model));
     if (!model) exit(1);
     memcpy(model, fmu_model.start, fmu_model.size);
     fmu_model.check(model, &problems);

@@ -1,0 +1,54 @@
+/* transposition_history.h - attitude history of the assembly: eps at the nodes of an equidistant grid,
+ * between them a cubic spline with zero slope at both ends. Outside its window the assembly is at
+ * rest in the flight attitude. Source: docs/models.md E.4. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef TRANSPOSITION_HISTORY_H
+#define TRANSPOSITION_HISTORY_H
+
+#include "spline.h"
+
+enum {
+    MAX_NODES = SPLINE_MAX,
+    FINE = 4, /* steps of the momentum history from node to node */
+    MAX_FINE = FINE * MAX_NODES
+};
+
+typedef struct {
+    double n, t_0, dt; /* n intervals */
+    vec3 eps[MAX_NODES + 1], curvature[MAX_NODES + 1];
+} History;
+
+static inline int intervals(const History *y) { return (int)y->n; }
+
+static inline Motion history_at(const History *y, double t) /* at rest outside the window */
+{
+    double u = (t - y->t_0) / y->dt;
+    if (!(u >= 0 && u < y->n)) return (Motion){vec(0, 0, 0), vec(0, 0, 0), vec(0, 0, 0)};
+    int k = (int)floor_of(u);
+    return spline_at(y->dt, y->eps, y->curvature, k, u - k);
+}
+
+static inline void bend(History *y) { spline_curvature(intervals(y), y->dt, y->eps, y->curvature); }
+
+static inline void stay_in_flight_attitude(History *y)
+{
+    for (int k = 0; k <= intervals(y); k++) y->eps[k] = y->curvature[k] = vec(0, 0, 0);
+}
+
+static inline double fine_time(const History *y, int m) { return y->t_0 + m * y->dt / FINE; }
+
+static inline Motion fine_motion(const History *y, int m)
+{
+    int k = m < FINE * intervals(y) ? m / FINE : intervals(y) - 1;
+    return spline_at(y->dt, y->eps, y->curvature, k, (double)(m - FINE * k) / FINE);
+}
+
+static inline double largest_eps(const History *y) /* of spline and nodes */
+{
+    double largest = 0;
+    for (int m = 0; m <= FINE * intervals(y); m++)
+        largest = larger(largest, norm(fine_motion(y, m).x));
+    return largest;
+}
+
+#endif
