@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import ResultsError, UsageError
+from harness.exchange.instants import after, epoch_of
 from harness.results.result import Result
 from harness.spelling import did_you_mean
 
@@ -66,9 +67,7 @@ def _body(result: Result, name: str, letter: str) -> Body:
 
 
 def instants(result: Result, epoch: str) -> NDArray[np.datetime64]:
-    """UTC of every row, to the nanosecond; UsageError if the epoch is no date."""
-    try:
-        start = np.datetime64(epoch.removesuffix("Z"), "ns")
-    except ValueError as error:
-        raise UsageError(f"--epoch {epoch}: expected a date as {EPOCH}") from error
-    return np.asarray(start + np.round(result.time * 1e9).astype("timedelta64[ns]"))
+    """UTC of every row, to the nanosecond; UsageError if the epoch is no date, ResultsError if a
+    time leads out of all years.
+    """
+    return after(epoch_of(epoch), result.time)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.exchange.bodies import Body, bodies, instants
+from harness.exchange.instants import days_since_j2000
 from harness.files.libraries import library
 from harness.files.output import written
 from harness.results.result import Result
@@ -93,7 +94,7 @@ def _fixed(q: Array, times: Any) -> Array:
 def earth(times: NDArray[np.datetime64]) -> Array:
     """Matrices from inertial to Earth-fixed components, (rows, 3, 3)."""
     erfa = library("erfa", "exchange")
-    days = (times - np.datetime64("2000-01-01T12:00:00", "ns")) / np.timedelta64(1, "D")
+    days = days_since_j2000(times)
     terrestrial = days + (LEAP_SECONDS + 32.184) / 86400
     return np.asarray(erfa.c2t06a(2451545.0, terrestrial, 2451545.0, days, 0.0, 0.0))
 

@@ -8,6 +8,7 @@ target, and for which no file is given, goes along with it.
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -21,7 +22,11 @@ from numpy.typing import NDArray
 
 from harness.errors import UsageError
 from harness.exchange.czml import earth
+from harness.exchange.instants import J2000, days_since_j2000, epoch_of, moment
+from harness.exchange.two_line import problems
 from harness.files.libraries import library
+from harness.files.paths import contents
+from harness.files.temporary import PrivateFolder
 from harness.master.changes import Changes
 from harness.master.simulation import Simulation
 from harness.results.result import Result
@@ -31,6 +36,8 @@ from harness.system.model import System
 Array = NDArray[np.float64]
 
 SAME_AXES = ("EME2000", "J2000", "GCRF", "GCRS", "ICRF")
+LONGEST = 256 * 1024**2
+"""Bytes of a file of start values."""
 EXACT = 1e-6
 """An instant of an ephemeris this close is taken as it is, not interpolated [s]."""
 
@@ -76,7 +83,7 @@ def start_values(
     for component in files:
         _check(component, system, parameters)
     sources = {component: _source(component, Path(file)) for component, file in files.items()}
-    instant = max(s.first for s in sources.values()) if epoch is None else _instant(epoch)
+    instant = max(s.first for s in sources.values()) if epoch is None else epoch_of(epoch)
     states = {component: _state(component, s, instant) for component, s in sources.items()}
     states |= _beside(parameters, states)
     values: dict[str, Any] = {}
@@ -93,15 +100,18 @@ def _state(component: str, source: Source, instant: np.datetime64) -> State:
     try:
         with _undated():
             return source.state(instant)
-    except ValueError as error:
+    except (ValueError, IndexError) as error:
         reason = " ".join(str(error).split())
         raise UsageError(f"--start {component}: {source.path}: {reason}") from error
 
 
 @contextmanager
 def _undated() -> Iterator[None]:
-    """Without the warnings of erfa, which knows no leap seconds of years to come."""
-    with warnings.catch_warnings():
+    """Without the warnings of erfa, which knows no leap seconds of years to come, and with no other
+    tables of UT1 than those that astropy brings.
+    """
+    conf = library("astropy.utils.iers", "exchange").conf
+    with warnings.catch_warnings(), conf.set_temp("auto_download", False):
         warnings.simplefilter("ignore")
         yield
 
@@ -122,13 +132,6 @@ def _check(component: str, system: System, parameters: Result) -> None:
     for name in ("a", "mu", "r_0_N", "v_0_N"):
         if f"{component}.{name}" not in parameters:
             raise UsageError(f"--start {component}: it has no parameter {name}")
-
-
-def _instant(epoch: str) -> np.datetime64:
-    try:
-        return np.datetime64(epoch.removesuffix("Z"), "ns")
-    except ValueError as error:
-        raise UsageError(f"--epoch {epoch}: expected a date as 2026-01-31T12:00:00") from error
 
 
 def _beside(parameters: Result, states: Mapping[str, State]) -> dict[str, State]:
@@ -162,19 +165,21 @@ def _in_hill_frame(orbit: State, rho: Array, drho: Array) -> State:
 
 def _source(component: str, path: Path) -> Source:
     try:
-        text = path.read_text(encoding="utf-8")
+        text = contents(path, LONGEST).decode()
+    except UnicodeDecodeError as error:
+        raise UsageError(f"--start {component}: {path}: it is no text") from error
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "it is no text"
+        reason = getattr(error, "strerror", None) or str(error)
         raise UsageError(f"--start {component}: {path}: cannot be read ({reason})") from error
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     elements = [line for line in lines if line[:2] in ("1 ", "2 ") and len(line) >= 68]
     try:
         if "CCSDS_OEM_VERS" in text or "<oem" in text:
             with _undated():
-                return _ephemeris(path)
+                return _ephemeris(path, text)
         if [line[0] for line in elements] == ["1", "2"]:
             return _elements(path, *elements)
-    except (ValueError, KeyError, IndexError) as error:
+    except (ValueError, KeyError, IndexError, SyntaxError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise UsageError(f"--start {component}: {path}: {reason}") from error
     raise UsageError(
@@ -182,8 +187,26 @@ def _source(component: str, path: Path) -> Source:
     )
 
 
-def _ephemeris(path: Path) -> Source:
-    message = library("oem", "exchange").OrbitEphemerisMessage.open(str(path))
+SYSTEMS = ("GPS", "TAI", "TT", "UT1", "UTC")
+"""Time systems of an ephemeris: those of astropy, and GPS = TAI - 19 s."""
+GPS_BEHIND_TAI = 19.0
+_TIME_SYSTEM = re.compile(r"\bTIME_SYSTEM\s*[=>]\s*([^\s<]+)")
+
+
+def _ephemeris(path: Path, text: str) -> Source:
+    systems = {match[1] for match in _TIME_SYSTEM.finditer(text)}
+    if not systems <= {*SYSTEMS}:
+        raise ValueError(
+            f"its times are {' and '.join(sorted(systems - {*SYSTEMS}))}, expected "
+            f"{', '.join(SYSTEMS)}"
+        )
+    if len(systems) > 1:
+        raise ValueError(f"its times are {' and '.join(sorted(systems))}, expected one system")
+    behind = GPS_BEHIND_TAI if systems == {"GPS"} else 0.0
+    with PrivateFolder() as folder:
+        copy = folder / "message.oem"  # with a time system that the library knows
+        copy.write_text(_TIME_SYSTEM.sub(lambda m: m[0].replace("GPS", "TAI"), text), "utf-8")
+        message = library("oem", "exchange").OrbitEphemerisMessage.open(str(copy))
     frames = {segment.metadata["REF_FRAME"].upper() for segment in message}
     centres = {segment.metadata["CENTER_NAME"].upper() for segment in message}
     if centres != {"EARTH"}:
@@ -193,12 +216,17 @@ def _ephemeris(path: Path) -> Source:
             f"its axes are {' and '.join(sorted(frames))}, expected {', '.join(SAME_AXES)} or TEME"
         )
     frame = frames.pop()
-    first = message.states[0].epoch.utc.to_value("datetime64").astype("datetime64[ns]")
-    return Source(path, first, f"{frame} taken as N", partial(_interpolated, message, frame))
+    late = library("astropy.time", "exchange").TimeDelta(behind, format="sec")
+    begin = (message.states[0].epoch + late).utc
+    begin.precision = 9
+    told = "" if systems <= {"UTC"} else f", times in {systems.pop()}"
+    state = partial(_interpolated, message, frame, late)
+    return Source(path, moment(begin.isot), f"{frame} taken as N{told}", state)
 
 
-def _interpolated(message: Any, frame: str, instant: np.datetime64) -> State:
+def _interpolated(message: Any, frame: str, late: Any, instant: np.datetime64) -> State:
     time = library("astropy.time", "exchange").Time(instant, scale="utc")
+    time = getattr(time, message.states[0].epoch.scale) - late
     near = min(message.states, key=lambda state: abs((state.epoch - time).sec))
     state = near if abs((near.epoch - time).sec) < EXACT else message(time)
     found = State(1e3 * np.asarray(state.position), 1e3 * np.asarray(state.velocity))
@@ -208,16 +236,17 @@ def _interpolated(message: Any, frame: str, instant: np.datetime64) -> State:
 def _elements(path: Path, first: str, second: str) -> Source:
     api = library("sgp4.api", "exchange")
     library("sgp4.io", "exchange").verify_checksum(first, second)
+    if wrong := "; ".join(problems(first, second)):
+        raise ValueError(wrong)
     satellite = api.Satrec.twoline2rv(first, second)
     day, part = satellite.jdsatepoch - 2451545.0, satellite.jdsatepochF
     nanoseconds = round((day + part) * 86400e6) * 1000  # the format has 1e-8 days, 0.9 ms
-    epoch = np.datetime64("2000-01-01T12:00:00", "ns") + np.timedelta64(nanoseconds, "ns")
+    epoch = J2000 + np.timedelta64(nanoseconds, "ns")
     return Source(path, epoch, "SGP4, TEME turned into N", partial(_propagated, api, satellite))
 
 
 def _propagated(api: Any, satellite: Any, instant: np.datetime64) -> State:
-    days = (instant - np.datetime64("2000-01-01T12:00:00", "ns")) / np.timedelta64(1, "D")
-    error, r, v = satellite.sgp4(2451545.0, float(days))
+    error, r, v = satellite.sgp4(2451545.0, float(days_since_j2000(instant)))
     if error:
         raise ValueError(f"SGP4: {api.SGP4_ERRORS[error]}")
     return _out_of_teme(State(1e3 * np.array(r), 1e3 * np.array(v)), instant)
@@ -226,7 +255,6 @@ def _propagated(api: Any, satellite: Any, instant: np.datetime64) -> State:
 def _out_of_teme(state: State, instant: np.datetime64) -> State:
     """By the Earth-fixed axes: with GMST 1982 into them, with the IAU 2006/2000A matrix out."""
     erfa = library("erfa", "exchange")
-    days = (instant - np.datetime64("2000-01-01T12:00:00", "ns")) / np.timedelta64(1, "D")
-    turn = erfa.rz(erfa.gmst82(2451545.0, float(days)), np.eye(3))
+    turn = erfa.rz(erfa.gmst82(2451545.0, float(days_since_j2000(instant))), np.eye(3))
     matrix = earth(np.array([instant]))[0].T @ turn
     return State(matrix @ state.r, matrix @ state.v)

@@ -50,7 +50,7 @@ def evaluate(node: ast.expr, look_up: Callable[[str], Any]) -> Any:  # noqa: PLR
         case ast.Call(func=ast.Name(id="last"), args=[a]):
             return _picked(a, -1, look_up)
         case ast.Call(func=ast.Name(id=name), args=arguments):
-            return FUNCTIONS[name](*(evaluate(a, look_up) for a in arguments))
+            return FUNCTIONS[name].value(*(evaluate(a, look_up) for a in arguments))
         case ast.Subscript(value=a, slice=index):
             return _picked(a, index_of(index), look_up)
     raise AssertionError(ast.dump(node))

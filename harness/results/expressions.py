@@ -11,8 +11,9 @@ from __future__ import annotations
 import ast
 import operator
 import re
+import warnings
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,16 +25,25 @@ Array = NDArray[np.float64]
 STEADY = 0.2
 """Last part of the time in which an error is steady."""
 
+LONGEST = 10_000
+"""Characters of an expression."""
+DIGITS = 300
+"""Digits of a number: 1e308 is the end of the doubles."""
+DEEPEST = 200
+"""Levels of an expression; every further term of a sum is one."""
+
 QUANTITY = re.compile(
-    r"(?<![\w.])(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s+"
+    r"(?<![\w.])(?P<number>(?>\d+\.?\d*|\.\d+)(?>[eE][-+]?\d+)?)\s+"
     r"(?!(?:and|or|not|if|else|in|is)\b)(?P<unit>[A-Za-z%][A-Za-z0-9./%^]*(?:-\d[A-Za-z0-9./%^]*)*)"
 )
 """A number and its unit."""
 
 
 def settling_time(time: Array, error: Array, band: float) -> float:
-    """Time [s] after which an error (rows,) stays within a band; NaN if it never does."""
-    outside = np.flatnonzero(error > band)
+    """Time [s] after which an error (rows,) stays within a band, which one that is no number is
+    not; NaN if it never does.
+    """
+    outside = np.flatnonzero(~(error <= band))
     first_inside = outside[-1] + 1 if len(outside) else 0
     return float(time[first_inside] - time[0]) if first_inside < len(time) else float("nan")
 
@@ -53,28 +63,35 @@ def _total(x: Array) -> Array:
     return np.asarray(np.sum(x, axis=-1))
 
 
-FUNCTIONS: dict[str, Callable[..., Any]] = {
-    "abs": np.abs,
-    "cos": np.cos,
-    "degrees": np.degrees,
-    "exp": np.exp,
-    "first": lambda x: x[0],
-    "last": lambda x: x[-1],
-    "log": np.log,
-    "max": np.max,
-    "mean": np.mean,
-    "min": np.min,
-    "norm": _norm,
-    "percentile": np.percentile,
-    "rms": lambda x: np.sqrt(np.mean(np.square(x))),
-    "settling_time": settling_time,
-    "sin": np.sin,
-    "sqrt": np.sqrt,
-    "std": np.std,
-    "steady": steady_error,
-    "total": _total,
+class Function(NamedTuple):
+    """What a function of an expression computes, and the names of its arguments."""
+
+    value: Callable[..., Any]
+    arguments: tuple[str, ...] = ("x",)
+
+
+FUNCTIONS: dict[str, Function] = {
+    "abs": Function(np.abs),
+    "cos": Function(np.cos),
+    "degrees": Function(np.degrees),
+    "exp": Function(np.exp),
+    "first": Function(lambda x: x[0]),
+    "last": Function(lambda x: x[-1]),
+    "log": Function(np.log),
+    "max": Function(np.max),
+    "mean": Function(np.mean),
+    "min": Function(np.min),
+    "norm": Function(_norm),
+    "percentile": Function(np.percentile, ("x", "percent")),
+    "rms": Function(lambda x: np.sqrt(np.mean(np.square(x)))),
+    "settling_time": Function(settling_time, ("time", "error", "band")),
+    "sin": Function(np.sin),
+    "sqrt": Function(np.sqrt),
+    "std": Function(np.std),
+    "steady": Function(steady_error, ("time", "error")),
+    "total": Function(_total),
 }
-"""Functions of an expression; `settling_time` takes time, error, band, `steady` time, error."""
+"""Functions of an expression: a further argument of one of numpy may be where it writes to."""
 
 BINARY: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -100,9 +117,10 @@ UNARY: dict[type[ast.AST], Callable[[Any], Any]] = {
 
 
 def parsed(text: str, others: Sequence[str] = (), kind: str = "") -> ast.expr:
-    """The tree of a text; ValueError if it is no expression. others: names, of such a `kind`, that
-    the user may have meant.
+    """The tree of a text; ValueError if it is no expression, or longer, deeper or with more digits
+    than the limits. others: names, of such a `kind`, that the user may have meant.
     """
+    _limit(text)
     units: list[str] = []
 
     def mark(match: re.Match[str]) -> str:
@@ -110,17 +128,34 @@ def parsed(text: str, others: Sequence[str] = (), kind: str = "") -> ast.expr:
         return f"quantity({match['number']}, {len(units) - 1})"
 
     try:
-        marked = ast.parse(QUANTITY.sub(mark, text), mode="eval").body
+        with warnings.catch_warnings(action="error"):  # 1if: "invalid decimal literal"
+            marked = ast.parse(QUANTITY.sub(mark, text), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         names = did_you_mean(text, others)
         what = f"there is no such {kind}, and " if kind else ""
         raise ValueError(f"{what}it is no expression{names}") from error
+    if _depth(marked) > DEEPEST:
+        raise ValueError(f"it has more than {DEEPEST} levels, of which each term is one")
     tree: ast.expr = _Quantities(units).visit(marked)
-    try:
-        _walk(tree, [], others, kind)
-    except RecursionError:
-        raise ValueError("it is nested too deep") from None
+    _walk(tree, [], others, kind)
     return tree
+
+
+def _limit(text: str) -> None:
+    """ValueError at a text that is not worth reading."""
+    if len(text) > LONGEST:
+        raise ValueError(f"it is longer than {LONGEST} characters")
+    if re.search(rf"[\d_]{{{DIGITS + 1}}}", text):
+        raise ValueError(f"a number has more than {DIGITS} digits")
+
+
+def _depth(tree: ast.AST) -> int:
+    """Levels of a tree of whatever depth."""
+    levels, nodes = 0, [tree]
+    while nodes:
+        levels += 1
+        nodes = [child for node in nodes for child in ast.iter_child_nodes(node)]
+    return levels - 1
 
 
 class Quantity(float):
@@ -178,6 +213,8 @@ def _parameter(node: ast.Call) -> str:
 def _parts(node: ast.expr) -> list[ast.expr]:  # noqa: PLR0911 - one per kind
     """What an expression is made of, if it may be made of that."""
     match node:
+        case ast.Constant(value=int() as number) if number > 10**DIGITS:
+            raise ValueError(f"there is no number beyond 1e{DIGITS}")
         case ast.Constant(value=int() | float() | bool()):
             return []
         case ast.BinOp(left=a, op=op, right=b) if type(op) in BINARY:
@@ -193,13 +230,22 @@ def _parts(node: ast.expr) -> list[ast.expr]:  # noqa: PLR0911 - one per kind
                 raise ValueError("parameter() wants component.name")
             return []
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
-            if name not in FUNCTIONS:
-                raise ValueError(f"there is no function {name}{did_you_mean(name, FUNCTIONS)}")
+            _check_call(name, arguments)
             return arguments
         case ast.Subscript(value=a, slice=index):
             index_of(index)
             return [a]
     raise ValueError(f"an expression cannot hold `{ast.unparse(node)}`")
+
+
+def _check_call(name: str, given: Sequence[ast.expr]) -> None:
+    """ValueError if there is no such function, or with another number of arguments."""
+    if name not in FUNCTIONS:
+        raise ValueError(f"there is no function {name}{did_you_mean(name, FUNCTIONS)}")
+    wanted = FUNCTIONS[name].arguments
+    if len(given) != len(wanted):
+        arguments = "1 argument" if len(wanted) == 1 else f"{len(wanted)} arguments"
+        raise ValueError(f"{name}({', '.join(wanted)}): expected {arguments}, got {len(given)}")
 
 
 def path_of(node: ast.expr) -> str:
@@ -219,7 +265,7 @@ def index_of(node: ast.expr) -> Any:
             return tuple(index_of(e) for e in elements)
         case ast.Slice(lower=a, upper=b, step=c):
             return slice(*(None if x is None else index_of(x) for x in (a, b, c)))
-        case ast.Constant(value=int(number)):
+        case ast.Constant(value=int(number)) if not isinstance(number, bool):
             return number
         case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=int(number))):
             return -number

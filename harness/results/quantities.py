@@ -45,7 +45,8 @@ SYMBOLS: dict[str, tuple[float, dict[str, int]]] = {
 }
 """Factor to SI and exponents of the SI units, by symbol."""
 
-FACTOR = re.compile(r"([A-Za-z%]+|1)\^?(-?\d+)?")
+FACTOR = re.compile(r"([A-Za-z%]+|1)\^?(-?\d)?")
+"""A unit and its exponent, of one digit."""
 
 
 def unit(text: str) -> Unit:

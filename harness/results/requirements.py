@@ -8,6 +8,7 @@ A requirement is a name and a text, `guidance.range >= 4 m` or `time < 20 min or
 from __future__ import annotations
 
 import ast
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.results.evaluation import evaluate, history, resolved, unit_in, unit_of
-from harness.results.expressions import Quantity, parsed, variables
+from harness.results.expressions import BINARY, Quantity, parsed, variables
 from harness.results.provenance import Provenance
 from harness.results.quantities import convert, unit
 from harness.results.result import Result
@@ -56,6 +57,8 @@ class Finding:
         if self.value is None:
             return self.reason
         place = "" if self.time is None else f" at {self.time:g} s"
+        if math.isnan(self.value):
+            return f"not a number{place}"
         return f"worst {self.value:.6g} {self.unit.removeprefix('1')}".rstrip() + place
 
 
@@ -144,14 +147,16 @@ def finding(result: Result, name: str, text: str) -> Finding:
 
 def _judged(result: Result, found: Finding, tree: ast.expr) -> Finding:
     margins = _Margins(result)
-    met = bool(np.all(evaluate(tree, margins.look_up)))
-    least = margins.of(tree)
-    row = int(np.argmin(least))
-    compared = margins.decisive(tree, row)
-    value, unit = margins.value(compared, row)
+    truth = margins.truth(tree)
+    met = bool(np.all(truth == 1))
+    undecided = np.isnan(margins.rows_of(truth)).any(axis=1)
+    least = np.where(undecided, -np.inf, margins.of(tree))
+    row = int(np.argmax(undecided) if undecided.any() else np.argmin(least))
+    value, unit = margins.value(margins.decisive(tree, row), row)
     instant = float(result.time[row]) if len(least) == len(result.time) else None
     if least[row] == np.inf and met:
         return replace(found, met=met, reason="its time never came")
+    value = math.nan if undecided.any() else value
     return replace(found, met=met, value=value, unit=unit, time=instant)
 
 
@@ -162,20 +167,39 @@ class _Margins:
         self.result = result
         self.look_up = partial(history, result)
 
+    def truth(self, node: ast.expr) -> Array:
+        """1 where a condition holds, 0 where it does not, NaN where that hangs on what is no
+        number, with the rows and elements of its parts.
+        """
+        match node:
+            case ast.Compare(left=a, ops=[op], comparators=[b]):
+                sides = [evaluate(side, self.look_up) for side in (a, b)]
+                known = ~(np.isnan(sides[0]) | np.isnan(sides[1]))
+                return np.where(known, BINARY[type(op)](*sides), np.nan)
+            case ast.UnaryOp(op=ast.Not() | ast.Invert(), operand=a):
+                return 1 - self.truth(a)
+            case ast.BoolOp() | ast.BinOp(op=ast.BitAnd() | ast.BitOr()):
+                parts = np.array(np.broadcast_arrays(*map(self.truth, _joined(node))))
+                extreme = _extreme(node)
+                decides = 1.0 if extreme is np.max else 0.0  # whatever the other parts are
+                return np.where((parts == decides).any(axis=0), decides, extreme(parts, axis=0))
+        value = np.asarray(evaluate(node, self.look_up), dtype=np.float64)
+        return np.where(np.isnan(value), np.nan, value != 0)
+
     def of(self, node: ast.expr) -> Array:
         """Margin of every row, or (1,) if the rows do not matter; -inf where it is not a number."""
         match node:
             case ast.Compare():
                 margin = self._elements(node).min(axis=1)
                 if set(variables(node)) == {"time"}:  # says when, not how well
-                    margin = np.where(self._truth(node), np.inf, -np.inf)
+                    margin = np.where(self._holds(node), np.inf, -np.inf)
             case ast.UnaryOp(op=ast.Not() | ast.Invert(), operand=a):
                 margin = -self.of(a)
             case ast.BoolOp() | ast.BinOp(op=ast.BitAnd() | ast.BitOr()):
                 parts = np.broadcast_arrays(*map(self.of, _joined(node)))
                 margin = _extreme(node)(parts, axis=0)
             case _:
-                margin = np.where(self._truth(node), 1.0, -1.0)
+                margin = np.where(self._holds(node), 1.0, -1.0)
         return np.where(np.isnan(margin), -np.inf, margin)
 
     def decisive(self, node: ast.expr, row: int) -> ast.expr:
@@ -196,7 +220,7 @@ class _Margins:
         if isinstance(node, ast.Compare):
             shown = node.comparators[0] if isinstance(node.left, ast.Constant) else node.left
             element = int(np.argmin(_at(self._elements(node), row)))
-        values = _at(self._as_rows(evaluate(shown, self.look_up)), row)
+        values = _at(self.rows_of(evaluate(shown, self.look_up)), row)
         value = float(values[min(element, len(values) - 1)])
         return _as_written(node, value, unit_of(shown, partial(unit_in, self.result)))
 
@@ -204,12 +228,13 @@ class _Margins:
         """Margins of a comparison by row and element."""
         a, b = (evaluate(side, self.look_up) for side in (node.left, node.comparators[0]))
         difference = np.asarray(a, dtype=np.float64) - np.asarray(b, dtype=np.float64)
-        return self._as_rows(SIGNED[type(node.ops[0])](difference))
+        return self.rows_of(SIGNED[type(node.ops[0])](difference))
 
-    def _truth(self, node: ast.expr) -> NDArray[np.bool_]:
-        return np.asarray(self._as_rows(evaluate(node, self.look_up)).all(axis=1))
+    def _holds(self, node: ast.expr) -> NDArray[np.bool_]:
+        return np.asarray((self.rows_of(self.truth(node)) == 1).all(axis=1))
 
-    def _as_rows(self, values: Any) -> Array:
+    def rows_of(self, values: Any) -> Array:
+        """Values as (rows, elements), or (1, elements) where the rows do not matter."""
         array = np.asarray(values, dtype=np.float64)
         rows = len(self.result.time)
         history = array.ndim > 0 and len(array) == rows

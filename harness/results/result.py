@@ -23,9 +23,9 @@ class Result(Views):
     """What a run has left behind.
 
     time: (rows,) [s]; columns: `component.variable[i]`; units, descriptions: per column ("" if
-    unknown); values: (rows, columns); complete: False if the run ended early, then `message` says
-    why; parameters: all parameters of all components as they were set, a table of one row (None
-    if unknown); provenance: what was flown (None if unknown).
+    unknown); values: (rows, columns), read-only as time is; complete: False if the run ended early,
+    then `message` says why; parameters: all parameters of all components as they were set, a table
+    of one row (None if unknown); provenance: what was flown (None if unknown).
     """
 
     system: str
@@ -38,6 +38,13 @@ class Result(Views):
     message: str = ""
     parameters: Result | None = None
     provenance: Provenance | None = None
+
+    def __post_init__(self) -> None:
+        """What was recorded stays as it is, whatever is computed from it."""
+        for name in ("time", "values"):
+            array = getattr(self, name).view()
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
 
     def parameter(self, name: str) -> NDArray[np.float64]:
         """Value of a parameter: (), (n,) for a vector, (m, n) for a matrix; KeyError with close

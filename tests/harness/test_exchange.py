@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 
 import erfa
@@ -21,9 +22,11 @@ from scipy.spatial.transform import Rotation
 from harness import read, run
 from harness.cli import main
 from harness.errors import HarnessError, ResultsError, UsageError
+from harness.exchange.ccsds import write_oem
 from harness.exchange.convert import convert
 from harness.exchange.czml import ROWS, earth
-from harness.exchange.start import start_values
+from harness.exchange.instants import days_since_j2000, epoch_of
+from harness.exchange.start import _source, start_values
 from harness.results.result import Result
 from harness.ssp.library import load
 
@@ -293,6 +296,8 @@ def test_their_own_epoch_is_the_start_unless_another_is_given(tmp_path):
         ("target", ISS.replace("9992", "9993"), "checksum"),
         ("target", ISS + ISS, "neither an OEM nor one set"),
         ("target", "CCSDS_OEM_VERS = 2.0\nCREATION_DATE = x\n", "target: "),
+        ("target", "<oem><broken", "target: "),
+        ("target", '<!DOCTYPE a [<!ENTITY b "c">]><oem>&b;</oem>', "target: "),
     ],
 )
 def test_a_file_that_is_no_start_is_one_line(tmp_path, component, text, problem):
@@ -301,6 +306,145 @@ def test_a_file_that_is_no_start_is_one_line(tmp_path, component, text, problem)
     with load("sync_approach") as system, pytest.raises(UsageError, match=problem) as refused:
         start_values(system, {component: file})
     assert "\n" not in str(refused.value)
+
+
+def elements(line, first, text):
+    """Two-line elements with other characters from a column on (counted from 1), and a right
+    checksum.
+    """
+    lines = ISS.splitlines()
+    body = lines[line - 1][: first - 1] + text + lines[line - 1][first - 1 + len(text) : 68]
+    digits = sum(int(c) for c in body if c.isdigit()) + body.count("-")
+    lines[line - 1] = f"{body}{digits % 10}"
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize(
+    ("line", "first", "text", "problem"),
+    [
+        (2, 3, "25545", "line 1 is of satellite 25544, line 2 of 25545"),
+        (1, 21, "000.88612269", "epoch: 2020 has the days 1 to 366, not 0.886123"),
+        (1, 21, "999.88612269", "epoch: 2020 has the days 1 to 366, not 999.886"),
+        (1, 19, "19366.00000000", "epoch: 2019 has the days 1 to 365, not 366"),
+        (1, 21, "19x", "epoch is no year and day: '2019x.88612269'"),
+        (2, 9, "180.1000", r"inclination \[deg\] must be 0 to 180, not 180.1"),
+        (2, 9, " -1.0000", r"inclination \[deg\] must be 0 to 180, not -1"),
+        (2, 9, "     nan", r"inclination \[deg\] is no number: 'nan'"),
+        (2, 18, "360.5000", "right ascension of the ascending node"),
+        (2, 27, "00 1413", "eccentricity is no number: '00 1413'"),
+        (2, 35, "400.0000", "argument of perigee"),
+        (2, 44, "-10.0000", "mean anomaly"),
+        (2, 53, "00.00000000", "mean motion"),
+        (2, 53, "99.00000000", "mean motion"),
+    ],
+)
+def test_two_line_elements_that_cannot_be_are_refused_with_what_is_wrong(
+    tmp_path, line, first, text, problem
+):
+    file = tmp_path / "iss.tle"
+    file.write_text(elements(line, first, text), encoding="utf-8")
+    with pytest.raises(UsageError, match=f"--start target: .*{problem}") as refused:
+        _source("target", file)
+    assert "\n" not in str(refused.value)
+
+
+def test_the_last_day_of_a_leap_year_is_one(tmp_path):
+    file = tmp_path / "iss.tle"
+    file.write_text(elements(1, 21, "366.99999999"), encoding="utf-8")
+    with load("sync_approach") as system:
+        notes = start_values(system, {"target": file}).notes
+    assert notes[0].startswith("t = 0 is 2020-12-31T23:59:59.99")
+
+
+BEHIND_UTC = {"GPS": 18.0, "TAI": 37.0, "TT": 69.184}
+"""What UTC lags behind other times since 2017 [s]."""
+
+
+@pytest.mark.parametrize("system", [*BEHIND_UTC, "UT1"])
+def test_an_ephemeris_in_another_time_starts_at_the_same_instant(result, out, tmp_path, system):
+    """Every instant as the other time shows it: the states stay, and so does the start."""
+    path = convert(out, tmp_path / "target.oem", "target", EPOCH)
+    head, _, rows = path.read_text(encoding="utf-8").partition("META_STOP\n")
+    with iers.conf.set_temp("auto_download", False):
+        ut1 = Time(EPOCH, scale="utc").ut1.delta_ut1_utc
+    ahead = np.timedelta64(round(1e6 * BEHIND_UTC.get(system, float(ut1))), "us")
+
+    def shown(text):
+        return str(np.datetime64(text, "us") + ahead)
+
+    head = re.sub(r"(?<=_TIME = )\S+", lambda m: shown(m[0]), head)
+    rows = re.sub(r"^\S+", lambda m: shown(m[0]), rows, flags=re.MULTILINE)
+    other = tmp_path / "other.oem"
+    text = head.replace("TIME_SYSTEM = UTC", f"TIME_SYSTEM = {system}")
+    other.write_text(f"{text}META_STOP\n{rows}", encoding="utf-8")
+    with load("sync_approach") as model:
+        own = start_values(model, {"target": other})
+        assert own.notes[0].startswith("t = 0 is 2026-03-01T06:00:00.0")
+        assert own.notes[1] == f"target: other.oem, EME2000 taken as N, times in {system}"
+        for epoch, row in ((None, 0), ("2026-03-01T06:00:10", 100)):
+            values = start_values(model, {"target": other}, epoch).values
+            gap = np.array(values["target.r_0_N"]) - result["target.r_TN_N"][row]
+            assert np.linalg.norm(gap) < (0.1 if system == "UT1" else 1e-6)  # 7.5 km/s, 10 us
+
+
+@pytest.mark.parametrize("system", ["TDB", "SCLK", "utc", "MET"])
+def test_other_times_of_an_ephemeris_are_refused_by_name(out, tmp_path, system):
+    path = convert(out, tmp_path / "target.oem", "target", EPOCH)
+    text = path.read_text(encoding="utf-8").replace("= UTC", f"= {system}")
+    path.write_text(text, encoding="utf-8")
+    problem = f"its times are {system}, expected GPS, TAI, TT, UT1, UTC"
+    with pytest.raises(UsageError, match=problem):
+        _source("target", path)
+
+
+ODD_EPOCHS = [
+    "nat", "NaT", "now", "today", "", "2026", "2026-13-01", "2026-02-30", "2026-03-01T25:00",
+    "2026-03-01T06:00:60", "2026-03-01T06:00:00+02:00", "1677-12-31", "2262-01-01", "2500-01-01",
+    "0001-01-01", "9999-12-31", "10000-01-01", "-2026-03-01", "1" * 5000 + "-01-01", "2026-03-01\n",
+    "2026-03-01T06:00:00.0000000001",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("epoch", ODD_EPOCHS, ids=range(len(ODD_EPOCHS)))
+def test_an_epoch_that_is_no_date_or_cannot_be_counted_is_refused(epoch):
+    with pytest.raises(UsageError, match=r"(?s)--epoch .*: expected a (date|year)"):
+        epoch_of(epoch)
+
+
+def test_an_epoch_is_refused_wherever_it_is_given(out, tmp_path):
+    file = tmp_path / "iss.tle"
+    file.write_text(ISS, encoding="utf-8")
+    for epoch, ending in (("nat", ".oem"), ("2500-01-01", ".aem"), ("1600-01-01", ".czml")):
+        with pytest.raises(UsageError, match=f"--epoch {epoch}: expected a (date|year)"):
+            convert(out, tmp_path / f"x{ending}", None, epoch)
+        assert not (tmp_path / f"x{ending}").exists()
+        with load("sync_approach") as system, pytest.raises(UsageError, match=f"--epoch {epoch}"):
+            start_values(system, {"target": file}, epoch)
+
+
+@pytest.mark.parametrize("epoch", ["1678-01-01", "1700-06-01T00:00", "2261-12-31T23:00:00Z"])
+def test_the_years_that_can_be_counted_come_out_as_they_were_given(result, out, tmp_path, epoch):
+    rows = convert(out, tmp_path / "x.oem", None, epoch).read_text().splitlines()
+    assert next(line for line in rows if line.startswith("START_TIME = ")).startswith(
+        f"START_TIME = {epoch.removesuffix('Z')}"
+    )
+    begin = json.loads(convert(out, tmp_path / "x.czml", None, epoch).read_text())[1][
+        "availability"
+    ]
+    assert begin.startswith(epoch[:10])
+    moments = np.array([np.datetime64(epoch.removesuffix("Z"), "ns")])
+    with pytest.warns(erfa.ErfaWarning):
+        day = Time(epoch.removesuffix("Z"), scale="utc").jd - 2451545.0
+    assert float(days_since_j2000(moments)[0]) == pytest.approx(day, abs=1e-6)
+
+
+@pytest.mark.parametrize("last", [1e10, 1e300, np.inf, np.nan])
+def test_times_that_lead_out_of_all_years_have_no_ephemeris(result, tmp_path, last):
+    time = result.time.copy()
+    time[-1] = last
+    late = replace(result, time=time)
+    with pytest.raises(ResultsError, match="times of the result lead from 2026-03-01T06:00:00 out"):
+        write_oem(late, tmp_path / "x.oem", None, EPOCH)
 
 
 @pytest.mark.parametrize(

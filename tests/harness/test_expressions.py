@@ -2,13 +2,14 @@
 """Expressions over a result: one row of them is that row of the whole, and nothing is kept."""
 
 import gc
+import re
 import weakref
 
 import numpy as np
 import pytest
 
 from harness.results.evaluation import evaluate, history, resolved, unit_in
-from harness.results.expressions import parsed
+from harness.results.expressions import FUNCTIONS, parsed
 from harness.results.result import Result
 
 ROWS = 5
@@ -101,6 +102,71 @@ def test_only_the_rows_that_are_asked_for_are_read(result):
     read.clear()
     evaluate(parsed("max(norm(a.r - a.s))"), look_up)
     assert (1, 3) not in read
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("sin(a.x, a.x)", "sin(x): expected 1 argument, got 2"),
+        ("sin()", "sin(x): expected 1 argument, got 0"),
+        ("max(a.r, 0, a.x)", "max(x): expected 1 argument, got 3"),
+        ("percentile(a.x)", "percentile(x, percent): expected 2 arguments, got 1"),
+        ("settling_time(time, a.x)", "settling_time(time, error, band): expected 3 arguments"),
+        ("steady(time, a.x, 1)", "steady(time, error): expected 2 arguments, got 3"),
+    ],
+)
+def test_a_function_has_its_own_number_of_arguments(text, wanted, result):
+    """The second argument of a function of numpy is where it writes to."""
+    before = result.values.tobytes()
+    with pytest.raises(ValueError, match=re.escape(wanted)):
+        value(text, result)
+    assert result.values.tobytes() == before
+
+
+def test_every_function_takes_as_many_arguments_as_it_says(result):
+    given = {"x": "abs(a.r)", "time": "time", "error": "a.x", "band": "9", "percent": "50"}
+    for name, function in FUNCTIONS.items():
+        arguments = ", ".join(given[each] for each in function.arguments)
+        assert np.isfinite(value(f"{name}({arguments})", result)).all()
+
+
+def test_nothing_can_write_into_a_result(result):
+    for array in (result.values, result.time, result["a.r"], result["a.x"]):
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0
+    table = np.zeros((2, 1))
+    Result("", np.zeros(2), ("a.x",), ("m",), table)
+    table[:] = 1  # whoever has filled it may go on
+
+
+@pytest.mark.parametrize(
+    ("text", "limit"),
+    [
+        ("a.x > " + "1" * 301, "a number has more than 300 digits"),
+        ("a.x > " + "1_" * 200 + "1", "a number has more than 300 digits"),
+        ("a.x > " + "1" * 30_000, "it is longer than 10000 characters"),
+        ("a.x > 0x" + "f" * 9_000, "there is no number beyond 1e300"),
+        (" + ".join(["a.x"] * 300), "it has more than 200 levels, of which each term is one"),
+        (" + ".join(["a.x"] * 1_600), "it has more than 200 levels, of which each term is one"),
+        (" + ".join(["a.x"] * 2_000), "it is longer than 10000 characters"),
+        ("- " * 250 + "a.x", "it has more than 200 levels, of which each term is one"),
+        ("abs(" * 190 + "-" * 20 + "a.x" + ")" * 190, "it has more than 200 levels"),
+        ("time<1or a.x > 2", "it is no expression"),
+        ("a.x[True]", "an index must be a whole number"),
+    ],
+)
+def test_digits_and_terms_have_limits_that_are_told(text, limit):
+    with pytest.raises(ValueError, match=limit):
+        parsed(text)
+
+
+def test_what_is_within_the_limits_has_a_value(result):
+    sum_of = value(" + ".join(["a.x"] * 190), result)
+    assert np.allclose(sum_of, 190 * result["a.x"], rtol=1e-12)
+    assert not value("a.x > 0x" + "f" * 200, result).any()
+    assert not value("a.x > " + "9" * 300, result).any()
+    assert value(" and ".join(["a.x < 9"] * 800), result).all()
+    assert value("-" * 190 + "a.x", result).tolist() == result["a.x"].tolist()
 
 
 @pytest.mark.parametrize("text", ["norm(a.r)[-1] < 5", "norm(a.r)[-1] < 5 cm"])

@@ -137,8 +137,9 @@ def test_an_error_that_is_zero_settles_at_once():
 def test_one_band_is_common_to_all_runs_of_a_comparison():
     """A run is not punished for small errors: 1e-3 of the largest range at the start of any."""
     near, _ = decaying()
-    far = replace(near, values=near.values.copy())
-    far.values[:, far.vectors["servicer.r_SN_N"][0]] += 990
+    values = near.values.copy()
+    values[:, near.vectors["servicer.r_SN_N"][0]] += 990
+    far = replace(near, values=values)
     limits = Limits().common({"near": near, "far": far})
     assert limits.position == pytest.approx(1e-3 * np.hypot(1000, 3))
     assert Limits(position=0.2).common({"far": far}).position == 0.2
@@ -184,8 +185,9 @@ def test_the_attitude_counts_from_the_beginning_of_its_control():
 
 def test_how_far_a_run_comes_inside_its_reference_and_the_keep_out_radius():
     result, error = decaying()
-    below = replace(result, values=result.values.copy())
-    below.values[500, below.vectors["servicer.r_SN_N"][0]] -= 30  # at 35 m: now at 5 m
+    values = result.values.copy()
+    values[500, result.vectors["servicer.r_SN_N"][0]] -= 30  # at 35 m: now at 5 m
+    below = replace(result, values=values)
     assert MEASURE["inside reference"](below, LIMITS) == pytest.approx(35 - np.hypot(5, error[500]))
     assert MEASURE["inside reference"](result, LIMITS) < 1e-8
     inside = MEASURE["inside keep-out"](below, LIMITS)

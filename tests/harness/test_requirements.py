@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 import re
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -80,9 +81,62 @@ def test_a_value_that_is_no_number_does_not_meet_a_requirement(result):
     assert math.isnan(found.value)
 
 
+@pytest.fixture(scope="module")
+def gap(result):
+    """x is not a number at 4 s, angle is not at 6 s."""
+    values = result.values.copy()
+    values[4, 0] = values[6, 4] = np.nan
+    return Result("demo", result.time, result.columns, result.units, values)
+
+
+@pytest.mark.parametrize(
+    ("text", "time"),
+    [
+        ("sqrt(-time) > 0", 1),
+        ("not sqrt(-time) > 0", 1),
+        ("sqrt(-time) >= 0", 1),
+        ("a.x < 99", 4),
+        ("not a.x > 99", 4),
+        ("a.x != 99", 4),
+        ("not a.x == 99", 4),
+        ("99 > a.x", 4),
+        ("(a.x < 99) & (a.angle < 99)", 4),
+        ("a.x < 99 or a.angle > 99", 4),
+        ("time > 5 or a.x < 99", 4),
+        ("not (a.x > 99 or time > 99)", 4),
+        ("max(a.x) < 99", None),
+        ("settling_time(time, a.x, 99) >= 0 and settling_time(time, a.x, 99) < 3", 0),
+        ("settling_time(time, sqrt(-time), 1) == 0", None),
+        ("a.v[:, 0] < 9 and a.angle < 9", 6),
+    ],
+)
+def test_a_row_that_is_no_number_is_not_judged_by_the_others(gap, text, time):
+    found = finding(gap, "name", text)
+    if text.startswith("settling_time(time, a.x"):  # at the end it is inside again
+        assert (found.met, found.value) == (False, 5.0)
+        return
+    assert (found.met, found.time) == (False, time), found
+    assert math.isnan(found.value)
+    place = "" if time is None else f" at {time} s"
+    assert str(found) == f"NOT MET: name ({text}); not a number{place}"
+
+
+@pytest.mark.parametrize(
+    "text", ["a.x < 99 or time > 3", "a.x < 99 or a.angle < 99", "not (a.x < 99 and time < 3)"]
+)
+def test_where_the_other_part_decides_a_row_needs_no_number(gap, text):
+    assert finding(gap, "name", text).met is ("not" not in text)
+
+
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
+        ("sin(a.x, a.x) > 1", r"sin\(x\): expected 1 argument, got 2"),
+        ("a.x > " + "1" * 30_000, "it is longer than 10000 characters"),
+        ("a.x > " + "1" * 9_000, "a number has more than 300 digits"),
+        (" + ".join(["a.x"] * 1_000) + " > 1", "it has more than 200 levels"),
+        ("a.x > 1 m99", "there is no unit m99"),
+        ("a.x > 1 km9" + ".km9" * 40 + "/m9" * 40 + "/m8", "has the factor inf"),
         ("a.X > 1", r"a\.X \(close: a\.x"),
         ("a.x > 1 kg", r"kg \[kg\] cannot be converted to m \[m\]"),
         ("a.x * a.x > 1 m2", r"the unit of `a\.x \* a\.x` is not known, leave it out"),
@@ -135,6 +189,29 @@ def test_the_units_of_all_fmus_have_a_meaning():
 
 
 # ---- in systems and on the command line
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "sin(guidance.range, guidance.range) > 0",
+        "guidance.range > " + "1" * 30_000,
+        " + ".join(["guidance.range"] * 2_000) + " > 1 m",
+        " + ".join(["time"] * 1_000) + " > 1 s",
+        "guidance.range > 1 m" + "9" * 400,
+    ],
+)
+def test_a_requirement_in_an_ssp_from_elsewhere_costs_neither_run_nor_report(
+    text, tmp_path, capsys
+):
+    with load("sync_approach") as system:
+        write_ssp(replace(system, requirements={"theirs": text}), tmp_path / "theirs.ssp")
+    out = str(tmp_path / "out.nc")
+    assert main(["run", str(tmp_path / "theirs.ssp"), "--stop", "1", "-o", out]) == 0
+    assert "requirement not judged: theirs (" in capsys.readouterr().out
+    assert main(["report", out]) == 1
+    assert "not judged: theirs" in capsys.readouterr().out
+    assert main(["run", "sync_approach", "--stop", "1", "-o", out, "--require", text]) == 2
 
 
 def test_a_system_carries_its_requirements_through_its_ssp(tmp_path):
