@@ -35,41 +35,12 @@ static const Variable variables[] = {
 
 static void check(const Parameters *p, Problems *problems) { check_base(problems, &p->base); }
 
-typedef struct {
-    const BaseParameters *p;
-    const BaseInput *u;
-    vec3 wheel_accel;
-    double since; /* start of the internal step */
-    int released;
-} Context;
-
-/* (15), (17) */
-static void attitude_derivative(const Context *c, double t, const BaseState *x, BaseState *dx)
+static void derivative(const Interval *c, double t, const State *x, State *dx)
 {
-    const BaseParameters *p = c->p;
-    vec3 momentum = add(mul(p->J_S, x->omega), mul(p->A_w, x->wheel_speed));
-    vec3 torque = add(torque_S(c->u), sinusoid(&p->M_dist_S, c->since, t));
-    if (p->use_gravity_gradient)
-        torque =
-            add(torque, gravity_gradient(p->orbit.mu, mul(dcm_of_mrp(x->sigma), x->r), p->J_S));
-
-    dx->sigma = mrp_rate(x->sigma, x->omega);
-    dx->omega =
-        solve(p->J_S, sub(sub(torque, cross(x->omega, momentum)), mul(p->A_w, c->wheel_accel)));
-    dx->wheel_speed = c->wheel_accel;
+    dx->base = rigid_rates(c, t, &x->base);
 }
 
-static void derivative(const Context *c, double t, const State *state, State *rate)
-{
-    const BaseState *x = &state->base;
-    vec3 thrust = scale(1 / x->mass, tmul(dcm_of_mrp(x->sigma), force_S(c->u)));
-    vec3 free_fall = free_fall_N(c->p, &x->r, &x->v, c->since, t);
-    vec3 turning = velocity_turning_N(c->p, c->released, x, x->v);
-    *rate = (State){{.r = x->v, .v = sum3(free_fall, thrust, turning), .mass = -c->u->mdot}};
-    if (c->released) attitude_derivative(c, t, x, &rate->base);
-}
-
-RK4(integrate, derivative, Context, State)
+RK4(integrate, derivative, Interval, State)
 
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
@@ -82,9 +53,8 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
 {
     const BaseParameters *base = &p->base;
     for (Substep s = first_substep(t, h, base->max_step); s.h > 0; s = next_substep(s)) {
-        vec3 wheels = wheel_accels(base, u->base.wheel_accel_cmd, x->base.wheel_speed, s.h);
-        const Context context = {base, &u->base, wheels, s.t, reached(s.t, base->t_att)};
-        integrate(&context, s.t, s.h, x);
+        const Interval held = interval(base, &u->base, &x->base, &s);
+        integrate(&held, s.t, s.h, x);
         x->base.sigma = mrp_inside(x->base.sigma);
     }
     publish_base(base, &x->base, &y->base, t + h);

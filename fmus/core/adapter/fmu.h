@@ -61,7 +61,7 @@ typedef struct {
     {causality,                                                             \
      name,                                                                  \
      offsetof(Model, part.member),                                          \
-     sizeof(((Model *)0)->part.member) / sizeof(double),                    \
+     sizeof(((Model *)0)->part.member) / (sizeof(double)),                  \
      columns,                                                               \
      unit,                                                                  \
      text,                                                                  \

@@ -11,7 +11,7 @@
 
 #include <stddef.h>
 
-enum { RK4_MAX_STATES = 32 };
+enum { RK4_MAX_STATES = 40 };
 
 typedef void Derivative(const void *context, double t, const double *x, double *dx);
 

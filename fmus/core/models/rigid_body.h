@@ -27,11 +27,16 @@ static inline int is_symmetric(mat3 m)
     return larger(xy, larger(xz, yz)) <= SYMMETRIC * largest;
 }
 
-static inline void check_positive_definite(Problems *problems, const char *name, mat3 m)
+static inline int is_positive_definite(mat3 m) /* a symmetric one */
 {
     double minor = m.row[0].x * m.row[1].y - m.row[0].y * m.row[1].x;
+    return m.row[0].x > 0 && minor > 0 && determinant(m) > 0;
+}
+
+static inline void check_positive_definite(Problems *problems, const char *name, mat3 m)
+{
     if (!is_symmetric(m)) refuse(problems, name, m.row[0].y, "must be symmetric");
-    if (m.row[0].x <= 0 || minor <= 0 || determinant(m) <= 0)
+    if (!is_positive_definite(m))
         refuse(problems, name, smaller(m.row[0].x, smaller(m.row[1].y, m.row[2].z)),
                "must be positive definite");
 }

@@ -10,6 +10,7 @@
 #include "disturbance.h"
 #include "orbit_rows.h"
 #include "rigid_body.h"
+#include "time_grid.h"
 
 typedef struct {
     Orbit orbit;
@@ -115,15 +116,18 @@ typedef struct {
         BASE_OUTPUT(wheel_speed, "rad/s", "wheel speeds relative to the body", ANY_VALUE),         \
         BASE_OUTPUT(mass, "kg", "mass with the propellant left", NONNEGATIVE_VALUE)
 
-static inline void check_base(Problems *problems, const BaseParameters *p)
+static inline void check_whole(Problems *problems, const BaseParameters *p)
 {
     check_orbit(problems, &p->orbit, p->r_0_N);
     check_inertia(problems, "J_S", p->J_S);
     check_positive_definite(problems, "A_w", p->A_w);
-    mat3 A = p->A_w, J = p->J_S; /* the body without the wheels must have inertia of its own */
-    check_positive_definite(
-        problems, "J_S - A_w",
-        rows(sub(J.row[0], A.row[0]), sub(J.row[1], A.row[1]), sub(J.row[2], A.row[2])));
+}
+
+/* where the base is all there is: without the wheels it must have inertia of its own */
+static inline void check_base(Problems *problems, const BaseParameters *p)
+{
+    check_whole(problems, p);
+    check_positive_definite(problems, "J_S - A_w", minus(p->J_S, p->A_w));
 }
 
 /* ---- motion ---- */
@@ -138,6 +142,15 @@ static inline BaseState base_at_start(const BaseParameters *p)
     return (BaseState){s.r,      s.v, mrp_inside(p->sigma_SN_0), p->omega_SN_S_0, p->wheel_speed_0,
                        p->mass_0};
 }
+
+/* what holds over an internal step */
+typedef struct {
+    const BaseParameters *p;
+    const BaseInput *u;
+    vec3 wheel_accel;
+    double since; /* its start */
+    int released;
+} Interval;
 
 /* gravity and disturbance of a centre of mass, N axes; `since`: start of the internal step */
 static inline vec3 free_fall_N(const BaseParameters *p, const vec3 *r, const vec3 *v, double since,
@@ -168,6 +181,39 @@ static inline vec3 wheel_accels(const BaseParameters *p, vec3 command, vec3 spee
 {
     return vec(wheel_accel(p, command.x, speed.x, h), wheel_accel(p, command.y, speed.y, h),
                wheel_accel(p, command.z, speed.z, h));
+}
+
+static inline Interval interval(const BaseParameters *p, const BaseInput *u, const BaseState *x,
+                                const Substep *s)
+{
+    return (Interval){p, u, wheel_accels(p, u->wheel_accel_cmd, x->wheel_speed, s->h), s->t,
+                      reached(s->t, p->t_att)};
+}
+
+/* ---- the base alone, S its centre of mass: (15), (17) ---- */
+static inline void attitude_rates(const Interval *c, double t, const BaseState *x, BaseState *dx)
+{
+    const BaseParameters *p = c->p;
+    vec3 momentum = add(mul(p->J_S, x->omega), mul(p->A_w, x->wheel_speed));
+    vec3 torque = add(torque_S(c->u), sinusoid(&p->M_dist_S, c->since, t));
+    if (p->use_gravity_gradient)
+        torque =
+            add(torque, gravity_gradient(p->orbit.mu, mul(dcm_of_mrp(x->sigma), x->r), p->J_S));
+
+    dx->sigma = mrp_rate(x->sigma, x->omega);
+    dx->omega =
+        solve(p->J_S, sub(sub(torque, cross(x->omega, momentum)), mul(p->A_w, c->wheel_accel)));
+    dx->wheel_speed = c->wheel_accel;
+}
+
+static inline BaseState rigid_rates(const Interval *c, double t, const BaseState *x)
+{
+    vec3 thrust = scale(1 / x->mass, tmul(dcm_of_mrp(x->sigma), force_S(c->u)));
+    vec3 free_fall = free_fall_N(c->p, &x->r, &x->v, c->since, t);
+    vec3 turning = velocity_turning_N(c->p, c->released, x, x->v);
+    BaseState dx = {.r = x->v, .v = sum3(free_fall, thrust, turning), .mass = -c->u->mdot};
+    if (c->released) attitude_rates(c, t, x, &dx);
+    return dx;
 }
 
 static inline void publish_base(const BaseParameters *p, const BaseState *x, BaseOutput *y,
