@@ -139,12 +139,12 @@ coverage: build $(LINTERS)
 	  --html-details build/coverage/c/index.html
 
 bench: build
-	$(BIN)/harness bench sync_approach
+	$(BIN)/python -m tests.bench sync_approach
 
 # sin, cos, atan2, exp, log of the models beside those of the C library
 .PHONY: bench-maths
 bench-maths: build
-	$(BIN)/python -m harness.bench.maths
+	$(BIN)/python -m tests.bench.maths
 
 # the rules of flight code: writes the page docs/flight_code.md, then checks them
 .PHONY: flight-rules

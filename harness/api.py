@@ -22,10 +22,10 @@ from harness.system.swap import find_fmu
 from harness.system.values import plain
 
 if TYPE_CHECKING:
+    from harness.mission import Limits
     from harness.studies.campaign.campaign import Campaign
     from harness.studies.compare import Comparison
     from harness.studies.linearize import LinearModel
-    from harness.studies.measures import Limits
     from harness.studies.show import Shown
 
 __all__ = [

@@ -9,7 +9,6 @@ order of execution. A verdict on a paper is one only where nothing deviates.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ import numpy as np
 from harness.errors import HarnessError
 from harness.files import paths
 from harness.master.simulation import Simulation
+from harness.mission import Case, Paper
 from harness.results.provenance import Provenance, Slot, flown
 from harness.results.result import Result
 from harness.ssp.library import load
@@ -30,24 +30,12 @@ ROUNDING = 1e-12
 """Relative difference of parameters that are the same."""
 
 
-@dataclass(frozen=True)
-class Case:
-    """A run that a paper describes.
-
-    system: name; params: set; swap: (component, FMU); free: parameters on which the paper leaves
-    the choice, `stop` for any end.
-    """
-
-    system: str
-    params: str = "default"
-    swap: tuple[tuple[str, str], ...] = ()
-    free: tuple[str, ...] = ()
-
-    @property
-    def name(self) -> str:
-        """For reading: system, set and swaps."""
-        swaps = "".join(f", {component}={fmu}" for component, fmu in self.swap)
-        return f"{self.system}, set {self.params}{swaps}"
+def unlike(paper: Paper, result: Result) -> list[str]:
+    """How a result differs from the cases of a paper, from the nearest one, one text each."""
+    held = deviations(result, paper.cases)
+    shown = [c for c in paper.conditions if held is None or c.chosen]
+    texts = [text for c in shown if len(result.time) and (text := c.difference(result))]
+    return texts if held is None else [*held[1], *texts]
 
 
 def deviations(result: Result, cases: Sequence[Case]) -> tuple[str, list[str]] | None:

@@ -2,8 +2,8 @@
 """What a paper claims, what a result shows, and the verdict as plain text: a table of 120 columns,
 or claim by claim where there is less room.
 
-Which paper belongs to a result is decided by the variables that the result holds, see
-harness/claims. Below stands what the safety monitor of the run has found.
+The mission of a result lists the papers; which of them belongs to it is decided by the variables
+that it holds. Below stands what the safety monitor of the run has found.
 """
 
 from __future__ import annotations
@@ -14,9 +14,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, repeat, zip_longest
 from typing import NamedTuple
 
-from harness.claims import PAPERS, Claim, Judgement, Paper, Verdict, safety
-from harness.claims.case import listed
+from harness.claims import safety
+from harness.claims.case import listed, unlike
 from harness.errors import ResultsError
+from harness.mission import Claim, Judgement, Paper, Verdict
+from harness.mission.library import of_result
 from harness.results.requirements import Finding, findings
 from harness.results.result import Result
 
@@ -88,7 +90,7 @@ def _requirements(wanted: Sequence[Finding], width: int) -> list[Line]:
 
 def _safety(result: Result, width: int) -> list[Line]:
     """What the safety monitor has found, if there was one."""
-    text = safety.section(result).splitlines()
+    text = safety.section(of_result(result), result).splitlines()
     return [line for row in text for line in (_wrapped(row, width) or [Line("")])]
 
 
@@ -106,9 +108,9 @@ def judged(result: Result) -> list[Judged]:
         Judged(
             paper,
             [(claim, claim.evaluate(result)) for claim in paper.claims],
-            paper.deviations(result),
+            unlike(paper, result),
         )
-        for paper in PAPERS
+        for paper in of_result(result).claims
         if paper.belongs_to(result)
     ]
 

@@ -136,10 +136,9 @@ def plan_command(
     found = plan(system, **changes)
     typer.echo(found.text())
     folder = output or Path("results") / f"{Path(system).stem}_plan"
-    histories = {"flight attitude": found.before, "planned": found.after}
-    for path in overlay(histories, folder, ending.value, style_of(style.value)):
+    for path in overlay(found.histories, folder, ending.value, style_of(style.value)):
         typer.echo(path)
-    if found.status > 1:
+    if not found.good:
         raise typer.Exit(1)
 
 
@@ -241,8 +240,8 @@ def validate_command(
     write: Annotated[Path | None, typer.Option(help="write the page to this Markdown file")] = None,
 ) -> None:
     """Run the FMUs against numbers made by others."""
+    from harness.claims.validated import markdown, table, validate
     from harness.files.output import written
-    from harness.validation import markdown, table, validate
 
     rows = validate(names or None)
     typer.echo(table(rows))

@@ -102,17 +102,6 @@ def linearize_command(
     )
 
 
-@app.command()
-def bench(system: SystemArgument) -> None:
-    """Measure the cost of a macro step.
-
-    Ours and other masters' side by side.
-    """
-    from harness.bench.bench import bench as measure
-
-    typer.echo(measure(system))
-
-
 @app.command("target")
 def target_command(  # noqa: PLR0913, PLR0917 - one argument per option
     fmus: Annotated[

@@ -208,7 +208,7 @@ def _kept(file: Any, partial: Any) -> str:
 
 
 def _report(result: Any, seconds: float, path: Path) -> None:
-    from harness.results.notes import notes
+    from harness.mission.library import of_result
     from harness.results.requirements import findings
 
     typer.echo(
@@ -217,7 +217,7 @@ def _report(result: Any, seconds: float, path: Path) -> None:
     )
     if result.provenance is not None and result.provenance.timing:
         typer.echo(f"pace: {result.provenance.timing}")
-    for note in notes(result):
+    for note in (line for notes in of_result(result).notes for line in notes(result)):
         typer.echo(printable(f"note: {note}"))
     for finding in findings(result):
         typer.echo(f"requirement {printable(str(finding))}")

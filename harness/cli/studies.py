@@ -139,7 +139,7 @@ def _varied(
 def _limits(bands: list[str] | None, keep_out: float) -> Any:
     """Limits of a comparison from the options --band and --keep-out; UsageError."""
     from harness.master.changes import pairs
-    from harness.studies.measures import Limits
+    from harness.mission import Limits
 
     given = {}
     for name, value in pairs("--band", bands or ()):
@@ -220,10 +220,10 @@ def study_command(  # noqa: PLR0913, PLR0917 - one argument per option
 
     Studies of the papers, as the maps of the space robot.
     """
-    from harness.files import paths
+    from harness.mission.library import campaigns
     from harness.spelling import did_you_mean
 
-    known = paths.campaigns()
+    known = campaigns()
     if name is None:
         typer.echo("\n".join(known))
         return

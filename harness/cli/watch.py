@@ -8,23 +8,18 @@ that nobody watches.
 
 from __future__ import annotations
 
-import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from harness.master.progress import Running, Show
-from harness.results import derived
+from harness.mission import Gauge
+from harness.mission.library import of_result
 from harness.results.result import Result
 from harness.spelling import printable
-
-Array = NDArray[np.float64]
 
 SECONDS = 0.25
 """Wall-clock time between two looks on a terminal."""
@@ -34,57 +29,9 @@ OTHERS = 6
 """Variables shown of a system that has none of the gauges."""
 
 
-class Gauge(NamedTuple):
-    """A quantity of the last row: a variable, or a function of the result that needs some."""
-
-    label: str
-    unit: str
-    source: str | Callable[[Result], Array]
-    needs: tuple[str, ...] = ()
-    factor: float = 1.0
-
-    def fits(self, result: Result) -> bool:
-        """Whether the result holds what it needs."""
-        return result.holds(*((self.source,) if isinstance(self.source, str) else self.needs))
-
-    def text(self, result: Result) -> str:
-        """The value, with its name where the variable says what numbers mean."""
-        values = result[self.source] if isinstance(self.source, str) else self.source(result)
-        value = self.factor * float(np.sum(values[-1]))
-        if isinstance(self.source, str) and (name := _name(result.description(self.source), value)):
-            return name
-        return f"{value:.4g} {self.unit}".rstrip()
-
-
-def _name(description: str, value: float) -> str:
-    """What a number means by a description like `0 coast, 1 align, 2 burn`; "": it does not say."""
-    names = dict(re.findall(r"(?:^|, )(\d+) (\w+)", description))
-    return names.get(f"{value:g}", "") if re.match(r"0 \w", description) else ""
-
-
-DEGREES = float(np.degrees(1.0))
-PLACES = (derived.SERVICER, derived.TARGET)
-GAUGES = (
-    Gauge("range", "m", derived.range_, PLACES),
-    Gauge("speed", "m/s", derived.relative_speed, derived.VELOCITIES),
-    Gauge("position error", "m", derived.position_error, (*PLACES, derived.REFERENCE)),
-    Gauge("attitude error", "deg", derived.attitude_error,
-          (derived.ATTITUDE, derived.REFERENCE_ATTITUDE), DEGREES),
-    Gauge("attitude error", "deg", derived.assembly_attitude_error, derived.ASSEMBLY, DEGREES),
-    Gauge("rotation", "deg", "assembly.rotation", factor=DEGREES),
-    Gauge("momentum share", "", "assembly.momentum_share"),
-    Gauge("pitch", "deg", "robot.pitch", factor=DEGREES),
-    Gauge("pitch rate", "deg/s", "robot.pitch_rate", factor=DEGREES),
-    Gauge("mode", "", "guidance.mode"),
-    Gauge("phase", "", "controller.phase"),
-    Gauge("abort", "", "monitor.abort"),
-    Gauge("impulse", "N s", "propulsion.impulse"),
-)  # fmt: skip
-
-
 def gauges(result: Result) -> list[Gauge]:
     """Those that fit, else the first variables."""
-    fitting = [gauge for gauge in GAUGES if gauge.fits(result)]
+    fitting = [gauge for gauge in of_result(result).gauges if gauge.fits(result)]
     return fitting or [
         Gauge(name, unit if unit != "1" else "", name)
         for name, unit in zip(result.columns[:OTHERS], result.units, strict=False)
@@ -121,7 +68,7 @@ class Watcher:
         now = _ends(self.run.result())
         seconds = max(perf_counter() - self.began, 1e-9)
         read = [(gauge.label, gauge.text(now)) for gauge in gauges(now)]
-        values = tuple((printable(name), printable(v)) for name, v in (*read, *_attitude(now)))
+        values = tuple((printable(name), printable(value)) for name, value in read if value)
         return Look(
             self.start + done * self.step,
             self.start + self.run.steps * self.step,
@@ -129,13 +76,6 @@ class Watcher:
             done * self.step / seconds,
             values,
         )
-
-
-def _attitude(result: Result) -> Iterator[tuple[str, str]]:
-    """Whether the attitude of the servicer is still frozen, where it is at first."""
-    release = derived.release_time(result) if derived.ATTITUDE in result else result.time[0]
-    if release > result.time[0]:
-        yield "attitude", "free" if result.time[-1] >= release else f"frozen until {release:g} s"
 
 
 def _ends(result: Result) -> Result:

@@ -1,33 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Figures of results as tables, one file per system; a figure is drawn if the result holds what it
-needs.
+"""What a mission lists as figures becomes pictures: of one run, of several in one, of a campaign.
+
+A figure is drawn if the result holds what it needs; a result without any has a general one of every
+component.
 """
-
-from __future__ import annotations
-
-from harness.figures import (
-    arch_rendezvous,
-    navigation,
-    overlay,
-    ppc_tracking,
-    relay_approach,
-    safety,
-    space_robot,
-    sync_approach,
-    transposition,
-)
-from harness.figures.figure import Curve, Drawing, Figure, Level, Overlay, Panel
-
-FIGURES: tuple[Figure | Drawing, ...] = (
-    *sync_approach.FIGURES,
-    *relay_approach.FIGURES,
-    *arch_rendezvous.FIGURES,
-    *ppc_tracking.FIGURES,
-    *space_robot.FIGURES,
-    *transposition.FIGURES,
-    *navigation.FIGURES,
-    *safety.FIGURES,
-)
-OVERLAYS: tuple[Figure | Overlay, ...] = (*overlay.FIGURES, *transposition.OVERLAYS)
-
-__all__ = ["FIGURES", "OVERLAYS", "Curve", "Drawing", "Figure", "Level", "Overlay", "Panel"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Pictures of results: the tables of harness/figures drawn by matplotlib, for one run or several in
+"""Pictures of results: what a mission lists drawn by matplotlib, for one run or several in
 one.
 """
 
@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from harness.errors import ResultsError
-from harness.figures import FIGURES, OVERLAYS, Curve, Drawing, Figure, Overlay, Panel
-from harness.figures.figure import Array, Colour
+from harness.figures.choice import figures_of, overlays_of
 from harness.figures.limits import calm, cut_spikes, unit_of
 from harness.figures.style import (
     MANY,
@@ -31,6 +30,7 @@ from harness.figures.style import (
     wrapped,
 )
 from harness.figures.variables import figure_of
+from harness.mission.figure import Array, Colour, Curve, Drawing, Figure, Overlay, Panel
 from harness.results.result import Result
 
 _log = logging.getLogger("harness")
@@ -52,10 +52,10 @@ def plot(
     ending: png, svg or pdf. Raises ResultsError if no figure fits or the directory cannot be
     written, UsageError for a variable that the result does not hold.
     """
-    found = [figure_of(result, variables)] if variables else FIGURES
+    found = [figure_of(result, variables)] if variables else figures_of(result)
     figures = {figure.name: figure for figure in found if figure.fits(result)}
     if not figures:
-        raise ResultsError("the result holds the variables of no known figure")
+        raise ResultsError("nothing that the result holds changes: there is no figure to draw")
     empty = [name for name, figure in figures.items() if figure.is_empty(result)]
     if empty and not variables:
         _log.warning("not drawn, for nothing changes in them: %s", ", ".join(empty))
@@ -70,9 +70,9 @@ def shown(result: Result, names: Sequence[str] = ()) -> Canvas:
 
     Raises ResultsError if there is none, UsageError for a name that is neither.
     """
-    known = {f.name: f for f in FIGURES if f.fits(result) and not f.is_empty(result)}
+    known = {f.name: f for f in figures_of(result) if not f.is_empty(result)}
     if not names and not known:
-        raise ResultsError("the result holds the variables of no known figure: name some")
+        raise ResultsError("nothing that the result holds changes: name some variables")
     name = names[0] if names else next(iter(known))
     figure = known[name] if name in known else figure_of(result, names)
     with SCREEN.used():
@@ -97,7 +97,8 @@ def overlay(
     a scale and the band of the middle nine tenths instead of a legend. Raises ResultsError if the
     directory cannot be written.
     """
-    fitting = {f: {label: r for label, r in results.items() if f.fits(r)} for f in OVERLAYS}
+    offered = overlays_of(results) if results else ()
+    fitting = {f: {label: r for label, r in results.items() if f.fits(r)} for f in offered}
     colours = _colours(list(results))
     figures = {
         f.name: partial(paint_overlay, f, runs, colours, style)

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from harness.errors import UsageError
-from harness.figures.figure import AXES, Array, Curve, Figure, Panel
+from harness.mission.figure import AXES, Array, Curve, Figure, Panel
 from harness.results.result import Result
 from harness.spelling import did_you_mean, file_stem
 

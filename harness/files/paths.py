@@ -85,12 +85,6 @@ def systems() -> dict[str, Path]:
     return _files("ssp", "ssp")
 
 
-def campaigns() -> dict[str, Path]:
-    """All campaigns of the project by name."""
-    folders = (PACKAGE.parent / "ssp" / "campaigns", PACKAGE / "data" / "campaigns")
-    return {path.stem: path for folder in folders for path in sorted(folder.glob("*.toml"))}
-
-
 def core() -> Path | None:
     """Folder of the C code that FMUs share, or None if it has not been installed."""
     return _first(PACKAGE / "data" / "source" / "core", PACKAGE.parent / "fmus" / "core")

@@ -126,22 +126,6 @@ def shifted(parts: list[Part], by: Array) -> list[Part]:
     return [part | {"at": _plain(np.add(part["at"], by))} for part in parts]
 
 
-# ---- thrusters
-
-THRUSTERS = ("thruster_position", "thruster_direction", "thrust_nominal", "centre_of_mass")
-
-
-def thrusters(result: Result, component: str = "propulsion") -> tuple[Array, Array, Array] | None:
-    """Places from the centre of mass (n, 3) [m], directions of the force (n, 3) and nominal thrusts
-    (n,) [N]; None without thrusters.
-    """
-    names = [f"{component}.{name}" for name in THRUSTERS]
-    if not result.holds(parameters=names):
-        return None
-    position, direction, nominal, centre = (result.parameter(name) for name in names)
-    return position - centre, direction, nominal
-
-
 def hull_of(places: Array) -> tuple[Array, Array]:
     """Edges and centre of the box around the places of thrusters."""
     low, high = places.min(axis=0), places.max(axis=0)

@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from harness.errors import ResultsError
-from harness.figures import OVERLAYS, Figure, Overlay
+from harness.figures.choice import overlays_of
 from harness.figures.style import SCREEN
+from harness.mission import Figure, Overlay
 from harness.report import facts, painted, plots
-from harness.report.approach_scene import pairs
 from harness.report.arrays import Arrays
 from harness.report.plots import Canvas
+from harness.report.replay import replay_several
 from harness.report.template import render
 from harness.results.files import read
 from harness.results.result import Result
@@ -40,7 +41,7 @@ def of_folder(folder: Path) -> str:
     canvas = Canvas(arrays, int(np.clip(NUMBERS / PER_POINT / curves, *POINTS)))
     drawn = _figures(canvas, results)
     data = {
-        "scene": pairs(results, arrays),
+        "scene": replay_several(results, arrays),
         "figures": [{"name": "figures", "figures": drawn}] if drawn else [],
         "runs": list(results),
     }
@@ -70,7 +71,7 @@ def _results(folder: Path, labels: list[str]) -> dict[str, Result]:
 
 def _curves(result: Result) -> int:
     """Curves of all figures of a run, about."""
-    fitting = (f for f in OVERLAYS if f.fits(result))
+    fitting = (f for f in overlays_of({"": result}) if f.fits(result))
     return sum(3 * len(f.panels) if isinstance(f, Figure) else 3 for f in fitting)
 
 
@@ -100,7 +101,7 @@ def _cell(value: float) -> str:
 def _figures(canvas: Canvas, results: Mapping[str, Result]) -> list[dict[str, Any]]:
     """The overlaid figures that fit at least one run and show something."""
     found = []
-    for figure in OVERLAYS:
+    for figure in overlays_of(results):
         fitting = {label: r for label, r in results.items() if figure.fits(r)}
         if any(not figure.is_empty(r) for r in fitting.values()):
             panels = _drawn(canvas, figure, results, fitting)

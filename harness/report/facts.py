@@ -11,15 +11,14 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
-from harness.claims import Verdict
+from harness.claims import safety
 from harness.claims.case import listed
 from harness.claims.report import OTHER, Judged, judged
+from harness.mission import Limits, Verdict
+from harness.mission.library import missing, of_result
 from harness.report.plots import number
-from harness.results import safety
-from harness.results.notes import notes
 from harness.results.requirements import findings
 from harness.results.result import Result
-from harness.studies.measures import MEASURES, Limits
 from harness.system.names import base
 
 Facts = dict[str, Any]
@@ -37,20 +36,27 @@ def head(result: Result) -> Facts:
         "end": f"{time[-1]:g}" if len(time) else "",
         "complete": result.complete,
         "message": result.message or ("" if result.complete else "the run ended early"),
-        "notes": list(notes(result)) if len(time) else [],
+        "notes": notes_of(result) if len(time) else [],
     }
+
+
+def notes_of(result: Result) -> list[str]:
+    """What a reader must know of a run and no number in it says."""
+    own = [line for notes in of_result(result).notes for line in notes(result)]
+    return [*own, note] if (note := missing(result)) else own
 
 
 def measures(result: Result) -> list[Facts]:
     """The measures of harness compare that this run has."""
     if not len(result.time):
         return []
-    limits = Limits().common({"": result})
-    taken = ((m, m(result, limits)) for m in MEASURES)
+    offered = of_result(result)
+    limits = offered.limits(Limits(), {"": result})
+    taken = ((m, m(result, limits)) for m in offered.measures)
     return [
         {"name": m.name, "value": f"{value:.4g}", "unit": m.unit}
         for m, value in taken
-        if math.isfinite(value) and m.needs != safety.FOUND
+        if math.isfinite(value) and not m.beside
     ]
 
 
@@ -111,18 +117,16 @@ def demands(result: Result) -> list[Facts]:
 
 def margins(result: Result) -> list[Facts]:
     """Least margin of every rule of the safety monitor that was in force, and its violation."""
-    if not (result.holds(*safety.FOUND) and len(result.time)):
-        return []
     return [
         {
-            "name": found.rule.name,
-            "text": result.description(found.rule.history),
+            "name": found.name,
+            "text": found.text,
             "value": f"{found.margin:.4g}",
-            "unit": found.rule.unit,
-            "kind": "good" if math.isnan(found.violated) else "bad",
-            "since": "" if math.isnan(found.violated) else f"{found.violated:g}",
+            "unit": found.unit,
+            "kind": "good" if found.holds else "bad",
+            "since": "" if found.holds else f"{found.violated:g}",
         }
-        for found in safety.findings(result)
+        for found in safety.findings(of_result(result), result)
     ]
 
 

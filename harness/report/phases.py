@@ -3,92 +3,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.mission import Phase
+from harness.mission.library import of_result
 from harness.report.plots import AXES, DASHES, Canvas, Plot
 from harness.report.thinning import kept_points
-from harness.results.derived import SERVICER, TARGET, VELOCITIES, range_, release_time
 from harness.results.result import Result
 
 Array = NDArray[np.float64]
 
 
-class Phase(NamedTuple):
-    """A phase plot: title, labels of the axes, what it needs, (rows,) or (rows, n) of both."""
-
-    title: str
-    x: str
-    y: str
-    needs: tuple[str, ...]
-    value: Callable[[Result], Array]
-    rate: Callable[[Result], Array]
-    acting: bool = False
-    """Only from the release of the attitude on."""
-
-
-def _range_rate(result: Result) -> Array:
-    """Derivative of the range, (rows,) [m/s]."""
-    rho = result[SERVICER] - result[TARGET]
-    drho = result[VELOCITIES[0]] - result[VELOCITIES[1]]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(np.sum(rho * drho, axis=1) / range_(result))
-
-
-def _of(name: str, factor: float = 1.0) -> Callable[[Result], Array]:
-    return lambda result: np.asarray(factor * result[name])
-
-
-DEG = float(np.degrees(1.0))
-PHASES = (
-    Phase(
-        "Range", "range [m]", "its rate [m/s]", (SERVICER, TARGET, *VELOCITIES), range_, _range_rate
-    ),
-    Phase(
-        "Attitude error",
-        "MRP of S relative to D",
-        "rate error [deg/s]",
-        ("controller.epsilon", "controller.domega_S"),
-        _of("controller.epsilon"),
-        _of("controller.domega_S", DEG),
-        acting=True,
-    ),
-    Phase(
-        "Pitch",
-        "pitch [deg]",
-        "its rate [deg/s]",
-        ("robot.pitch", "robot.pitch_rate"),
-        _of("robot.pitch", DEG),
-        _of("robot.pitch_rate", DEG),
-    ),
-    Phase(
-        "Joints",
-        "joint angle [deg]",
-        "joint rate [deg/s]",
-        ("robot.joint_angle", "robot.joint_rate"),
-        _of("robot.joint_angle", DEG),
-        _of("robot.joint_rate", DEG),
-    ),
-    Phase(
-        "Tracking of the planned attitude",
-        "vector part of the error",
-        "rate error [deg/s]",
-        ("controller.eps_e", "controller.domega_S"),
-        _of("controller.eps_e"),
-        _of("controller.domega_S", DEG),
-    ),
-)
-
-
 def phases(canvas: Canvas, result: Result) -> Iterator[Plot]:
     """Phase plots of a result whose quantities move."""
-    for phase in PHASES:
+    for phase in of_result(result).phases:
         if not result.holds(*phase.needs):
             continue
-        first = int(np.searchsorted(result.time, release_time(result))) if phase.acting else 0
+        first = int(np.searchsorted(result.time, phase.after(result))) if phase.after else 0
         columns = [
             np.atleast_2d(values.T).T[first:]
             for values in (phase.value(result), phase.rate(result))

@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.figures import Curve, Figure, Panel
 from harness.figures.limits import ROUNDING, unit_of
+from harness.mission import Curve, Figure, Panel
+from harness.mission.library import of_result
 from harness.report.arrays import Arrays
 from harness.report.thinning import kept_rows
-from harness.results import safety
 from harness.results.result import Result
 from harness.system.names import base
 
@@ -34,8 +34,6 @@ STYLES = {"--": "dash", ":": "dot", "-.": "dashdot", "-": "solid"}
 """Line styles of matplotlib."""
 DECADES = 3.0
 """Positive histories that span so many powers of ten are drawn on a logarithmic axis."""
-MARGINS = {safety.LEAST, *(rule.history for rule in safety.RULES)}
-"""Histories that have a number only while a rule is in force."""
 AXES = ("x", "y", "z")
 QUATERNION = ("q0", "q1", "q2", "q3")
 
@@ -168,8 +166,8 @@ def variables(result: Result) -> Iterator[tuple[str, Array]]:
 
 def _signal(canvas: Canvas, result: Result, name: str, values: Array) -> Plot:
     flat = values.reshape(len(values), -1)
-    if name in MARGINS:
-        flat = np.where(flat < safety.RESTING, flat, np.nan)
+    if (bound := dict(of_result(result).idle).get(name)) is not None:
+        flat = np.where(flat < bound, flat, np.nan)
     labels = _labels(result, name, values)
     curves = [
         canvas.curve(result.time, column, label, colour=k, dash=DASHES[k % len(DASHES)])

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from harness.figures import FIGURES, Drawing, Figure
+from harness.figures.choice import figures_of
 from harness.figures.style import SCREEN
+from harness.mission import Drawing, Figure
 from harness.report import facts, painted, phases, plots
 from harness.report.arrays import Arrays
 from harness.report.plots import Canvas
@@ -71,10 +72,9 @@ def _points(curves: int) -> int:
 
 def _figures(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
     """The figures of the result in their sections, the first of a name."""
-    fitting = {f.name: f for f in reversed(FIGURES) if f.fits(result) and not f.is_empty(result)}
     sections: dict[str, list[dict[str, Any]]] = {name: [] for name in SECTIONS}
-    for figure in reversed(fitting.values()):
-        found = _drawn(canvas, figure, result)
+    for figure in figures_of(result):
+        found = [] if figure.is_empty(result) else _drawn(canvas, figure, result)
         if found:
             sections[_section(figure.name)].append(
                 {"name": figure.name, "title": figure.title, "plots": found}

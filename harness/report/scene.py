@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from harness.report import bodies
 from harness.report.arrays import Arrays
-from harness.results.derived import rotation_angle
 from harness.results.result import Result
+from harness.results.rotations import rotation_angle
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -93,11 +93,17 @@ def scene(arrays: Arrays, time: Array, origin: str, found: list[Body], **about: 
     }
 
 
-def frames(arrays: Arrays, r: Array, v: Array, result: Result) -> Scene:
-    """Hill frame, the planet and both kinds of axes in orbit; N only in deep space."""
+def frames(arrays: Arrays, r: Array, v: Array, radius: float = 0.0) -> Scene:
+    """Hill frame, the planet and both kinds of axes in orbit; N only in deep space.
+
+    radius: of the planet [m], 0: that of the Earth.
+    """
     if not in_orbit(r):
         return {"frames": [INERTIAL]}
-    planet = {"r": arrays.keep(-r), "radius": _radius(result, float(np.linalg.norm(r[0])))}
+    planet = {
+        "r": arrays.keep(-r),
+        "radius": min(radius or EARTH, 0.99 * float(np.linalg.norm(r[0]))),
+    }
     hill = arrays.keep(hill_quaternion(r, v))
     return {"frames": [HILL, INERTIAL], "hill": hill, "planet": planet}
 
@@ -106,7 +112,18 @@ EARTH = 6378137.0
 """Equatorial radius of the planet where no parameter says it [m]."""
 
 
-def _radius(result: Result, distance: float) -> float:
-    names = ("target.R_E", "robot.R_E", "monitor.R_E")
-    radii = [float(result.parameter(n)) for n in names if result.holds(parameters=(n,))]
-    return min([*radii, EARTH][0], 0.99 * distance)
+def joint(at: Any, angle: str, index: int, parts: list[bodies.Part], **about: Any) -> Scene:
+    """What turns about z of what carries it, by a column of an array of angles."""
+    place = [float(x) for x in at]
+    return {"at": place, "axis": [0, 0, 1], "angle": angle, "index": index, "parts": parts, **about}
+
+
+def number(result: Result, arrays: Arrays, rows: Rows, name: str) -> Scene:
+    """A number that runs along with the replay; angles in degrees."""
+    angle = result.unit(name) == "rad"
+    return {
+        "name": name.partition(".")[2].replace("_", " "),
+        "unit": "deg" if angle else result.unit(name),
+        "factor": float(np.degrees(1.0)) if angle else 1.0,
+        "values": arrays.keep(result[name][rows]),
+    }

@@ -35,17 +35,19 @@ class Slot(NamedTuple):
 class Provenance:
     """What was flown.
 
-    version: of this package; system: its name; source: name or path as the user gave it; sha256: of
-    the .ssp ("": the system was made in Python); params: named set or file, params_sha256: of the
-    file; set: (`component.variable`, value) as given, text or value; swaps: other FMUs; on:
-    (component, place) on other processors; maps: (their port, our name); latency: (component, macro
-    steps) as given; algorithm, step [s], stop [s], schedule, executor, every: as run; timing: how
-    well the pace of a clock was kept ("": there was none); requirements: (name, text); command:
-    command line (None: from Python); date: when the result was taken, UTC; platform: of the host.
+    version: of this package; system: its name; mission: the one it belongs to; source: name or path
+    as the user gave it; sha256: of the .ssp ("": the system was made in Python); params: named set
+    or file, params_sha256: of the file; set: (`component.variable`, value) as given, text or value;
+    swaps: other FMUs; on: (component, place) on other processors; maps: (their port, our name);
+    latency: (component, macro steps) as given; algorithm, step [s], stop [s], schedule, executor,
+    every: as run; timing: how well the pace of a clock was kept ("": there was none); requirements:
+    (name, text); command: command line (None: from Python); date: when the result was taken, UTC;
+    platform: of the host.
     """
 
     version: str = ""
     system: str = ""
+    mission: str = ""
     source: str = ""
     sha256: str = ""
     params: str | None = None
@@ -93,6 +95,7 @@ def flown(system: System, executor: str, every: int, timing: str = "") -> Proven
     return Provenance(
         version=_version(),
         system=system.name,
+        mission=system.mission,
         source=origin.source,
         sha256=origin.sha256,
         params=origin.params,

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from harness.errors import HarnessError, StructureError, UsageError
+from harness.mission.library import FILE, SYSTEM, systems, systems_in
 from harness.results import requirements
 from harness.spelling import did_you_mean
 from harness.ssp.writer import write_ssp
@@ -33,6 +34,7 @@ from harness.system.wiring import Wiring, split, wire
 KEYS = {
     "": (
         "name",
+        "mission",
         "extends",
         "description",
         "experiment",
@@ -169,6 +171,7 @@ class _Builder:
             ),
             strict=True,
             requirements=self.source.get("requirements", {}),
+            mission=self.source.get("mission", ""),
         )
         refused = requirements.refused(system, system.requirements)
         self.problems += [f"[requirements] {problem}" for problem in refused]
@@ -297,18 +300,44 @@ def alternative(
 
 
 def extended(source: Path) -> dict[str, Any]:
-    """Content of a TOML; one that `extends` another of its folder is put over it."""
+    """Content of a TOML; one that `extends` another system is put over it. The mission of a system
+    is its folder's, or that of the system it extends where its own folder has no Python.
+    """
     table = read_toml(source)
-    base = table.get("extends")
-    if base is None:
-        return table
-    path = source.with_name(f"{base}.toml")
-    if not path.is_file():
-        known = sorted(other.stem for other in source.parent.glob("*.toml"))
-        raise StructureError([f"extends: there is no {path.name}{did_you_mean(str(base), known)}"])
-    if path == source:
+    mission = source.resolve().parent.name
+    if (base := table.get("extends")) is not None:
+        path = _base(source, str(base))
+        if not source.with_name(FILE).is_file():
+            mission = path.resolve().parent.name
+        under = read_toml(path)
+        if "extends" in under:
+            raise StructureError([f"extends: {base} extends another system itself"])
+        table = _over(under, table)
+    table.setdefault("name", _name(source))
+    return table | {"mission": mission}
+
+
+def _name(source: Path) -> str:
+    """The name of a system by its file: that of the mission's folder, and of the variant."""
+    mission = source.resolve().parent.name
+    return mission if source.name == SYSTEM else f"{mission}_{source.stem}"
+
+
+def _base(source: Path, name: str) -> Path:
+    """The TOML of the system that another one extends: of the same folder, of a mission beside it,
+    or of any mission at hand.
+    """
+    folder = source.resolve().parent
+    beside = [p for p in folder.parent.glob(f"*/{SYSTEM}") if p.parent != folder]
+    known = {path.stem: path for path in sorted(folder.glob("*.toml"))}
+    for mission in (folder, *(path.parent for path in beside)):
+        known |= systems_in(mission)
+    known = systems() | known
+    if name not in known:
+        raise StructureError([f"extends: there is no system {name}{did_you_mean(name, known)}"])
+    if known[name].resolve() == source.resolve():
         raise StructureError(["extends: a system cannot extend itself"])
-    return _over(read_toml(path), table)
+    return known[name]
 
 
 def _over(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
@@ -320,15 +349,23 @@ def _over(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
     return merged
 
 
-def build(source: Path, fmus: Path, output: Path) -> None:
-    """Write the .ssp of a TOML with the FMUs of a folder. Raises HarnessError."""
-    known = {path.stem: path for path in sorted(fmus.glob("*.fmu"))}
+def read(source: Path, fmus: Mapping[str, Path]) -> System:
+    """The system of a TOML; fmus: paths by name, others by their path from it. HarnessError."""
     try:
-        write_ssp(system_of(extended(source), known), output)
+        table = extended(source)
+        named = (str(fmu) for fmu in dict(table.get("components") or {}).values())
+        own = {n: source.parent / n for n in named if n.endswith(".fmu")}
+        return system_of(table, {**fmus, **{n: p for n, p in own.items() if p.is_file()}})
     except StructureError as error:
         raise StructureError(
             f"{source.name}: {problem.removeprefix(f'{source}: ')}" for problem in error.problems
         ) from error
+
+
+def build(source: Path, fmus: Path, output: Path) -> None:
+    """Write the .ssp of a TOML with the FMUs of a folder. Raises HarnessError."""
+    known = {path.stem: path for path in sorted(fmus.glob("*.fmu"))}
+    write_ssp(read(source, known), output)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Systems by name or path: those of the project, and any .ssp."""
+"""Systems by name or path: those of the project and of installed missions, any .ssp, any TOML, and
+the folder of a mission.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +13,9 @@ from pathlib import Path
 from harness.errors import UsageError
 from harness.files import paths
 from harness.files.digest import sha256
+from harness.mission.library import FILE, SYSTEM, systems, use
 from harness.spelling import did_you_mean
-from harness.ssp import reader
+from harness.ssp import build, reader
 from harness.system.model import Origin, System
 
 
@@ -20,24 +23,41 @@ from harness.system.model import Origin, System
 def load(system: str | Path | System) -> Iterator[System]:
     """The system of that name or path; its FMUs are unpacked until the end of the `with` block.
 
-    A System is handed through. Raises UsageError, ArchiveError or StructureError.
+    A System is handed through; a TOML and the folder of a mission are built on the way, and the
+    folder's Python is taken from then on. Raises UsageError, ArchiveError or StructureError.
     """
     if isinstance(system, System):
         yield system
         return
     path = find_system(system)
     origin = Origin(str(system), sha256(path))
+    if path.suffix == ".toml":
+        yield replace(_built(path), origin=origin)
+        return
     with reader.opened(path) as found:
         yield replace(found, origin=origin)
 
 
+def _built(path: Path) -> System:
+    """The system of a TOML; one beside a mission.py takes it along."""
+    if any((path.parent / name).is_file() for name in (FILE, SYSTEM)):
+        use(path.parent)
+    return build.read(path, paths.fmus())
+
+
 def find_system(name: str | Path) -> Path:
-    """Path of an .ssp by name or path; UsageError with close matches if there is none."""
+    """Path of an .ssp or TOML by name or path; UsageError with close matches if there is none."""
     known = paths.systems()
     if str(name) in known:
         return known[str(name)]
+    if paths.is_folder(name) and paths.is_file(Path(name) / SYSTEM):
+        return Path(name) / SYSTEM
     if paths.is_file(name):
         return Path(name)
+    offered = systems()
+    if str(name) in offered:
+        return offered[str(name)]
+    known = {**offered, **known}
     raise UsageError(
         f"{name or '(nothing)'}: there is no such system{did_you_mean(str(name), known)}"
     )
@@ -45,12 +65,14 @@ def find_system(name: str | Path) -> Path:
 
 def of_component(name: str | Path) -> tuple[Path, str] | None:
     """System and component that `SYSTEM` (component "") or `SYSTEM.component` names; None if it
-    begins with no system, by name or path of an .ssp.
+    begins with no system, by name or path.
     """
     text, known = str(name), paths.systems()
     ends = [i for i, character in enumerate(text) if character == "."]
     for end in (len(text), *reversed(ends)):
         path = known.get(text[:end]) or Path(text[:end])
-        if path.suffix == ".ssp" and paths.is_file(path):
+        if paths.is_folder(path) and paths.is_file(path / SYSTEM):
+            path = path / SYSTEM
+        if path.suffix in (".ssp", ".toml") and paths.is_file(path):
             return path, text[end + 1 :]
     return None

@@ -139,8 +139,14 @@ class _Reader:
                 e.get("name", ""): e.get("text", "") for e in self._own("run:Requirement")
             },
             strict=self.run is not None and self.run.get("strict") == "true",
+            mission=self._mission(),
             declared=flat.declared(),
         )
+
+    def _mission(self) -> str:
+        """Name of the mission; what is no name says nothing."""
+        name = "" if self.run is None else self.run.get("mission", "")
+        return name if name.isidentifier() else ""
 
     def _own(self, path: str) -> list[xml.XmlElement]:
         """Elements of our own annotation, none in a file of another tool."""

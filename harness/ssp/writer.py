@@ -282,6 +282,7 @@ class _Description:
             run,
             algorithm=self.system.experiment.algorithm,
             strict="true" if self.system.strict else "false",
+            mission=self.system.mission or None,
         )
         for c in self.system.components:
             child(run, "run:Component", name=c.name, every=c.every, latency=c.latency)

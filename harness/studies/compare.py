@@ -30,12 +30,15 @@ from harness.master.child import end_with_parent
 from harness.master.isolated import PATIENCE
 from harness.master.refusals import as_typed, without
 from harness.master.trial import refused
+from harness.mission import Limits
+from harness.mission.library import of_result
+from harness.mission.measure import measured
+from harness.mission.mission import Mission, together
 from harness.results.files import ResultFile, read
 from harness.results.requirements import findings
 from harness.results.result import Result
 from harness.ssp.library import load
 from harness.studies import table
-from harness.studies.measures import Limits, measures
 from harness.studies.notes import said_once
 from harness.studies.table import Measures, write_csv
 from harness.studies.variants import Variant
@@ -74,10 +77,12 @@ class Comparison:
     results: Mapping[str, Result]
     limits: Limits
     measures: Measures
+    mission: Mission
 
     def text(self) -> str:
         """The table for reading, with the definitions of its columns below."""
-        parts = table.text(self.measures, self.labels), *self.limits.notes(), *self.findings()
+        defined = (text for lines in self.mission.definitions for text in lines(self.limits))
+        parts = table.text(self.measures, self.labels), *defined, *self.findings()
         return "\n".join(parts)
 
     def findings(self) -> list[str]:
@@ -128,11 +133,12 @@ def compare(  # noqa: PLR0913 - what a comparison can be told
     flights = list(zip(variants, files, thinning, strict=True))
     outcomes = _run_all(system, flights, patience, progress)
     results = {outcome.variant.label: read(outcome.file) for outcome in outcomes if outcome.file}
-    held = (limits or Limits()).common(results)
-    taken = measures(results, held)
+    offered = together(map(of_result, results.values()))
+    held = offered.limits(limits or Limits(), results)
+    taken = measured(offered.measures, results, held)
     labels = [outcome.variant.label for outcome in outcomes]
     paces = {outcome.variant.label: outcome.pace for outcome in outcomes if not outcome.failure}
-    comparison = Comparison(outcomes, results, held, taken | {("macro step", "us"): paces})
+    comparison = Comparison(outcomes, results, held, taken | {("macro step", "us"): paces}, offered)
     write_csv(comparison.measures, labels, directory / TABLE)
     return comparison
 

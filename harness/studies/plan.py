@@ -1,87 +1,27 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The plan of a guidance alone: what it will ask for, without running the rest of the system."""
+"""What a mission plans before anything is run."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Unpack
 
-import numpy as np
-
 from harness.errors import UsageError
-from harness.master.changes import Changes, apply
-from harness.master.simulation import simulate
-from harness.results.result import Result
+from harness.master.changes import Changes
+from harness.mission import Plan
+from harness.mission.library import everything, mission
 from harness.ssp.library import load
-from harness.system.graph import read_interfaces
-from harness.system.model import Parameter, System
-
-PLANNED = ("iterations", "status", "peak", "rotation", "momentum_max", "rotation_largest")
-"""Outputs by which a planning guidance is known, all of component `guidance`."""
-
-STATUS = (
-    "planned: the momentum stays below the limit",
-    "the flight attitude was asked for, nothing is planned",
-    "not planned: the momentum does not fall below the limit; more steps (iterations_max), a "
-    "longer window, or a larger momentum_share",
-    "not planned: the rotation would exceed rotation_max",
-)
-"""What the output status of the guidance means."""
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Outputs of the guidance over its window; before: the same without a plan, at the flight
-    attitude.
-    """
-
-    after: Result
-    before: Result
-
-    @property
-    def status(self) -> int:
-        """0: planned; else an index of STATUS."""
-        return int(self.after["guidance.status"][0])
-
-    def text(self) -> str:
-        """The history of the iteration as a table, and the verdict."""
-        return "\n".join(self._lines())
-
-    def _lines(self) -> Iterator[str]:
-        first = {name: self.after[f"guidance.{name}"][0] for name in PLANNED}
-        saturation = float(self.after.parameter("guidance.H_sat"))
-        limit = saturation * float(self.after.parameter("guidance.momentum_share"))
-        yield "step   largest momentum [N m s]   of saturation   largest rotation [deg]"
-        for k in range(int(first["iterations"]) + 1):
-            peak, rotation = first["peak"][k], np.degrees(first["rotation"][k])
-            yield f"{k:4}   {peak:24.1f}   {peak / saturation:13.3f}   {rotation:22.2f}"
-        yield f"saturation {saturation:g} N m s, limit {limit:g} N m s: {STATUS[self.status]}"
+from harness.system.model import System
 
 
 def plan(system: str | Path | System, **changes: Unpack[Changes]) -> Plan:
-    """The plan of the guidance of a system, with and without planning; changes: those of run().
+    """The plan of a system by its mission; changes: those of run().
 
-    Raises UsageError if the system has no guidance that plans, else what run() raises.
+    Raises UsageError if its mission plans nothing, else what run() raises.
     """
     with load(system) as found:
-        alone = _guidance_alone(apply(found, **changes))
-        return Plan(simulate(alone), simulate(_unplanned(alone)))
-
-
-def _guidance_alone(system: System) -> System:
-    """The system without anything but its guidance, which must not read from others."""
-    interface = read_interfaces(system).get("guidance")
-    if interface is None or any(
-        name not in {n.partition("[")[0] for n in interface.outputs()} for name in PLANNED
-    ):
-        raise UsageError(f"{system.name}: it has no guidance that plans; try transposition")
-    kept = tuple(c for c in system.components if c.name == "guidance")
-    return replace(system, components=kept, connections=(), sets=(), alternatives=(), declared={})
-
-
-def _unplanned(system: System) -> System:
-    (guidance,) = system.components
-    parameters = {**guidance.parameters, "use_plan": Parameter(0.0)}
-    return replace(system, components=(replace(guidance, parameters=parameters),))
+        own = mission(found.mission) if found.mission else everything()
+        planners = own.plans if own else ()
+        if not planners:
+            raise UsageError(f"{found.name}: its mission plans nothing")
+        return planners[0](found, **changes)

@@ -11,8 +11,8 @@ import pytest
 
 from fmus.core.build import flight_rules
 from harness import load
-from harness.bench.monolith import Monolith
 from harness.files.paths import systems
+from tests.bench.monolith import Monolith
 
 PAGE = flight_rules.FMUS.parent / "docs/flight_code.md"
 SOURCES = flight_rules.sources()

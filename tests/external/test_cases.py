@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Numbers by others: every published case agrees within its tolerance, and every model that is
-wrong on purpose misses. The data: harness/validation/cases/*.json.
+wrong on purpose misses. The data: ssp/validation/cases/*.json.
 """
 
 from __future__ import annotations
@@ -8,12 +8,13 @@ from __future__ import annotations
 import json
 
 import pytest
+from servicing.ssp.validation.case import FOLDER, cases
+from servicing.ssp.validation.judge import judge
+from servicing.ssp.validation.library import Library
 
+from harness.claims.validated import markdown, table, validate
 from harness.cli import main
 from harness.errors import UsageError
-from harness.validation import cases, judge, markdown, table, validate
-from harness.validation.case import FOLDER
-from harness.validation.library import Library
 
 ALL = cases()
 WRONG = [

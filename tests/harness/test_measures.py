@@ -7,17 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from harness.claims import safety
-from harness.results.derived import (
+from harness.studies.measures import MEASURES, Limits, measures, settling_time, steady_error
+from servicing.ssp.shared.relative_motion import (
     attitude_error,
     position_error,
     range_,
     range_error,
     rotation_angle,
 )
+
+from harness.claims import safety
 from harness.results.result import Result
-from harness.studies.measures import MEASURES, Limits, measures, settling_time, steady_error
 
 MEASURE = {measure.name: measure for measure in MEASURES}
 TIME = np.linspace(0.0, 100.0, 1001)

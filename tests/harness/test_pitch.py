@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from servicing.ssp.space_robot.pitch import orbits, rotation_number, spectrum, strobe, swing
 
-from harness.results.pitch import orbits, rotation_number, spectrum, strobe, swing
 from harness.results.result import Result
 
 RATE = 0.01

@@ -10,12 +10,12 @@ import sys
 
 import numpy as np
 import pytest
+from servicing.ssp.shared.relative_motion import attitude_error, position_error, range_
 
 from harness import read, run
 from harness.cli import watch
 from harness.cli.app import main
 from harness.master.simulation import Simulation
-from harness.results.derived import attitude_error, position_error, range_
 from harness.ssp.library import load
 from harness.ssp.writer import write_ssp
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from harness import load
-from harness.bench.monolith import Monolith
+from tests.bench.monolith import Monolith
 
 pytestmark = pytest.mark.interop
 

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from harness.claims.arch_comp_spre import PAPERS
 from scipy.stats import qmc
 
 from harness import campaign as campaign_of
 from harness import run
 from harness.claims import Verdict
-from harness.claims.arch_comp_spre import PAPERS
 from harness.claims.report import report
 from harness.files import paths
 from harness.system.tables import read_toml

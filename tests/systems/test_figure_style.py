@@ -18,10 +18,10 @@ from harness import run
 from harness.cli.app import main
 from harness.errors import UsageError
 from harness.figures import FIGURES, Curve, Figure, Level, Panel
-from harness.figures.figure import draw_paths
 from harness.figures.plots import overlay, paint, paint_overlay, plot
 from harness.figures.style import PAPER, SCREEN, legend_above, new_canvas, save, style_of
 from harness.figures.variables import figure_of
+from harness.mission.figure import draw_paths
 from harness.results.files import ResultFile
 from harness.results.result import Result
 

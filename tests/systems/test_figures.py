@@ -11,15 +11,15 @@ from functools import cache
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from servicing.ssp.shared.relative_motion import attitude_error, position_error
+from servicing.ssp.space_robot.pitch import strobe
 
 from harness import run
 from harness.cli.app import main
 from harness.errors import ResultsError
 from harness.figures import FIGURES, OVERLAYS
 from harness.figures.plots import overlay, paint, paint_overlay, plot
-from harness.results.derived import attitude_error, position_error
 from harness.results.files import ResultFile
-from harness.results.pitch import strobe
 from harness.results.result import Result
 
 SYNC = {

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from harness.claims.navigation import CLAIMS, PAPER
 from matplotlib import pyplot as plt
 from scipy.stats import chi2
 
 from harness import run
 from harness.claims import PAPERS, Verdict
-from harness.claims.navigation import CLAIMS, PAPER
 from harness.figures import FIGURES
 from harness.figures import navigation as figures
 from harness.results import estimates

@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
+from servicing.ssp.shared.safety import RESTING
 
 from harness import run
 from harness.claims.report import judged
@@ -26,7 +27,6 @@ from harness.report.bodies import uniform_box
 from harness.report.html import of_run, write
 from harness.report.thinning import kept_rows
 from harness.results.files import ResultFile
-from harness.results.safety import RESTING
 from tests.harness.report_page import Page
 
 RUNS = {

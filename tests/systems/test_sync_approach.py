@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.bench.monolith import Monolith
 from harness.master.simulation import Simulation, simulate
+from tests.bench.monolith import Monolith
 
 from .sync_case import (
     GYROSCOPIC,

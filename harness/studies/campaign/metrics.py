@@ -14,11 +14,12 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 
+from harness.mission import Limits, Measure
+from harness.mission.library import everything, of_result
 from harness.results.evaluation import evaluate, history, resolved, unit_in, unit_of
 from harness.results.expressions import parsed
 from harness.results.expressions import variables as named
 from harness.results.result import Result
-from harness.studies.measures import MEASURES, Limits, Measure
 
 Metric = Callable[[Result], float]
 
@@ -28,14 +29,18 @@ def metric(text: str, folder: Path) -> Metric:
 
     folder: where files of functions are looked for.
     """
-    for measure in MEASURES:
-        if measure.name == text:
-            return partial(_measured, measure)
+    if text in (known := _measures()):
+        return partial(_measured, known[text])
     file, colon, name = text.rpartition(":")
     if colon and file.endswith(".py"):
         return _function(folder / file, name)
-    tree = parsed(text, [m.name for m in MEASURES], "measure")
+    tree = parsed(text, list(known), "measure")
     return partial(_evaluated, tree)
+
+
+def _measures() -> dict[str, Measure]:
+    """Measures of the missions at hand by name."""
+    return {m.name: m for m in reversed(everything().measures)}
 
 
 def _evaluated(tree: ast.expr, result: Result) -> float:
@@ -45,22 +50,21 @@ def _evaluated(tree: ast.expr, result: Result) -> float:
 
 def _measured(measure: Measure, result: Result) -> float:
     """A built-in measure with the limits that a comparison of this one run would have."""
-    return measure(result, Limits().common({"": result}))
+    return measure(result, of_result(result).limits(Limits(), {"": result}))
 
 
 def variables(text: str) -> Iterator[str]:
     """Variables that an expression names; none for a measure or a function."""
-    if text in {m.name for m in MEASURES} or text.rpartition(":")[0].endswith(".py"):
+    if text in (known := _measures()) or text.rpartition(":")[0].endswith(".py"):
         return
-    names = named(parsed(text, [m.name for m in MEASURES], "measure"))
+    names = named(parsed(text, list(known), "measure"))
     yield from (name for name in names if name != "time" and not name.startswith("parameter "))
 
 
 def unit(text: str, kinds: Result) -> str:
     """Unit of a metric, "" if it is not known; kinds: a result with the units of the variables."""
-    for measure in MEASURES:
-        if measure.name == text:
-            return measure.unit
+    if text in (known := _measures()):
+        return known[text].unit
     if text.rpartition(":")[0].endswith(".py"):
         return ""
     return unit_of(parsed(text), partial(unit_in, kinds))

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Paths in space, and seen along one axis, to scale."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from harness.mission.figure import Array, Axes, Colour
+
+SHORTEST = 0.35
+"""Shortest axis of a view in space, as part of the longest."""
+
+
+def draw_paths(
+    canvas: Axes,
+    paths: Mapping[str, tuple[Array, str]],
+    names: tuple[str, str, str],
+    plane: tuple[int, int],
+    colours: Mapping[str, Colour] | None = None,
+) -> Axes:
+    """Paths (rows, 3) with a style each, in space and seen along one axis, both to scale; returns
+    the axes of the plane.
+
+    names: of the three coordinates; plane: horizontal and vertical coordinate of the second view;
+    colours: by label.
+    """
+    space = canvas.add_subplot(1, 2, 1, projection="3d")
+    flat = canvas.add_subplot(1, 2, 2)
+    for label, (path, style) in paths.items():
+        look = {"linewidth": 1, "label": label} | (
+            {"color": colours[label]} if colours and label in colours else {}
+        )
+        space.plot(*path.T, style, **look)
+        flat.plot(path[:, plane[0]], path[:, plane[1]], style, **look)
+    space.set(xlabel=names[0], ylabel=names[1], zlabel=names[2])
+    _to_scale(space)
+    flat.set(xlabel=names[plane[0]], ylabel=names[plane[1]])
+    flat.set_aspect("equal", adjustable="datalim")
+    return flat
+
+
+def _to_scale(space: Axes) -> None:
+    """The same length and the same ticks for a metre along all three axes, none of them so short
+    that its labels meet.
+    """
+    from matplotlib.ticker import MaxNLocator, MultipleLocator
+
+    limits = space.xy_viewLim.intervalx, space.xy_viewLim.intervaly, space.zz_viewLim.intervalx
+    longest = max(limits, key=np.ptp)
+    step = float(np.diff(MaxNLocator(4).tick_values(*longest))[0])
+    axes = (space.xaxis, space.yaxis, space.zaxis)
+    for axis, (low, high) in zip(axes, limits, strict=True):
+        middle, half = (low + high) / 2, max(high - low, SHORTEST * np.ptp(longest)) / 2
+        space.set(**{f"{axis.axis_name}lim": (middle - half, middle + half)})
+        axis.set_major_locator(MultipleLocator(step))
+    space.set_aspect("equal", adjustable="box")
+    space.tick_params(pad=0)

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What a mission may offer, as data, and where missions are found.
+
+A mission's Python (`mission.py` in its folder) imports these names and hands over one Mission; the
+engine asks library.of_result() what the mission of a result offers, and knows no mission by name.
+"""
+
+from __future__ import annotations
+
+from harness.mission.claim import Band, Case, Claim, Condition, Judgement, Paper, Verdict
+from harness.mission.figure import Curve, Drawing, Figure, Level, Overlay, Panel, Phase
+from harness.mission.gauge import Gauge
+from harness.mission.measure import Limits, Measure
+from harness.mission.mission import Mission, Plan, Scene
+from harness.mission.rule import RuleFinding
+
+__all__ = [
+    "Band",
+    "Case",
+    "Claim",
+    "Condition",
+    "Curve",
+    "Drawing",
+    "Figure",
+    "Gauge",
+    "Judgement",
+    "Level",
+    "Limits",
+    "Measure",
+    "Mission",
+    "Overlay",
+    "Panel",
+    "Paper",
+    "Phase",
+    "Plan",
+    "RuleFinding",
+    "Scene",
+    "Verdict",
+]

@@ -1,0 +1,261 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A claim of a paper as data: what it says, how it is measured in a result, the bands that decide
+on the verdict.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.results.result import Result
+
+Array = NDArray[np.float64]
+Evaluation = Callable[[Result], tuple[float, ...]]
+"""Numbers taken from a result: the first is judged, the others are shown with it. May raise
+CannotJudgeError.
+"""
+ROUNDING = 1e-6
+"""Times closer than this [s] are the same."""
+
+
+class CannotJudgeError(Exception):
+    """The result does not hold what a claim needs; str() is the reason."""
+
+
+class Verdict(Enum):
+    """Outcome of a claim."""
+
+    REPRODUCED = "reproduced"
+    PARTLY = "partly"
+    NOT_REPRODUCED = "not reproduced"
+    NOT_JUDGED = "not judged"
+
+    @property
+    def kind(self) -> str:
+        """How it looks: good, fair, bad or none."""
+        return dict(zip(Verdict, ("good", "fair", "bad", "none"), strict=True))[self]
+
+
+@dataclass(frozen=True)
+class Band:
+    """Closed interval of a measured number."""
+
+    low: float = -math.inf
+    high: float = math.inf
+
+    def __contains__(self, value: float) -> bool:
+        return self.low <= value <= self.high
+
+    def __str__(self) -> str:
+        if math.isinf(self.low):
+            return f"<= {self.high:g}"
+        return f">= {self.low:g}" if math.isinf(self.high) else f"{self.low:g} to {self.high:g}"
+
+
+def at_most(high: float) -> Band:
+    """Everything up to a number."""
+    return Band(high=high)
+
+
+def at_least(low: float) -> Band:
+    """Everything from a number on."""
+    return Band(low=low)
+
+
+class Judgement(NamedTuple):
+    """What the table shows of a claim."""
+
+    figure: str
+    verdict: Verdict
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One claim.
+
+    name: for references to it; text: what the paper says; where: in the paper; needs: variables of
+    the result; figure: a format of what `measure` returns; unit: of its first number; reproduced,
+    partly: bands of its first number; interval: recorded more seldom than that [s] the claim cannot
+    be judged.
+    """
+
+    name: str
+    text: str
+    where: str
+    needs: tuple[str, ...]
+    measure: Evaluation
+    figure: str
+    unit: str
+    reproduced: Band
+    partly: Band | None = None
+    interval: float = 10.0
+
+    def evaluate(self, result: Result) -> Judgement:
+        """Our figure and the verdict; a claim that cannot be judged says why instead."""
+        try:
+            numbers = self.numbers(result)
+        except CannotJudgeError as reason:
+            return Judgement(str(reason), Verdict.NOT_JUDGED)
+        return Judgement(self.figure.format(*numbers), self.verdict(numbers[0]))
+
+    def numbers(self, result: Result) -> tuple[float, ...]:
+        """Measure the result; CannotJudgeError if something is missing or not finite."""
+        if missing := [name for name in self.needs if name not in result]:
+            raise CannotJudgeError(f"the result holds no {' and no '.join(missing)}")
+        if not len(result.time):
+            raise CannotJudgeError("nothing was recorded")
+        if (interval := np.diff(result.time).max(initial=0.0)) > self.interval + ROUNDING:
+            raise CannotJudgeError(
+                f"recorded at intervals of {interval:g} s, {self.interval:g} s are needed"
+            )
+        with np.errstate(all="ignore"):
+            numbers = tuple(float(number) for number in self.measure(result))
+        if not all(map(math.isfinite, numbers)):
+            raise CannotJudgeError(
+                "the result holds values that are not finite or do not change at all"
+            )
+        return numbers
+
+    def verdict(self, value: float) -> Verdict:
+        """Return the verdict of the band that a measured number falls into."""
+        if value in self.reproduced:
+            return Verdict.REPRODUCED
+        return Verdict.PARTLY if self.partly and value in self.partly else Verdict.NOT_REPRODUCED
+
+    def criterion(self, band: Band | None) -> str:
+        """One of the two bands in words, e.g. `<= 2 deg`."""
+        return f"{band} {self.unit}".rstrip() if band else ""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """Something by which a result shows whether it was run as in the paper; measured in `unit`,
+    equal within 1e-6.
+
+    chosen: of a parameter that the cases of the paper leave free, so that they do not say it.
+    """
+
+    text: str
+    paper: float
+    unit: str
+    needs: tuple[str, ...]
+    measure: Callable[[Result], float]
+    chosen: bool = False
+
+    def difference(self, result: Result) -> str | None:
+        """How the result differs from the paper's case, None if it does not or does not show it."""
+        if any(name not in result for name in self.needs):
+            return None
+        try:
+            ours = self.measure(result)
+        except CannotJudgeError:
+            return None
+        if math.isclose(ours, self.paper, rel_tol=1e-6):
+            return None
+        unit = f" {self.unit}".rstrip()
+        return f"{self.text} {ours:.6g}{unit} instead of {self.paper:g}{unit}"
+
+
+@dataclass(frozen=True)
+class Case:
+    """A run that a paper describes.
+
+    system: name; params: set; swap: (component, FMU); free: parameters on which the paper leaves
+    the choice, `stop` for any end.
+    """
+
+    system: str
+    params: str = "default"
+    swap: tuple[tuple[str, str], ...] = ()
+    free: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """For reading: system, set and swaps."""
+        swaps = "".join(f", {component}={fmu}" for component, fmu in self.swap)
+        return f"{self.system}, set {self.params}{swaps}"
+
+
+@dataclass(frozen=True)
+class Paper:
+    """A paper, or a part of it, and its claims.
+
+    It belongs to every result that holds all variables of `needs` and all `parameters` and that is
+    `meant`. cases: the runs that it describes (none: the claims are about every run); conditions:
+    by what a result that does not keep its parameters shows that it is none of them.
+    """
+
+    title: str
+    needs: tuple[str, ...]
+    claims: tuple[Claim, ...]
+    conditions: tuple[Condition, ...] = ()
+    parameters: tuple[str, ...] = ()
+    meant: Callable[[Result], bool] = lambda result: True
+    cases: tuple[Case, ...] = ()
+
+    def belongs_to(self, result: Result) -> bool:
+        """Whether these claims are about a result like this."""
+        return result.holds(*self.needs, parameters=self.parameters) and self.meant(result)
+
+
+# ---- parameters and parts of a history
+
+
+def scalar(result: Result, name: str) -> float:
+    """Value of a scalar parameter, or of one element, of the run; CannotJudgeError if the result
+    does not hold it.
+    """
+    return float(parameter(result, name))
+
+
+def parameter(result: Result, name: str) -> Array:
+    """Value of a parameter of the run; CannotJudgeError if the result does not hold it, as one from
+    a .csv.
+    """
+    if not result.holds(parameters=(name,)):
+        raise CannotJudgeError(f"the result does not hold the parameter {name}")
+    return result.parameter(name)
+
+
+def between(result: Result, begin: float, end: float) -> NDArray[np.intp]:
+    """Rows of begin <= t <= end [s], at least one; CannotJudgeError if the run is over before the
+    end of that.
+    """
+    if result.time[-1] < end - ROUNDING:
+        raise CannotJudgeError(f"the run ends at {result.time[-1]:g} s, before {end:g} s")
+    chosen = np.flatnonzero((result.time >= begin - ROUNDING) & (result.time <= end + ROUNDING))
+    if not len(chosen):
+        raise CannotJudgeError(f"nothing was recorded between {begin:g} s and {end:g} s")
+    return chosen
+
+
+def since(result: Result, begin: float, reach: float) -> NDArray[np.intp]:
+    """Rows from a time on; CannotJudgeError if the run is over before it has reached another time
+    [s].
+    """
+    return between(result, begin, _end(result, reach))
+
+
+def final(result: Result, seconds: float, reach: float, before: float = 0.0) -> NDArray[np.intp]:
+    """Rows of the last seconds of a run that reaches a time [s], or of as many seconds some time
+    `before` the last.
+    """
+    end = _end(result, reach)
+    between(result, -math.inf, end)
+    return between(result, end - before - seconds, end - before)
+
+
+def at(result: Result, time: float) -> int:
+    """Return the last row at or before a time [s]; CannotJudgeError if the run is over earlier."""
+    return int(between(result, -math.inf, time)[-1])
+
+
+def _end(result: Result, reach: float) -> float:
+    return max(float(result.time[-1]), reach)

@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What a figure is: panels of curves over time as data, or a drawing of its own; both say what they
+need.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.results.result import Result
+
+Array = NDArray[np.float64]
+Axes = Any
+"""Axes or figure of matplotlib, which is imported only when something is drawn."""
+Colour = Any
+"""A colour as matplotlib understands it: a name, or red, green, blue, opacity."""
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One history of a panel, with one line per element.
+
+    source: a variable, or a function of the result that `needs` these variables; convert: maps the
+    history of the variable to what is drawn; labels: of the elements; style: "": that of its
+    colour; anew: in the colours of the curve before; parameters: of the run that it needs, without
+    them it alone is left out.
+    """
+
+    source: str | Callable[[Result], Array]
+    label: str = ""
+    convert: Callable[[Array], Array] | None = None
+    labels: tuple[str, ...] = AXES
+    style: str = ""
+    needs: tuple[str, ...] = ()
+    anew: bool = False
+    parameters: tuple[str, ...] = ()
+
+    def variables(self) -> tuple[str, ...]:
+        """What the result must hold."""
+        return (self.source,) if isinstance(self.source, str) else self.needs
+
+    def history(self, result: Result) -> Array:
+        """What is drawn: (rows,) or (rows, elements)."""
+        values = result[self.source] if isinstance(self.source, str) else self.source(result)
+        return self.convert(values) if self.convert else values
+
+
+@dataclass(frozen=True)
+class Level:
+    """A horizontal line; value: a number, or the parameters of which the first one that the run has
+    says it.
+    """
+
+    label: str
+    value: float | tuple[str, ...]
+
+    def height(self, result: Result) -> float | None:
+        """Where the line is; None if the result does not say."""
+        if isinstance(self.value, float):
+            return self.value
+        held = [name for name in self.value if result.holds(parameters=(name,))]
+        return float(result.parameter(held[0])) if held else None
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One pair of axes over time; after: start of the time axis [s], or the function of the result
+    that says it; level: a horizontal line; idle_until: time up to which nothing that is drawn acts,
+    shaded.
+    """
+
+    ylabel: str
+    curves: tuple[Curve, ...]
+    after: float | Callable[[Result], float] = 0.0
+    log: bool = False
+    level: Level | None = None
+    idle_until: Callable[[Result], float] | None = None
+
+    def rows(self, result: Result) -> slice:
+        """The rows that are drawn: from the start of the time axis on, else all."""
+        start = self.after(result) if callable(self.after) else self.after
+        shown = start < result.time[-1]
+        return slice(int(np.searchsorted(result.time, start)) if shown else 0, None)
+
+    def held(self, result: Result) -> Iterator[Curve]:
+        """The curves whose parameters the result holds."""
+        return (curve for curve in self.curves if result.holds(parameters=curve.parameters))
+
+
+@dataclass(frozen=True)
+class Figure:
+    """Panels from top to bottom; name: of the file; when: variables by which the result is known to
+    be meant.
+    """
+
+    name: str
+    title: str
+    panels: tuple[Panel, ...]
+    when: tuple[str, ...] = ()
+
+    def fits(self, result: Result) -> bool:
+        """Whether the result holds everything that is drawn."""
+        drawn = (v for panel in self.panels for curve in panel.curves for v in curve.variables())
+        return result.holds(*self.when, *drawn)
+
+    def is_empty(self, result: Result) -> bool:
+        """Whether nothing changes in a figure that fits."""
+        return not any(
+            np.ptp(curve.history(result)[panel.rows(result)], axis=0).any()
+            for panel in self.panels
+            for curve in panel.held(result)
+        )
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure that is no history; draw: into an empty figure of matplotlib; parameters: of the run
+    that it needs; shows: whether there is anything in it, if that is not certain.
+    """
+
+    name: str
+    title: str
+    needs: tuple[str, ...]
+    draw: Callable[[Axes, Result], None]
+    size: tuple[float, float] = (11, 5)
+    parameters: tuple[str, ...] = ()
+    shows: Callable[[Result], bool] | None = None
+
+    def fits(self, result: Result) -> bool:
+        """Whether the result holds everything that is drawn."""
+        return result.holds(*self.needs, parameters=self.parameters)
+
+    def is_empty(self, result: Result) -> bool:
+        """Whether there is nothing to be seen in a figure that fits."""
+        return self.shows is not None and not self.shows(result)
+
+
+@dataclass(frozen=True)
+class Overlay:
+    """A drawing of several runs; draw: into an empty figure, from the runs and their colours by
+    label.
+    """
+
+    name: str
+    title: str
+    needs: tuple[str, ...]
+    draw: Callable[[Axes, Mapping[str, Result], Mapping[str, Colour]], None]
+    size: tuple[float, float] = (11, 5)
+    parameters: tuple[str, ...] = ()
+
+    def fits(self, result: Result) -> bool:
+        """Whether the result holds everything that is drawn."""
+        return result.holds(*self.needs, parameters=self.parameters)
+
+    def is_empty(self, _: Result) -> bool:
+        """Whether there is nothing to be seen in a figure that fits."""
+        return False
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A phase plot, a quantity against its rate: title, labels of the axes, what it needs, (rows,)
+    or (rows, n) of both; after: start of what is drawn [s].
+    """
+
+    title: str
+    x: str
+    y: str
+    needs: tuple[str, ...]
+    value: Callable[[Result], Array]
+    rate: Callable[[Result], Array]
+    after: Callable[[Result], float] | None = None
+
+
+def scaled(name: str, factor: float = 1.0) -> Callable[[Result], Array]:
+    """The history of a variable times a factor."""
+    return lambda result: np.asarray(factor * result[name])
+
+
+DEGREES = float(np.degrees(1.0))
+
+
+def degrees(x: Array) -> Array:
+    """Radians to degrees."""
+    return np.asarray(np.degrees(x))
+
+
+def norm(x: Array) -> Array:
+    """Length of every row."""
+    return np.asarray(np.linalg.norm(x, axis=1))

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The rendezvous benchmark SPRE of ARCH-COMP (Chan & Mitra 2017): what other tools have proved, and
+what one flight shows.
+
+A proof covers every start and every abort time of an instance, a flight one of them: "reproduced"
+means that this flight keeps the published verdict, not that it is proved again.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harness.mission.claim import Band, Case, Claim, Condition, Paper, at_least, parameter, scalar
+from harness.results.result import Result
+
+LEAST, PHASE = "monitor.least_margin", "controller.phase"
+ABORT = "controller.t_abort"
+UNSAFE_ABORT = (240 * 60.0, 300 * 60.0)
+"""Aborts in between are in no safe instance [s]."""
+STOP = 300 * 60.0
+
+
+def abort_time(result: Result) -> float:
+    """When thrust ends [s]."""
+    return scalar(result, ABORT)
+
+
+def unsafe(result: Result) -> bool:
+    """Whether the published verdict for this abort time is "unsafe"."""
+    low, high = UNSAFE_ABORT
+    return low < abort_time(result) <= high
+
+
+def box(result: Result) -> tuple[float, ...]:
+    """Distance kept to the box, and the abort time [min]."""
+    return _least(result, 0), min(abort_time(result), STOP) / 60
+
+
+def corridor(result: Result) -> tuple[float, ...]:
+    """Distance kept to the edge of the cone, and the duration of the attempt [min]."""
+    return _least(result, 1), _attempt(result)
+
+
+def speed(result: Result) -> tuple[float, ...]:
+    """What is left of the speed limit and the duration of the attempt [min]."""
+    return _least(result, 2) * 60, _attempt(result)
+
+
+def _least(result: Result, rule: int) -> float:
+    return float(result[LEAST][-1, rule])
+
+
+def _attempt(result: Result) -> float:
+    steps = np.diff(result.time, prepend=result.time[0])
+    return float(np.sum(steps[result[PHASE] == 2])) / 60
+
+
+LINE_OF_SIGHT = Claim(
+    name="line of sight",
+    text="during the attempt |y| <= -x tan 30 deg (published: holds in all safe instances)",
+    where="SRNA01, SRA01 to SRA08, SRU01, SRU02",
+    needs=(LEAST, PHASE),
+    measure=corridor,
+    figure="keeps {0:.3g} m off the edge of the cone in {1:.0f} min of attempt",
+    unit="m",
+    reproduced=at_least(0.0),
+    interval=STOP,
+)
+SPEED = Claim(
+    name="speed",
+    text="during the attempt the speed is at most 3.3 m/min "
+    "(published: holds in all safe instances)",
+    where="SRNA01, SRA01 to SRA08, SRU01, SRU02",
+    needs=(LEAST, PHASE),
+    measure=speed,
+    figure="keeps {0:.3g} m/min below the limit in {1:.0f} min of attempt",
+    unit="m/min",
+    reproduced=at_least(0.0),
+    interval=STOP,
+)
+SAFE = Claim(
+    name="passive safety",
+    text="after the abort the drift keeps out of the box |x|, |y| <= 0.2 m "
+    "(published: safe, verified)",
+    where="SRA01 to SRA08, abort up to 240 min; SRNA01",
+    needs=(LEAST,),
+    measure=box,
+    figure="stays {0:.3g} m outside; no thrust from {1:.0f} min on",
+    unit="m",
+    reproduced=at_least(0.0),
+    interval=STOP,
+)
+UNSAFE = Claim(
+    name="collision",
+    text="after the abort the drift enters the box |x|, |y| <= 0.2 m "
+    "(published: unsafe, falsified)",
+    where="SRU01, SRU02, abort at 260 min",
+    needs=(LEAST,),
+    measure=box,
+    figure="least margin {0:.3g} m; no thrust from {1:.0f} min on",
+    unit="m",
+    reproduced=Band(high=-1e-9),
+    interval=STOP,
+)
+
+TITLE = (
+    "Chan N., Mitra S.: Verifying safety of an autonomous spacecraft rendezvous mission. "
+    "ARCH 2017, EPiC Series in Computing 48, 20-32; verdicts of the competition ARCH-COMP, "
+    "linear dynamics"
+)
+
+
+def outside_start_box(result: Result) -> float:
+    """How far the start lies from x in [-925, -875] m, y in [-425, -375] m."""
+    off = np.abs(parameter(result, "servicer.rho_0_H") - (-900, -400, 0)) - (25, 25, 0)
+    return float(np.max(np.maximum(off, 0)))
+
+
+CONDITIONS = (
+    Condition("it ends at", STOP, "s", (), lambda result: float(result.time[-1])),
+    Condition("mass", 500.0, "kg", (), lambda result: scalar(result, "servicer.mass_0")),
+    Condition("start outside the box by", 0.0, "m", (), outside_start_box, True),
+)
+
+CASES = (Case("arch_rendezvous", free=("servicer.rho_0_H", ABORT)),)
+"""Start within a box and abort time, by which the instances differ, are a part of the benchmark."""
+
+PAPERS = (
+    Paper(
+        title=f"{TITLE}: an instance that is safe",
+        needs=(LEAST, PHASE),
+        claims=(LINE_OF_SIGHT, SPEED, SAFE),
+        conditions=CONDITIONS,
+        cases=CASES,
+        parameters=(ABORT,),
+        meant=lambda result: not unsafe(result),
+    ),
+    Paper(
+        title=f"{TITLE}: an instance that is unsafe",
+        needs=(LEAST, PHASE),
+        claims=(LINE_OF_SIGHT, SPEED, UNSAFE),
+        conditions=CONDITIONS,
+        cases=CASES,
+        parameters=(ABORT,),
+        meant=unsafe,
+    ),
+)

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Claims of Kozlova & Fomichev 2023 on the two-level guidance and stabilisation (docs/models.md B).
+
+The paper prints curves and few numbers; where a claim has no number of its own, the bands say what
+we take it to mean.
+"""
+
+from __future__ import annotations
+
+from harness.mission.claim import Band, Case, Claim, Condition, Paper, at_most, scalar
+
+from . import evaluations as measures
+from .evaluations import RANGE, RATE_ERROR, TRANSITION, VELOCITIES
+
+CLAIMS = (
+    Claim(
+        name="arrival",
+        text="the servicer approaches the target to 50 m (point r1)",
+        where="figure 6",
+        needs=(RANGE,),
+        measure=measures.arrival,
+        figure="after {0:.0f} s, from {1:.1f} m",
+        unit="s",
+        reproduced=at_most(measures.STOP),
+    ),
+    Claim(
+        name="constant speed",
+        text="on the first leg it moves at a constant speed ...",
+        where="figure 6",
+        needs=(RANGE, *VELOCITIES),
+        measure=measures.speed_ripple,
+        figure="within {0:.2g} % of {1:.4f} m/s",
+        unit="%",
+        reproduced=at_most(2.0),
+        partly=at_most(20.0),
+    ),
+    Claim(
+        name="approach speed",
+        text="... v = 2 v_tar = 0.02 m/s",
+        where="figure 6",
+        needs=(RANGE, *VELOCITIES),
+        measure=measures.approach_speed,
+        figure="{0:.3f} of 2 v_tar: {1:.5f} m/s",
+        unit="of 2 v_tar",
+        reproduced=Band(0.95, 1.05),
+        partly=Band(0.75, 1.25),
+    ),
+    Claim(
+        name="constant distance",
+        text="then it goes on at a constant distance from the target (point r2)",
+        where="figure 6",
+        needs=(RANGE,),
+        measure=measures.hold_error,
+        figure="{1:.2f} to {2:.2f} m, at most {0:.2f} m off",
+        unit="m",
+        reproduced=at_most(1.0),
+        partly=at_most(5.0),
+    ),
+    Claim(
+        name="speed of the target",
+        text="at the speed of the target",
+        where="figure 6",
+        needs=(RANGE, *VELOCITIES),
+        measure=measures.hold_speed,
+        figure="{0:.3f} of it: {1:.5f} m/s",
+        unit="of v_tar",
+        reproduced=Band(0.98, 1.02),
+        partly=Band(0.9, 1.1),
+    ),
+    Claim(
+        name="direction of the target",
+        text="with its velocity aligned with that of the target",
+        where="figures 6, 7",
+        needs=(RANGE, *VELOCITIES),
+        measure=measures.heading,
+        figure="{0:.2f} deg apart in the last 2000 s",
+        unit="deg",
+        reproduced=at_most(5.0),
+        partly=at_most(15.0),
+    ),
+    Claim(
+        name="rates follow",
+        text="the actual angular rates follow the required ones",
+        where="figure 8",
+        needs=(RATE_ERROR,),
+        measure=measures.rate_error,
+        figure="rms difference {0:.3f} mrad/s after 2000 s, largest {1:.2f} mrad/s",
+        unit="mrad/s",
+        reproduced=at_most(1.0),
+        partly=at_most(3.0),
+    ),
+    Claim(
+        name="transition quaternion",
+        text="the transition quaternion tends to 1: the control of rotation is right",
+        where="figure 9",
+        needs=(TRANSITION,),
+        measure=measures.transition_angle,
+        figure="at most {0:.2f} deg in the last 5000 s, L0 >= {1:.5f}",
+        unit="deg",
+        reproduced=at_most(2.0),
+        partly=at_most(10.0),
+    ),
+)
+
+PAPER = Paper(
+    title=(
+        "Kozlova N. Yu., Fomichev A. V.: Algorithms of guidance and motion control of a space "
+        "manipulation robot for servicing a non-cooperative spacecraft. Mekhatronika, "
+        "Avtomatizatsiya, Upravlenie 24(4), 2023, 216-224"
+    ),
+    needs=(RANGE, TRANSITION, RATE_ERROR),
+    claims=CLAIMS,
+    cases=(Case("relay_approach", "paper"),),
+    conditions=(
+        Condition("it ends at", measures.STOP, "s", (), lambda result: float(result.time[-1])),
+        Condition(
+            "range at the start", 26.0e4**0.5, "m", (RANGE,), lambda result: float(result[RANGE][0])
+        ),
+        Condition(
+            "velocity follows the attitude",
+            1.0,
+            "",
+            (),
+            lambda r: scalar(r, "servicer.velocity_follows_attitude"),
+        ),
+        Condition(
+            "main engine", 50.0, "N", (), lambda r: scalar(r, "propulsion.thrust_nominal[13]")
+        ),
+        Condition(
+            "brakes, each", 10.0, "N", (), lambda r: scalar(r, "propulsion.thrust_nominal[9]")
+        ),
+        Condition("speed law", 0.0, "", (), lambda r: scalar(r, "guidance.law")),
+        Condition("attitude law", 0.0, "", (), lambda r: scalar(r, "guidance.att")),
+    ),
+)

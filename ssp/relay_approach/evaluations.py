@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What is measured in a result of the relay approach for the claims of Kozlova & Fomichev 2023.
+
+Every measure returns the number that is judged and then those that are shown with it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.mission.claim import Array, CannotJudgeError, final
+from harness.results.result import Result
+
+RANGE, TRANSITION = "guidance.range", "guidance.q_DS"
+VELOCITIES = ("servicer.v_SN_N", "target.v_TN_N")
+RATE_ERROR, IMPULSE = "controller.domega_S", "propulsion.impulse"
+
+STOP = 40000.0
+"""Duration of the run [s]; the paper does not say it."""
+HOLD = 50.0
+"""Range that the paper keeps [m]."""
+CAPTURE = 1000.0
+"""Time after which the approach to that range counts as over [s]."""
+ALIGNED = 2000.0
+"""First alignment is over, and the end of the first leg lies as long before the arrival [s]."""
+IN_ORBIT = 100.0
+"""A target faster than that [m/s] is on an orbit: speeds in the moving frame are not in the
+result.
+"""
+
+
+# ---- histories
+
+
+def speeds(result: Result) -> tuple[Array, Array]:
+    """Speed of servicer and of target in the frame of the paper [m/s]; CannotJudgeError on an
+    orbit.
+    """
+    servicer, target = (np.linalg.norm(result[name], axis=1) for name in VELOCITIES)
+    if target.max() > IN_ORBIT:
+        raise CannotJudgeError("the paper's frame does not move with an orbit")
+    return np.asarray(servicer), np.asarray(target)
+
+
+def arrival_time(result: Result) -> float:
+    """When the range to hold is reached [s]; CannotJudgeError if it is not."""
+    there = np.flatnonzero(result[RANGE] <= HOLD)
+    if not len(there):
+        raise CannotJudgeError(f"{HOLD:g} m are not reached by {result.time[-1]:g} s")
+    return float(result.time[there[0]])
+
+
+def first_leg(result: Result) -> NDArray[np.bool_]:
+    """Rows of the approach, without first alignment and arrival; CannotJudgeError if it is too
+    short.
+    """
+    leg = np.asarray((result.time >= ALIGNED) & (result.time <= arrival_time(result) - ALIGNED))
+    if not leg.any():
+        raise CannotJudgeError("the first leg is too short")
+    return leg
+
+
+def hold(result: Result) -> NDArray[np.bool_]:
+    """Rows of the hold; CannotJudgeError if it lasts less than 2000 s."""
+    held = np.asarray(result.time >= arrival_time(result) + CAPTURE)
+    if result.time[-1] < arrival_time(result) + CAPTURE + ALIGNED:
+        raise CannotJudgeError(
+            f"the run ends at {result.time[-1]:g} s, less than 3000 s after the arrival"
+        )
+    return held
+
+
+# ---- measures
+
+
+def arrival(result: Result) -> tuple[float, ...]:
+    """Time of arrival at 50 m [s], range at the start [m]."""
+    return arrival_time(result), result[RANGE][0]
+
+
+def speed_ripple(result: Result) -> tuple[float, ...]:
+    """Spread of the speed of the first leg relative to its mean [%]; mean [m/s]."""
+    leg = speeds(result)[0][first_leg(result)]
+    return 100 * np.ptp(leg) / leg.mean(), leg.mean()
+
+
+def approach_speed(result: Result) -> tuple[float, ...]:
+    """Mean speed of the first leg over twice that of the target; mean speed [m/s]."""
+    servicer, target = speeds(result)
+    leg = servicer[first_leg(result)].mean()
+    return leg / (2 * target.mean()), leg
+
+
+def hold_error(result: Result) -> tuple[float, ...]:
+    """Largest distance from 50 m during the hold [m]; least and largest range [m]."""
+    distance = result[RANGE][hold(result)]
+    return np.abs(distance - HOLD).max(), distance.min(), distance.max()
+
+
+def hold_speed(result: Result) -> tuple[float, ...]:
+    """Mean speed during the hold relative to that of the target; that speed [m/s]."""
+    servicer, target = (speed[hold(result)].mean() for speed in speeds(result))
+    return servicer / target, servicer
+
+
+def heading(result: Result) -> tuple[float, ...]:
+    """Mean angle between the velocities of servicer and target in the last 2000 s of the hold
+    [deg].
+    """
+    hold(result)
+    speeds(result)
+    rows = final(result, 2000.0, arrival_time(result) + CAPTURE)
+    v_S, v_T = (result[name][rows] for name in VELOCITIES)
+    angle = np.arctan2(np.linalg.norm(np.cross(v_S, v_T), axis=1), (v_S * v_T).sum(axis=1))
+    return (np.degrees(angle).mean(),)
+
+
+def rate_error(result: Result) -> tuple[float, ...]:
+    """Root mean square of required less actual angular rate after 2000 s, in mrad/s; the largest
+    [mrad/s].
+    """
+    if result.time[-1] < ALIGNED + CAPTURE:
+        raise CannotJudgeError(
+            f"the run ends at {result.time[-1]:g} s, before {ALIGNED + CAPTURE:g} s"
+        )
+    size = np.linalg.norm(result[RATE_ERROR][result.time >= ALIGNED], axis=1)
+    return 1e3 * np.sqrt((size**2).mean()), 1e3 * size.max()
+
+
+def transition_angle(result: Result) -> tuple[float, ...]:
+    """Largest rotation angle of the transition quaternion in the last 5000 s [deg]; its least
+    L0.
+    """
+    L = result[TRANSITION][final(result, 5000.0, 6000.0)]
+    angle = np.degrees(2 * np.arctan2(np.linalg.norm(L[:, 1:], axis=1), L[:, 0]))
+    return angle.max(), L[:, 0].min()

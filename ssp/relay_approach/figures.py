@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Figures of the relay approach: counterparts of figures 6 to 9 of Kozlova & Fomichev 2023,
+firings, phase planes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harness.figures.limits import ROUNDING
+from harness.figures.paths import draw_paths
+from harness.figures.style import legend_above
+from harness.mission.figure import AXES, Array, Axes, Curve, Drawing, Figure, Panel
+from harness.results.result import Result
+
+from ..shared.relative_motion import SERVICER, TARGET, VELOCITIES, range_, relative_speed
+
+PURSUIT = ("guidance.q_DS",)
+"""What only the guidance of this system publishes."""
+HOLD = "guidance.zeta1"
+"""Parameter: range at which the servicer shall stay [m]."""
+IN_ORBIT = 1e6
+"""A target farther than that [m] from the origin of N is in orbit, and paths are drawn relative to
+it.
+"""
+WINDOW = 5.0
+"""Half width of a phase plane, in units of where its outer switching line meets the axes."""
+
+
+# ---- where: figures 6 and 7
+
+
+def _origin(result: Result) -> Array:
+    """What positions are drawn relative to: N in deep space, the target in orbit."""
+    target = result[TARGET]
+    return target if np.abs(target).max() > IN_ORBIT else np.zeros_like(target)
+
+
+def _servicer(result: Result) -> Array:
+    return np.asarray(result[SERVICER] - _origin(result))
+
+
+def _target(result: Result) -> Array:
+    return np.asarray(result[TARGET] - _origin(result))
+
+
+def _trajectory(canvas: Axes, result: Result) -> None:
+    servicer, target = _servicer(result), _target(result)
+    paths = {
+        "servicer": (servicer, "-"),
+        "target": (target if target.any() else target[:1], "--" if target.any() else "ko"),
+    }
+    plane = draw_paths(canvas, paths, ("x [m]", "y [m]", "z [m]"), (0, 1))
+    marks = {"start": 0, "end": len(servicer) - 1}
+    hold = float(result.parameter(HOLD)) if result.holds(parameters=(HOLD,)) else 0.0
+    near = np.flatnonzero(range_(result) <= hold)
+    if len(near):
+        marks[f"{hold:g} m"] = int(near[0])
+    for (label, row), style in zip(marks.items(), ("g^", "rs", "ko"), strict=False):
+        plane.plot(*servicer[row, :2], style, label=label)
+    legend_above(plane)
+
+
+def _coordinate(k: int) -> tuple[Curve, ...]:
+    needs = (SERVICER, TARGET)
+    return (
+        Curve(lambda r: _servicer(r)[:, k], "servicer", needs=needs),
+        Curve(lambda r: _target(r)[:, k], "target", needs=needs, style="--"),
+    )
+
+
+# ---- how it turns: figures 8 and 9
+
+
+def _rates(k: int) -> tuple[Curve, ...]:
+    needs = ("servicer.omega_SN_S", "controller.domega_S")
+    return (
+        Curve(lambda r: r[needs[0]][:, k] + r[needs[1]][:, k], "required", needs=needs),
+        Curve(lambda r: r[needs[0]][:, k], "actual", needs=needs),
+    )
+
+
+# ---- engines
+
+
+def _group(first: int, last: int, what: str, label: str) -> Curve:
+    """Sum over the thrusters first .. last - 1."""
+    name = f"propulsion.{what}"
+    return Curve(lambda r: np.asarray(r[name][:, first:last].sum(axis=1)), label, needs=(name,))
+
+
+def _groups(what: str) -> tuple[Curve, ...]:
+    return (
+        _group(0, 8, what, "attitude"),
+        _group(8, 12, what, "brakes"),
+        _group(12, 13, what, "main engine"),
+    )
+
+
+# ---- phase planes of the relays
+
+TRANSLATION = tuple(f"controller.{name}" for name in ("Kp_v", "Kd_v", "rho1", "rho2"))
+ROTATION = tuple(f"controller.{name}" for name in ("Kp_w", "Kd_w", "xi1", "xi2"))
+
+
+def _phase_planes(canvas: Axes, result: Result) -> None:
+    """Error and its derivative with the lines Kp e + Kd e' = const at which the relays switch."""
+    Kp, Kd, off, on = (result.parameter(name) for name in TRANSLATION)
+    error, sigma = result["controller.e_v"], result["controller.sigma_v"]
+    _phase_plane(
+        canvas.add_subplot(2, 2, 1),
+        error,
+        sigma,
+        (Kp, Kd, off, on),
+        ("speed error along X [m/s]", "m/s2"),
+    )
+    Kp, Kd, off, on = (result.parameter(name) for name in ROTATION)
+    errors, sigmas = result["controller.domega_S"], result["controller.sigma_w"]
+    turning = np.abs(errors).max(axis=0) > ROUNDING * np.abs(errors).max()
+    for place, k in enumerate(np.flatnonzero(turning), start=2):
+        axis, axes = AXES[k], canvas.add_subplot(2, 2, place)
+        gains = (Kp[k], Kd[k], off[k], on[k])
+        _phase_plane(
+            axes, errors[:, k], sigmas[:, k], gains, (f"rate error about {axis} [rad/s]", "rad/s2")
+        )
+
+
+def _phase_plane(
+    axes: Axes, error: Array, sigma: Array, gains: tuple[Array, ...], names: tuple[str, str]
+) -> None:
+    """names: of the error, and the unit of its derivative. A gain Kd = 0 leaves no derivative to be
+    drawn.
+    """
+    Kp, Kd, off, on = (float(gain) for gain in gains)
+    x, y = (WINDOW * on / gain if gain else 1.0 for gain in (Kp, Kd))
+    axes.plot(error, (sigma - Kp * error) / Kd if Kd else 0 * error, ".", markersize=1, color="C0")
+    ends = np.array([-x, x])
+    for level, style in ((on, "-"), (-on, "-"), (off, "--"), (-off, "--")):
+        if Kd:
+            axes.plot(ends, (level - Kp * ends) / Kd, style, color="C3", linewidth=1)
+        elif Kp:
+            axes.axvline(level / Kp, linestyle=style, color="C3", linewidth=1)
+    axes.set(xlim=(-x, x), ylim=(-y, y), xlabel=names[0], ylabel=f"its derivative [{names[1]}]")
+
+
+FIGURES: tuple[Figure | Drawing, ...] = (
+    Drawing(
+        "trajectory", "Paths of servicer and target", (SERVICER, TARGET, *PURSUIT), _trajectory
+    ),
+    Figure(
+        "coordinates",
+        "Coordinates",
+        tuple(Panel(f"{a} [m]", _coordinate(k)) for k, a in enumerate(AXES)),
+        PURSUIT,
+    ),
+    Figure(
+        "rates",
+        "Required and actual angular velocity, body axes",
+        tuple(Panel(f"{a} [rad/s]", _rates(k)) for k, a in enumerate(AXES)),
+        PURSUIT,
+    ),
+    Figure(
+        "transition",
+        "Transition quaternion to the required attitude (L0: scalar part)",
+        (Panel("element", (Curve("guidance.q_DS", labels=("L0", "L1", "L2", "L3")),)),),
+    ),
+    Figure(
+        "speeds",
+        "Speed relative to the target",
+        (
+            Panel(
+                "actual [m/s]",
+                (Curve(relative_speed, needs=VELOCITIES),),
+            ),
+            Panel("required [m/s]", (Curve("guidance.v_req"),)),
+        ),
+    ),
+    Figure(
+        "engines",
+        "Engines",
+        (
+            Panel("thrust [N]", _groups("thrust")[1:]),
+            Panel("cumulative impulse [N s]", _groups("impulse")),
+            Panel("number of ignitions", _groups("switches")),
+        ),
+        PURSUIT,
+    ),
+    Drawing(
+        "phase_planes",
+        "Relays: error, its derivative, switching lines (solid: on, dashed: off)",
+        ("controller.e_v", "controller.sigma_v", "controller.domega_S", "controller.sigma_w"),
+        _phase_planes,
+        (11, 9),
+        TRANSLATION + ROTATION,
+    ),
+)

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Figures that every approach has, whatever guides and controls it, and those of estimates by
+adaptive control: counterparts of figures 5 to 11 of Zhu & Yang 2009.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harness.figures.style import time_axis
+from harness.mission.figure import AXES, Array, Axes, Curve, Drawing, Figure, Level, Panel, degrees
+from harness.results.result import Result
+
+from .relative_motion import (
+    ATTITUDE,
+    FORCE_H,
+    REFERENCE_ATTITUDE,
+    attitude_error,
+    attitude_error_vector,
+    force_H,
+    release_time,
+)
+
+ETA = "controller.eta_hat"
+"""Elements 11 12 13 22 23 33 of the inertia of the body, then of the wheels."""
+MAIN, OFF = (0, 3, 5), (1, 2, 4)
+"""Which of six elements are on the diagonal, and which are not."""
+BODY, WHEELS = "servicer.J_S", "servicer.A_w"
+FINAL_RANGE = Level("to be held:", ("guidance.rho_M", "guidance.zeta1", "guidance.rho_f"))
+TURNED = (ATTITUDE, REFERENCE_ATTITUDE)
+PURSUIT = "guidance.q_DS"
+"""What only the guidance with the thrusters of the paper publishes."""
+DIRECTION = "propulsion.thruster_direction"
+ENGINES = (*(f"P{i}" for i in range(1, 9)), *(f"P'{i}" for i in range(1, 6)))
+"""The thrusters of the paper: attitude, brakes, main engine."""
+COLUMNS = 1500
+"""Columns of the firing chart; more rows than that are put together, the largest thrust of each
+counts.
+"""
+
+
+def _inertias(what: str, first: int, elements: tuple[int, ...], parameter: str) -> Panel:
+    """Six estimated elements from `first` on, or those on or off the diagonal, and the true ones,
+    dashed.
+    """
+    chosen = [first + k for k in elements]
+    places = [(i, j) for i in range(3) for j in range(i, 3)]
+    labels = tuple("{}{}".format(*(i + 1 for i in places[k])) for k in elements)
+
+    def true(result: Result) -> Array:
+        matrix = result.parameter(parameter)
+        return np.tile([matrix[places[k]] for k in elements], (len(result.time), 1))
+
+    estimates = Curve(ETA, "", lambda x: np.asarray(x[:, chosen]), labels, "-")
+    values = Curve(true, "", None, ("true", "", ""), "--", anew=True, parameters=(parameter,))
+    return Panel(f"{what} [kg m2]", (estimates, values), after=release_time)
+
+
+def _firing_chart(canvas: Axes, result: Result) -> None:
+    """Thrust of every engine as part of its largest, over time."""
+    thrust = result["propulsion.thrust"]
+    exist = np.flatnonzero(thrust.any(axis=0))
+    names = [_engine(result, int(i)) for i in exist]
+    axes, clock = canvas.add_subplot(), time_axis(result.time)
+    if len(exist):
+        part = thrust[:, exist] / thrust[:, exist].max(axis=0)
+        begin, end = result.time[[0, -1]] / clock.seconds
+        span = (begin, end, len(exist) - 0.5, -0.5)
+        image = axes.imshow(
+            _thinned(part).T,
+            aspect="auto",
+            extent=span,
+            cmap="Greys",
+            vmin=0,
+            vmax=1,
+            interpolation="none",
+        )
+        canvas.colorbar(image, label="part of the largest thrust")
+    axes.set_yticks(range(len(exist)), names)
+    axes.set(xlabel=clock.label, ylabel="thruster")
+    axes.grid(False)
+
+
+def _engine(result: Result, i: int) -> str:
+    """Name of thruster i: that of the paper, of another set its number and the way it pushes."""
+    if PURSUIT in result:
+        return ENGINES[i] if i < len(ENGINES) else str(i + 1)
+    if not result.holds(parameters=(DIRECTION,)):
+        return str(i + 1)
+    direction = result.parameter(DIRECTION)[i]
+    axis = int(np.argmax(np.abs(direction)))
+    along = np.count_nonzero(direction) == 1
+    return f"{i + 1} ({'-' if direction[axis] < 0 else '+'}{AXES[axis]})" if along else str(i + 1)
+
+
+def _thinned(rows: Array) -> Array:
+    """At most COLUMNS rows, each the largest of those it stands for."""
+    starts = np.unique(
+        np.linspace(0, len(rows), min(len(rows), COLUMNS), endpoint=False).astype(int)
+    )
+    return np.asarray(np.maximum.reduceat(rows, starts, axis=0))
+
+
+RANGE = Figure(
+    "range",
+    "Range",
+    (Panel("range [m]", (Curve("guidance.range", "range"),), level=FINAL_RANGE),),
+)
+FORCE = Figure(
+    "force",
+    "Control force",
+    (
+        Panel("Hill axes [N]", (Curve(force_H, needs=FORCE_H),)),
+        Panel("servicer axes [N]", (Curve("propulsion.F_S"),)),
+    ),
+)
+ESTIMATED_MASS = Figure(
+    "estimated_mass",
+    "Estimated and true mass",
+    (
+        Panel(
+            "mass [kg]",
+            (Curve("controller.m_hat", "estimate"), Curve("servicer.mass", "true", style="--")),
+        ),
+    ),
+)
+ATTITUDE_ERROR = Figure(
+    "attitude_error",
+    "Attitude error",
+    (
+        Panel(
+            "MRP of S relative to D",
+            (Curve(attitude_error_vector, needs=TURNED),),
+            after=release_time,
+        ),
+        Panel(
+            "angle [deg]",
+            (Curve(attitude_error, convert=degrees, needs=TURNED),),
+            after=release_time,
+            log=True,
+        ),
+    ),
+)
+WHEEL_SPEEDS = Figure(
+    "wheel_speeds",
+    "Wheel speeds",
+    (Panel("speed [rad/s]", (Curve("servicer.wheel_speed"),), after=release_time),),
+    ("guidance.rho_H",),
+)
+INERTIA_ESTIMATES = Figure(
+    "inertia_estimates",
+    "Estimated inertias, true ones dashed",
+    (
+        _inertias("body, diagonal", 0, MAIN, BODY),
+        _inertias("body, products", 0, OFF, BODY),
+        _inertias("wheels, diagonal", 6, MAIN, WHEELS),
+        _inertias("wheels, products", 6, OFF, WHEELS),
+    ),
+    (ETA,),
+)
+ALIGNMENT = Figure(
+    "alignment",
+    "Alignment",
+    (
+        Panel(
+            "angle [deg]",
+            (
+                Curve("guidance.beta_t", "grasp axis to relative position", degrees),
+                Curve("guidance.beta_p", "arm to direction of target", degrees),
+            ),
+        ),
+    ),
+)
+FIRING = Drawing("firing", "Thruster firings", ("propulsion.thrust",), _firing_chart)
+ADAPTIVE = (ESTIMATED_MASS, INERTIA_ESTIMATES)

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Estimates beside the truth: errors with their standard deviations, innovations, availability.
+
+The filters publish standard deviations, no correlations: the normalised errors are sums of squares
+over variances, per part of the estimate.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.results.alignment import is_late
+from harness.results.result import Result
+
+Array = NDArray[np.float64]
+
+FILTER = "relative_filter"
+BODIES = (
+    "servicer.r_SN_N",
+    "servicer.v_SN_N",
+    "servicer.q_SN",
+    "target.r_TN_N",
+    "target.v_TN_N",
+    "target.q_TN",
+    "target.omega_TN_T",
+)
+ESTIMATES = tuple(
+    f"{FILTER}.{name}"
+    for name in ("r_SN_N", "v_SN_N", "q_SN", "r_TN_N", "v_TN_N", "q_TN", "omega_TN_T")
+)
+SIGMAS = ("sigma_rho_N", "sigma_drho_N", "sigma_theta_T", "sigma_omega_T")
+SENSORS = ("star_tracker.star_valid", "gyro.gyro_valid", "pose_sensor.pose_valid")
+FIXES = ("orbit_sensor.fix_valid",)
+MOTION = (*BODIES, *ESTIMATES, *(f"{FILTER}.{name}" for name in SIGMAS))
+
+
+class Errors(NamedTuple):
+    """Of a part of the estimate, (rows, 3), its standard deviation, the factor to its unit."""
+
+    title: str
+    error: Array
+    sigma: Array
+    factor: float
+
+
+# ---- errors
+
+
+def rows(result: Result) -> tuple[slice, slice]:
+    """Rows of the truth and of what the software made of it (harness.results.alignment)."""
+    if len(result.time) > 2 and is_late(result, f"{FILTER}.q_TN"):
+        return slice(0, -1), slice(1, None)
+    return slice(None), slice(None)
+
+
+def attitude_error(estimate: Array, truth: Array) -> Array:
+    """4 times the Rodrigues parameters of q_hat* q, (rows, 3) [rad]."""
+    w, v = estimate[:, :1], estimate[:, 1:]
+    scalar = np.sum(estimate * truth, axis=1, keepdims=True)
+    vector = w * truth[:, 1:] - truth[:, :1] * v - np.cross(v, truth[:, 1:])
+    sign = np.where(scalar < 0, -1.0, 1.0)
+    return np.asarray(4 * sign * vector / (1 + sign * scalar))
+
+
+def errors(result: Result) -> tuple[Errors, ...]:
+    """Errors of the relative motion, truth minus estimate."""
+    true, said = rows(result)
+
+    def difference(of_servicer: str, of_target: str) -> Array:
+        relative = result[f"servicer.{of_servicer}"] - result[f"target.{of_target}"]
+        estimate = result[f"{FILTER}.{of_servicer}"] - result[f"{FILTER}.{of_target}"]
+        return np.asarray(relative[true] - estimate[said])
+
+    found = (
+        difference("r_SN_N", "r_TN_N"),
+        difference("v_SN_N", "v_TN_N"),
+        attitude_error(result[f"{FILTER}.q_TN"][said], result["target.q_TN"][true]),
+        result["target.omega_TN_T"][true] - result[f"{FILTER}.omega_TN_T"][said],
+    )
+    titles = ("rho, N [mm]", "its rate, N [mm/s]", "attitude of T [deg]", "rate of T [deg/s]")
+    factors = (1e3, 1e3, np.degrees(1.0), np.degrees(1.0))
+    sigmas = (result[f"{FILTER}.{name}"][said] for name in SIGMAS)
+    return tuple(map(Errors, titles, found, sigmas, factors))
+
+
+def normalised(part: Errors) -> Array:
+    """Sum of squares over variances, (rows,); NaN where nothing is claimed."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.sum((part.error / part.sigma) ** 2, axis=1))
+
+
+# ---- chi-square
+
+
+def bounds(degrees: int, count: int = 1) -> tuple[float, float]:
+    """Bounds of the mean of `count` values that follow chi-square, 95 %."""
+    from scipy.stats import chi2
+
+    low, high = chi2.ppf((0.025, 0.975), degrees * count) / count
+    return float(low), float(high)
+
+
+def innovations(result: Result, filter_: str, name: str, stamp: str) -> tuple[Array, Array]:
+    """Times of the measurements looked at, and the normalised innovation squared of each."""
+    nis = result[f"{filter_}.{name}_nis"]
+    new = np.flatnonzero(np.diff(result[stamp]) > 0) + 1
+    new = new[(nis[new] > 0) & (np.diff(nis)[new - 1] != 0)]
+    return np.asarray(result.time[new]), np.asarray(nis[new])
+
+
+def moving_mean(values: Array, count: int) -> Array:
+    """Mean of the last `count` values."""
+    total = np.cumsum(np.insert(values, 0, 0.0))
+    return np.asarray((total[count:] - total[:-count]) / count)
+
+
+KINDS = (
+    ("poses", FILTER, "pose", "pose_sensor.pose_time", 6),
+    ("stars", "attitude_filter", "star", "star_tracker.star_time", 3),
+    ("fixes", "orbit_filter", "fix", "orbit_sensor.fix_time", 6),
+)
+"""Measurement, filter, its name, time stamp, numbers in it."""
+NIS = tuple(f"{filter_}.{name}_nis" for _, filter_, name, _, _ in KINDS)
+STAMPS = tuple(stamp for *_, stamp, _ in KINDS)
+
+
+# ---- sensors, tracking
+
+
+def availability(result: Result, name: str, begin: float = 1.0) -> float:
+    """Part of the time after the first second in which a sensor has a measurement."""
+    return float(np.mean(result[name][result.time >= begin]))
+
+
+def tracking(result: Result) -> tuple[Array, Array]:
+    """Distance from the reference, in truth and as the software sees it, (rows,) [m]."""
+    true, said = rows(result)
+    reference = result["guidance.rho_ref_N"][said]
+    actual = (result["servicer.r_SN_N"] - result["target.r_TN_N"])[true]
+    estimate = (result[f"{FILTER}.r_SN_N"] - result[f"{FILTER}.r_TN_N"])[said]
+    actual_error, seen_error = (np.linalg.norm(x - reference, axis=1) for x in (actual, estimate))
+    return np.asarray(actual_error), np.asarray(seen_error)

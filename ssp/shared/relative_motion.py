@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Motion of the servicer relative to the target and to its reference, from the rows of a result.
+Which row of the reference belongs to a state: harness.results.alignment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.results.alignment import aligned, is_late
+from harness.results.result import Result
+from harness.results.rotations import relative_mrp, rotation_angle, turned
+
+Array = NDArray[np.float64]
+
+SERVICER, TARGET, REFERENCE = "servicer.r_SN_N", "target.r_TN_N", "guidance.rho_ref_N"
+VELOCITIES = ("servicer.v_SN_N", "target.v_TN_N")
+ATTITUDE, REFERENCE_ATTITUDE = "servicer.q_SN", "guidance.q_DN"
+POSITION_H = ("guidance.rho_H", "guidance.rho_ref_H")
+FORCE_H = ("propulsion.F_S", ATTITUDE, TARGET, VELOCITIES[1])
+RELEASE = "servicer.t_att"
+"""Parameter: the attitude of the servicer is frozen before this time [s]."""
+RATE = "servicer.omega_SN_S"
+"""Published as zero as long as the attitude is frozen."""
+
+
+def position_error(result: Result) -> Array:
+    """Distance of the servicer from its reference position, (rows,) [m]."""
+    return _aligned(result, _relative(result), lambda a, b: np.linalg.norm(a - b, axis=1))
+
+
+def range_error(result: Result) -> Array:
+    """Magnitude of range less range of the reference position, (rows,) [m]."""
+    return _aligned(result, _relative(result), lambda a, b: np.abs(_norm(a) - _norm(b)))
+
+
+def attitude_error(result: Result) -> Array:
+    """Angle between the attitude of the servicer and the reference attitude, 0 to pi, (rows,)
+    [rad].
+    """
+    return _turned_from(result, rotation_angle)
+
+
+def position_error_H(result: Result) -> Array:
+    """Position less reference position as the guidance sees them, Hill axes, (rows, 3) [m]."""
+    return np.asarray(result[POSITION_H[0]] - result[POSITION_H[1]])
+
+
+def attitude_error_vector(result: Result) -> Array:
+    """Attitude of S relative to D as modified Rodrigues parameters, |sigma| <= 1, (rows, 3)."""
+    return _turned_from(result, relative_mrp)
+
+
+def force_H(result: Result) -> Array:
+    """Force of the actuators on the servicer in axes of the target's Hill frame, (rows, 3) [N].
+
+    x radial outward, y along track, z orbit normal; turned with the attitude of the same row.
+    """
+    r, v = result[TARGET], result[VELOCITIES[1]]
+    normal = np.cross(r, v)
+    axes = np.stack([r, np.cross(normal, r), normal], axis=1)
+    axes /= np.linalg.norm(axes, axis=2)[:, :, None]
+    return np.asarray(np.einsum("kij,kj->ki", axes, turned(result[ATTITUDE], result[FORCE_H[0]])))
+
+
+def release_time(result: Result) -> float:
+    """Time from which on torques turn the servicer [s]; infinite if that is never.
+
+    The parameter t_att of the servicer; where the result does not hold parameters, the row before
+    the first angular velocity that is not zero.
+    """
+    if result.holds(parameters=(RELEASE,)):
+        return float(result.parameter(RELEASE))
+    turning = np.flatnonzero(result[RATE].any(axis=1)) if RATE in result else np.zeros(1, int)
+    return float(result.time[max(0, turning[0] - 1)]) if len(turning) else float("inf")
+
+
+def range_(result: Result) -> Array:
+    """Distance between servicer and target, (rows,) [m]."""
+    return _norm(_relative(result))
+
+
+def initial_range(result: Result) -> float:
+    """Distance between servicer and target in the first row [m]."""
+    return float(_norm(result[SERVICER][:1] - result[TARGET][:1])[0])
+
+
+def reference_range(result: Result) -> Array:
+    """Range of the reference position, in the row of the state that it belongs to, (rows,) [m]."""
+    return _aligned(result, _relative(result), lambda _, b: _norm(b))
+
+
+def relative_speed(result: Result) -> Array:
+    """Magnitude of the velocity of the servicer relative to the target, (rows,) [m/s]."""
+    return _norm(result[VELOCITIES[0]] - result[VELOCITIES[1]])
+
+
+def _relative(result: Result) -> Array:
+    return np.asarray(result[SERVICER] - result[TARGET])
+
+
+def _norm(x: Array) -> Array:
+    return np.asarray(np.linalg.norm(x, axis=1))
+
+
+def _aligned(result: Result, actual: Array, error: Callable[[Array, Array], Array]) -> Array:
+    """Error of a position against that of the reference."""
+    return aligned(actual, result[REFERENCE], error, is_late(result, REFERENCE))
+
+
+def _turned_from(result: Result, error: Callable[[Array, Array], Array]) -> Array:
+    """Error of the attitude against that of the reference."""
+    late = is_late(result, REFERENCE_ATTITUDE)
+    return aligned(result[ATTITUDE], result[REFERENCE_ATTITUDE], error, late)

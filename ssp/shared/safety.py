@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What the safety monitor of a run has found: rule by rule the least margin since the start and the
+first violation, judged between samples too (docs/models.md G).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.mission import RuleFinding
+from harness.results.result import Result
+
+LEAST, FIRST = "monitor.least_margin", "monitor.t_first"
+VIOLATED, WHEN = "monitor.rule_violated", "monitor.t_violation"
+FOUND = (LEAST, FIRST, VIOLATED, WHEN)
+Parameter = Callable[[str], NDArray[np.float64]]
+"""Value of a parameter of the monitor by name."""
+RESTING = 1e9
+"""Margin of a rule that is off, or has rested since the start."""
+
+
+class Rule(NamedTuple):
+    """A rule of the monitor: its name, the unit of its margin, the output with its history."""
+
+    name: str
+    unit: str
+    history: str
+
+
+RULES = (
+    Rule("keep-out", "m", "monitor.keep_out_margin"),
+    Rule("corridor", "m", "monitor.corridor_margin"),
+    Rule("speed", "m/s", "monitor.speed_margin"),
+    Rule("passive", "m", "monitor.passive_margin"),
+    Rule("plume", "m", "monitor.plume_margin"),
+    Rule("navigation", "s", "monitor.navigation_margin"),
+)
+"""In the order of the elements of monitor.least_margin."""
+
+
+def findings(result: Result) -> Iterator[RuleFinding]:
+    """What was found of each rule that was in force, after the last row."""
+    if not (result.holds(*FOUND) and len(result.time)):
+        return
+    for rule, margin, time in zip(RULES, result[LEAST][-1], result[FIRST][-1], strict=True):
+        if margin < RESTING:
+            yield RuleFinding(
+                rule.name,
+                float(margin),
+                rule.unit,
+                float(time) if time >= 0 else float("nan"),
+                result.description(rule.history),
+                limit(result, rule),
+            )
+
+
+def least_margin(result: Result, name: str) -> float:
+    """Least margin of a rule since the start, in its unit; NaN if it was not in force."""
+    return next((f.margin for f in findings(result) if f.name == name), float("nan"))
+
+
+def first_violation(result: Result) -> float:
+    """Time of the first violation of any rule [s]; NaN if there was none."""
+    times = [f.violated for f in findings(result) if np.isfinite(f.violated)]
+    return min(times, default=float("nan"))
+
+
+# ---- the limits in words
+
+
+def limit(result: Result, rule: Rule) -> str:
+    """What a rule asks for, from the parameters of the run; "" if the result does not hold them."""
+    if not result.holds(parameters=("monitor.keep_out_half", "monitor.lost_time")):
+        return ""
+    return LIMITS[rule.name](lambda name: result.parameter(f"monitor.{name}"))
+
+
+def _keep_out(p: Parameter) -> str:
+    half = p("keep_out_half")
+    if p("keep_out_shape") == 1 and np.ptp(half) == 0:
+        return f"outside a sphere of {half[0]:g} m"
+    shape = "an ellipsoid" if p("keep_out_shape") == 1 else "a box"
+    return f"outside {shape} with half axes of {', '.join(f'{x:g}' for x in half)} m"
+
+
+def _corridor(p: Parameter) -> str:
+    frame = "the target" if p("corridor_axes") else "the orbit"
+    cone = f"within {np.degrees(p('corridor_half_angle')):g} deg of an axis fixed in {frame}"
+    return cone + (f", up to {p('corridor_length'):g} m" if p("corridor_length") else "")
+
+
+def _speed(p: Parameter) -> str:
+    slope = p("speed_slope")
+    return f"at most {p('speed_at_zero'):g} m/s" + (f" + {slope:.4g} 1/s range" if slope else "")
+
+
+def _passive(p: Parameter) -> str:
+    return f"the drift of {p('passive_time'):g} s without thrust does not enter the zone"
+
+
+def _plume(p: Parameter) -> str:
+    return (
+        f"no exhaust within {np.degrees(p('plume_half_angle')):g} deg of the target "
+        f"nearer than {p('plume_range'):g} m"
+    )
+
+
+def _navigation(p: Parameter) -> str:
+    return f"at most {p('lost_time'):g} s without a valid relative state"
+
+
+LIMITS = dict(
+    zip(
+        [rule.name for rule in RULES],
+        (_keep_out, _corridor, _speed, _passive, _plume, _navigation),
+        strict=True,
+    )
+)

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Claims of Guo, Li, Fan & Meng 2014 on the pitch motion of a locked space robot (docs/models.md
+D).
+
+The paper gives neither the start of the motion nor how long it was followed: a verdict is about the
+run at hand, and for other starts tumbling begins elsewhere. Which claims belong to a run its
+eccentricity decides.
+"""
+
+from __future__ import annotations
+
+from harness.mission.claim import Band, Case, Claim, Condition, Paper, at_least, at_most
+from harness.results.result import Result
+
+from . import evaluations as measures
+from .evaluations import ANGLES, ECCENTRICITY, MOTION
+from .pitch import PITCH
+
+PERIODIC, FIRST, LAST, END = 0.005, 0.06331, 0.06872, 0.08594
+"""Eccentricities at which the paper sees periodic motion end, the window of tumbling begin and end,
+and quasi-periodic motion end.
+"""
+INTERVAL = 600.0
+"""Rows must be closer than that, a tenth of an orbit [s]."""
+
+
+def _tumbles(where: str, text: str) -> Claim:
+    return Claim(
+        name="tumbling",
+        text=text,
+        where=where,
+        needs=MOTION,
+        measure=measures.largest_turn,
+        figure="up to {0:.1f} deg from the equilibrium in {1:.0f} orbits",
+        unit="deg",
+        reproduced=at_least(180.0),
+        interval=INTERVAL,
+    )
+
+
+def _librates(text: str, where: str) -> Claim:
+    return Claim(
+        name="libration",
+        text=text,
+        where=where,
+        needs=MOTION,
+        measure=measures.largest_turn,
+        figure="up to {0:.1f} deg from the equilibrium in {1:.0f} orbits",
+        unit="deg",
+        reproduced=at_most(180.0),
+        interval=INTERVAL,
+    )
+
+
+EQUILIBRIUM = Claim(
+    name="equilibrium",
+    text="the smallest amplitude of the pitch, that of the equilibrium, is 25 deg",
+    where="section 3.1, figure 3",
+    needs=(PITCH, ANGLES),
+    measure=measures.equilibrium,
+    figure="theta_hat = {0:.2f} deg off the local vertical, kappa = {1:.4f}",
+    unit="deg",
+    reproduced=Band(24.0, 26.0),
+    partly=Band(20.0, 30.0),
+    interval=INTERVAL,
+)
+CRITICAL = Claim(
+    name="critical rate",
+    text="on a circular orbit no tumbling below the critical rate at the start, tumbling above",
+    where="section 3.1, (9)",
+    needs=MOTION,
+    measure=measures.critical_rate,
+    figure="as the criterion says: {0:.0f}; rate {1:.3f} of the critical one, up to {2:.1f} deg",
+    unit="",
+    reproduced=at_least(1.0),
+)
+CLOSED = Claim(
+    name="closed curve",
+    text="on a circular orbit the phase curve is the level line of (6)",
+    where="section 3.1, (6), figure 2",
+    needs=MOTION,
+    measure=measures.level_change,
+    figure="the level changes by {0:.1g} of the well",
+    unit="",
+    reproduced=at_most(1e-4),
+    partly=at_most(1e-2),
+)
+ONE_POINT = Claim(
+    name="periodic",
+    text="for e < 0.005 the motion is periodic",
+    where="section 3.2, figure 6 (a)",
+    needs=MOTION,
+    measure=measures.strobe_spread,
+    figure="the points of the Poincare section differ by {0:.2f} of the swing, {1:.0f} orbits",
+    unit="",
+    reproduced=at_most(0.01),
+    partly=at_most(0.1),
+    interval=INTERVAL,
+)
+
+FREE = (
+    "stop",
+    "robot.a",
+    "robot.e",
+    "robot.nu",
+    "robot.euler_0",
+    "robot.deuler_0",
+)
+"""Orbit and start, which are not in the paper; its parts differ in the eccentricity."""
+
+TABLES: dict[str, tuple[float, float, tuple[Claim, ...]]] = {
+    "circular orbit": (0.0, 0.0, (EQUILIBRIUM, CRITICAL, CLOSED)),
+    "e below 0.005": (1e-12, PERIODIC, (EQUILIBRIUM, ONE_POINT)),
+    "e from 0.005 to 0.06331": (
+        PERIODIC,
+        FIRST,
+        (EQUILIBRIUM, _librates("quasi-periodic, no tumbling", "section 3.2, figures 5, 6")),
+    ),
+    "e from 0.06331 to 0.06872": (
+        FIRST,
+        LAST,
+        (EQUILIBRIUM, _tumbles("section 3.2, figure 5", "a window of tumbling")),
+    ),
+    "e from 0.06872 to 0.08594": (
+        LAST,
+        END,
+        (EQUILIBRIUM, _librates("quasi-periodic again", "section 3.2, figures 5, 6 (f)")),
+    ),
+    "e above 0.08594": (
+        END,
+        1.0,
+        (EQUILIBRIUM, _tumbles("section 3.2, figure 9", "tumbling for e > 0.08594")),
+    ),
+}
+"""Part of the paper: eccentricity from and to (the end belongs to the next part), claims."""
+
+
+def _paper(part: str, low: float, high: float, claims: tuple[Claim, ...]) -> Paper:
+    def meant(result: Result) -> bool:
+        e = float(result.parameter(ECCENTRICITY))
+        return measures.locked(result) and (e == low == high or low <= e < high)
+
+    return Paper(
+        title="Guo S., Li D., Fan C., Meng Y.: Nonlinear attitude dynamics of a space robot under "
+        f"gravity gradient. Acta Physica Sinica 63, 2014, 100504: {part}",
+        needs=(*MOTION, ANGLES),
+        parameters=measures.SHAPE,
+        claims=claims,
+        meant=meant,
+        cases=(Case("space_robot", free=FREE),),
+        conditions=tuple(
+            Condition(f"joint {k + 1} at", angle, "deg", (ANGLES,), measures.joint(k))
+            for k, angle in enumerate((30.0, 20.0))
+        ),
+    )
+
+
+PAPERS = tuple(_paper(part, *rest) for part, rest in TABLES.items())

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What is measured in the pitch motion of a locked space robot for the claims of Guo et al. 2014.
+
+Every measure returns the number that is judged and then those that are shown with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from harness.mission.claim import Array, parameter
+from harness.results.result import Result
+
+from .pitch import ANOMALY, PITCH, RATE, orbits, strobe
+
+ANGLES = "robot.joint_angle"
+MOTION = (PITCH, RATE, ANOMALY)
+ECCENTRICITY = "robot.e"
+SHAPE = tuple(f"robot.{name}" for name in ("e", "mass", "Ixx", "Iyy", "Izz", "l", "r"))
+"""Parameters that the constants of the pitch equation follow from."""
+
+
+def locked(result: Result) -> bool:
+    """Whether the joints have not moved."""
+    return bool(np.ptp(result[ANGLES], axis=0).max() < 1e-9)
+
+
+def joint(k: int) -> Callable[[Result], float]:
+    """Angle of a joint at the start [deg]."""
+    return lambda result: float(np.degrees(result[ANGLES][0, k]))
+
+
+def pitch_constants(result: Result) -> tuple[float, float]:
+    """Constants theta_hat [rad] and kappa of the pitch equation.
+
+    S = sum of m rho rho^T and of the second moments of the bodies, in the plane and base axes from
+    the centre of mass; S_1 >= S_2 its principal values, the axis of S_1 at an angle alpha:
+    theta_hat = -alpha, kappa = 3 (S_1 - S_2)/(S_1 + S_2).
+    """
+    mass, l, r = (parameter(result, f"robot.{name}") for name in ("mass", "l", "r"))  # noqa: E741
+    q = np.cumsum([0.0, *result[ANGLES][0]])
+    along = np.stack([np.cos(q), np.sin(q)], axis=1)
+    joint_1 = r[0] * along[0]
+    joint_2 = joint_1 + (l[1] + r[1]) * along[1]
+    rho = np.array([0 * joint_1, joint_1 + l[1] * along[1], joint_2 + l[2] * along[2]])
+    rho -= mass @ rho / mass.sum()
+    second = np.einsum("k,ki,kj->ij", mass, rho, rho) + _bodies(result, along)
+    values, axes = np.linalg.eigh(second)
+    alpha = np.arctan2(axes[1, 1], axes[0, 1])
+    theta_hat = (-alpha + np.pi / 2) % np.pi - np.pi / 2
+    return float(theta_hat), float(3 * (values[1] - values[0]) / values.sum())
+
+
+def _bodies(result: Result, along: Array) -> Array:
+    """Sum of the second moments of the bodies about their own centres: (Iyy + Izz - Ixx)/2 along
+    x.
+    """
+    xx, yy, zz = (parameter(result, f"robot.{name}") for name in ("Ixx", "Iyy", "Izz"))
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    lengthwise = np.einsum("k,ki,kj->ij", (yy + zz - xx) / 2, along, along)
+    sideways = np.einsum("k,ki,kj->ij", (xx + zz - yy) / 2, across, across)
+    return np.asarray(lengthwise + sideways)
+
+
+def equilibrium(result: Result) -> tuple[float, ...]:
+    """Magnitude of theta_hat [deg]; kappa."""
+    theta_hat, kappa = pitch_constants(result)
+    return abs(float(np.degrees(theta_hat))), kappa
+
+
+def largest_turn(result: Result) -> tuple[float, ...]:
+    """Largest distance of the pitch from the equilibrium nearest to the start [deg]; orbits."""
+    return float(np.degrees(np.abs(_delta(result)).max())), orbits(result)
+
+
+def _delta(result: Result) -> Array:
+    """Pitch from the equilibrium nearest to its start [rad]."""
+    delta = result[PITCH] - pitch_constants(result)[0]
+    return np.asarray(delta - np.pi * np.round(delta[0] / np.pi))
+
+
+def _slope(result: Result) -> Array:
+    """Pitch rate by the rate of the true anomaly."""
+    return np.asarray(result[RATE] / np.gradient(result[ANOMALY], result.time))
+
+
+def critical_rate(result: Result) -> tuple[float, ...]:
+    """Whether the motion is as (9) says: tumbling above |delta'(0)| = sqrt(kappa) |cos delta(0)|;
+    the rate by that one; largest turn [deg].
+    """
+    turn, _ = largest_turn(result)
+    critical = np.sqrt(pitch_constants(result)[1]) * abs(np.cos(_delta(result)[0]))
+    ratio = abs(_slope(result)[0]) / critical
+    return float((ratio > 1) == (turn > 180)), float(ratio), turn
+
+
+def level_change(result: Result) -> tuple[float, ...]:
+    """Largest change of delta'^2 + kappa sin^2 delta, by kappa."""
+    kappa = pitch_constants(result)[1]
+    level = _slope(result) ** 2 + kappa * np.sin(_delta(result)) ** 2
+    return (float(np.abs(level - level[0]).max() / kappa),)
+
+
+def strobe_spread(result: Result) -> tuple[float, ...]:
+    """Range of the pitch in the Poincare section by that of the whole motion; orbits."""
+    points, _ = strobe(result)
+    return float(np.ptp(np.unwrap(points)) / np.ptp(result[PITCH])), orbits(result)

@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What is measured in a result of the synchronised approach for the claims of Zhu & Yang 2009.
+
+Every measure returns the number that is judged and then those that are shown with it. What the
+result does not hold is taken from the paper: the times of its simulation and its true inertias.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harness.mission.claim import Array, CannotJudgeError, at, final, since
+from harness.results.result import Result
+
+from ..shared import relative_motion as derived
+
+STOP = 1800.0
+"""Duration of the paper's simulation [s]."""
+APPROACHED = 600.0
+"""The exponential part of the reference is over, exp(-600 s / 120 s) < 1 % [s]."""
+ARM = 1200.0
+"""The paper turns the arm to the target from here on [s]."""
+SLEW = 600.0
+"""Time from the start of attitude control to the end of the paper's simulation [s]."""
+ETA_S = np.array([200, 0, 0, 250, 0, 150, 12, 0, 0, 15, 0, 10])
+"""True J11 J12 J13 J22 J23 J33 A11 A12 A13 A22 A23 A33 in the paper's case [kg m2]."""
+LARGEST = np.array([250.0] * 6 + [15.0] * 6)
+"""Largest element of the matrix that an element of eta belongs to [kg m2]."""
+
+RANGE, REFERENCE, BETA_T, BETA_P = (
+    "guidance.range",
+    "guidance.rho_ref_H",
+    "guidance.beta_t",
+    "guidance.beta_p",
+)
+MASS_ESTIMATE, ESTIMATES = "controller.m_hat", "controller.eta_hat"
+TURNED = (derived.ATTITUDE, derived.REFERENCE_ATTITUDE, derived.RATE)
+MASS, WHEELS = "servicer.mass", "servicer.wheel_speed"
+
+
+# ---- histories
+
+
+def size(result: Result, vector: str) -> Array:
+    """Euclidean norm of a vector at every row."""
+    return np.asarray(np.linalg.norm(result[vector], axis=1))
+
+
+def position_error(result: Result) -> Array:
+    """Distance from the reference position [m]."""
+    return np.asarray(np.linalg.norm(derived.position_error_H(result), axis=1))
+
+
+def attitude_error(result: Result) -> Array:
+    """Rotation angle from D to S [deg]."""
+    return np.asarray(np.degrees(derived.attitude_error(result)))
+
+
+def safe_distance(result: Result) -> float:
+    """rho_M: where the reference has come to rest [m]; CannotJudgeError as long as it approaches by
+    more than 1 cm.
+    """
+    distance = size(result, REFERENCE)[final(result, 100.0, ARM)]
+    if np.ptp(distance) > 0.01:
+        raise CannotJudgeError("the reference does not come to rest at a safe distance")
+    return float(distance[-1])
+
+
+def attitude_start(result: Result) -> float:
+    """Time at which the attitude is released [s]; CannotJudgeError if that is never."""
+    start = derived.release_time(result)
+    if not start < result.time[-1]:
+        raise CannotJudgeError("the attitude is not controlled in this run")
+    return start
+
+
+# ---- measures
+
+
+def arrival(result: Result) -> tuple[float, ...]:
+    """Largest distance from rho_M from 20 min on [m]; range at the start, after 10, 20 min and at
+    the end [m].
+    """
+    distance = result[RANGE]
+    off = np.abs(distance - safe_distance(result))[since(result, ARM, ARM)]
+    return (
+        off.max(),
+        distance[0],
+        distance[at(result, APPROACHED)],
+        distance[at(result, ARM)],
+        distance[-1],
+    )
+
+
+def shortfall(result: Result) -> tuple[float, ...]:
+    """How far the range falls below rho_M [mm], minimum range [m] and its time [s]."""
+    least = result[RANGE].argmin()
+    distance = result[RANGE][least]
+    return 1e3 * max(0.0, safe_distance(result) - distance), distance, result.time[least]
+
+
+def grasp_axis_error(result: Result) -> tuple[float, ...]:
+    """Largest angle between relative position and grasp axis after 10 min [deg], at the start
+    [deg].
+    """
+    angle = np.degrees(result[BETA_T])
+    return angle[since(result, APPROACHED, ARM)].max(), angle[0]
+
+
+def tracking_error(result: Result) -> tuple[float, ...]:
+    """Largest position error after 10 min [m], at the start [m], at the end [m]."""
+    error = position_error(result)
+    return error[since(result, APPROACHED, ARM)].max(), error[0], error[-1]
+
+
+def force_rate(result: Result) -> tuple[float, ...]:
+    """Largest change of the force per second in percent of the largest force; force at the start
+    [N], largest [N].
+    """
+    since(result, 0.0, APPROACHED)
+    force = derived.force_H(result)
+    size = np.linalg.norm(force, axis=1)
+    rate = np.linalg.norm(np.diff(force, axis=0), axis=1) / np.diff(result.time)
+    return 100 * rate.max() / size.max(), size[0], size.max()
+
+
+def mass_drift(result: Result) -> tuple[float, ...]:
+    """Movement of the mass estimate over the last 10 min [kg]; estimate at the start, at the end
+    [kg].
+    """
+    estimate = result[MASS_ESTIMATE]
+    return np.ptp(estimate[final(result, 600.0, STOP)]), estimate[0], estimate[-1]
+
+
+def mass_offset(result: Result) -> tuple[float, ...]:
+    """Distance of the mass estimate from the mass at the end [kg], both [kg]."""
+    end = final(result, 0.0, STOP)[-1]
+    estimate, true = result[MASS_ESTIMATE][end], result[MASS][end]
+    return abs(estimate - true), estimate, true
+
+
+def position_decay(result: Result) -> tuple[float, ...]:
+    """Largest position error of the last 10 min over that of the 10 min before, both [mm]."""
+    error = 1e3 * position_error(result)
+    late, early = (
+        error[final(result, 600.0, STOP)].max(),
+        error[final(result, 600.0, STOP, before=600.0)].max(),
+    )
+    return late / early, early, late
+
+
+def attitude_end(result: Result) -> tuple[float, ...]:
+    """Largest attitude error of the last 100 s [deg]; after 1, 2, 5, 10 min of control [deg]."""
+    start, error = attitude_start(result), attitude_error(result)
+    largest = error[final(result, 100.0, start + SLEW)].max()
+    return largest, *(error[at(result, start + 60.0 * minutes)] for minutes in (1, 2, 5, 10))
+
+
+def attitude_decay(result: Result) -> tuple[float, ...]:
+    """Largest attitude error of the last 100 s over that of the 100 s before, both [deg]."""
+    end, error = attitude_start(result) + SLEW, attitude_error(result)
+    late, early = (
+        error[final(result, 100.0, end)].max(),
+        error[final(result, 100.0, end, before=100.0)].max(),
+    )
+    return late / early, early, late
+
+
+def wheel_speed(result: Result) -> tuple[float, ...]:
+    """Largest wheel speed of all, of the last 100 s [rad/s]."""
+    last = final(result, 100.0, attitude_start(result) + SLEW)
+    speed = np.abs(result[WHEELS])
+    return speed.max(), speed[last].max()
+
+
+def inertia_drift(result: Result) -> tuple[float, ...]:
+    """Largest movement of an inertia estimate over the last 100 s in percent of its matrix; J and A
+    [kg m2].
+    """
+    moved = np.ptp(result[ESTIMATES][final(result, 100.0, attitude_start(result) + SLEW)], axis=0)
+    return 100 * (moved / LARGEST).max(), moved[:6].max(), moved[6:].max()
+
+
+def inertia_offset(result: Result) -> tuple[float, ...]:
+    """Largest distance of an inertia estimate from the truth at the end in percent of its matrix; J
+    and A [kg m2].
+    """
+    off = np.abs(result[ESTIMATES][final(result, 0.0, attitude_start(result) + SLEW)][-1] - ETA_S)
+    return 100 * (off / LARGEST).max(), off[:6].max(), off[6:].max()
+
+
+def grasp_share(result: Result) -> tuple[float, ...]:
+    """Share of the last 200 s in which the target can be grasped [%], largest beta_p meanwhile
+    [deg].
+
+    Range within 5 cm of rho_M, relative position within 1 deg of the grasp axis, arm within 5 deg
+    of the target.
+    """
+    last = final(result, 200.0, attitude_start(result) + SLEW)
+    near = np.abs(result[RANGE] - safe_distance(result)) <= 0.05
+    facing = (np.degrees(result[BETA_T]) <= 1.0) & (np.degrees(result[BETA_P]) <= 5.0)
+    return 100 * float(np.mean((near & facing)[last])), np.degrees(result[BETA_P][last]).max()

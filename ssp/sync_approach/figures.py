@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Figures of the synchronised approach: counterparts of figures 4 to 11 of Zhu & Yang 2009."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harness.figures.paths import draw_paths
+from harness.figures.style import legend_above
+from harness.mission.figure import (
+    Axes,
+    Curve,
+    Drawing,
+    Figure,
+    Level,
+    Panel,
+    norm,
+)
+from harness.results.result import Result
+
+from ..shared.relative_motion import (
+    ATTITUDE,
+    POSITION_H,
+    REFERENCE_ATTITUDE,
+    position_error_H,
+)
+
+ETA = "controller.eta_hat"
+"""Elements 11 12 13 22 23 33 of the inertia of the body, then of the wheels."""
+MAIN, OFF = (0, 3, 5), (1, 2, 4)
+"""Which of six elements are on the diagonal, and which are not."""
+BODY, WHEELS = "servicer.J_S", "servicer.A_w"
+FINAL_RANGE = Level("to be held:", ("guidance.rho_M", "guidance.zeta1", "guidance.rho_f"))
+TURNED = (ATTITUDE, REFERENCE_ATTITUDE)
+
+
+def _approach(canvas: Axes, result: Result) -> None:
+    """Path of the servicer about the target in Hill axes: in space, and seen along the orbit
+    normal.
+    """
+    actual, reference = result["guidance.rho_H"], result["guidance.rho_ref_H"]
+    names = ("radial x [m]", "along track y [m]", "normal z [m]")
+    paths = {
+        "servicer": (actual, "-"),
+        "reference": (reference[1:], "--"),
+        "target": (np.zeros((1, 3)), "ko"),
+    }
+    plane = draw_paths(canvas, paths, names, (1, 0))
+    plane.plot(actual[0, 1], actual[0, 0], "g^", label="start")
+    legend_above(plane)
+
+
+FIGURES: tuple[Figure | Drawing, ...] = (
+    Drawing(
+        "trajectory",
+        "Approach trajectory, Hill frame of the target",
+        ("guidance.rho_H", "guidance.rho_ref_H"),
+        _approach,
+    ),
+    Figure(
+        "tracking_error",
+        "Position tracking error, Hill axes",
+        (
+            Panel("error [m]", (Curve(position_error_H, needs=POSITION_H),)),
+            Panel("|error| [m]", (Curve(position_error_H, "", norm, needs=POSITION_H),), log=True),
+        ),
+    ),
+)

@@ -1,0 +1,10 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What the synchronised approach hands the engine."""
+
+from __future__ import annotations
+
+from ..shared.approach import approach
+from .claims import PAPER
+from .figures import FIGURES
+
+MISSION = approach(FIGURES, (PAPER,))

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Claims of the patent of Zhang et al. 2016 on the transposition of an assembly (docs/models.md E).
+
+The patent has no numbers at all; the bands say what we take its claims to mean.
+"""
+
+from __future__ import annotations
+
+from harness.mission.claim import Case, Claim, Condition, Paper, at_least, at_most, scalar
+
+from . import evaluations as measures
+from .evaluations import (
+    AIR,
+    ARM,
+    ATTITUDE,
+    GRAVITY,
+    INERTIAL,
+    ITERATIONS,
+    MOMENTUM,
+    PEAK,
+    PREDICTED,
+    RATE,
+    REFERENCE,
+    RELATIVE_RATE,
+    ROTATION,
+    SHARE,
+    STATUS,
+    TOTAL,
+)
+
+CLAIMS = (
+    Claim(
+        name="flight attitude saturates",
+        text="held in Earth-pointing attitude all the time, the actuators may saturate",
+        where="step (4)",
+        needs=(PEAK,),
+        measure=measures.first_peak,
+        figure="{0:.2f} of saturation would be needed, {1:.0f} N m s",
+        unit="of saturation",
+        reproduced=at_least(1.0),
+    ),
+    Claim(
+        name="plan below saturation",
+        text="repeated corrections of the attitude history lead to one without saturation",
+        where="abstract, steps (4), (5)",
+        needs=(STATUS, ITERATIONS, PEAK),
+        measure=measures.last_peak,
+        figure="{0:.3f} of saturation after {1:.0f} steps: {2:.0f} -> {3:.0f} N m s",
+        unit="of saturation",
+        reproduced=at_most(1.0 - 1e-9),
+    ),
+    Claim(
+        name="every step helps",
+        text="each correction lets the momentum decrease",
+        where="abstract, step (5)",
+        needs=(ITERATIONS, PEAK),
+        measure=measures.descent,
+        figure="peak at most {0:.2f} of that before, {1:.0f} steps",
+        unit="",
+        reproduced=at_most(1.0 - 1e-9),
+    ),
+    Claim(
+        name="no saturation",
+        text="during the transposition the momentum of the actuators does not saturate",
+        where="abstract",
+        needs=(SHARE, MOMENTUM),
+        measure=measures.peak_share,
+        figure="at most {0:.3f} of what they hold, at {2:.0f} s; largest momentum {1:.0f} N m s",
+        unit="",
+        reproduced=at_most(0.98),
+        partly=at_most(1.0 - 1e-9),
+    ),
+    Claim(
+        name="attitude tracking",
+        text="the tracking controller lets the assembly follow the wanted attitude history",
+        where="abstract, step (6)",
+        needs=(ATTITUDE, REFERENCE),
+        measure=measures.tracking_error,
+        figure="within {0:.2g} deg, worst at {1:.0f} s, {2:.2g} deg at the end",
+        unit="deg",
+        reproduced=at_most(0.1),
+        partly=at_most(1.0),
+    ),
+    Claim(
+        name="transposition completed",
+        text="the transposition is completed, the assembly ends in Earth-pointing attitude",
+        where="abstract, step (5a)",
+        needs=(ROTATION, RELATIVE_RATE, ARM[0]),
+        measure=measures.end_attitude,
+        figure="{0:.2g} deg and {1:.1g} deg/s from it, arm at {2:.2f} deg",
+        unit="deg",
+        reproduced=at_most(0.1),
+        partly=at_most(1.0),
+    ),
+    Claim(
+        name="momentum equation",
+        text="the momentum of base, target and actuators changes by gravity gradient and drag",
+        where="step (1)",
+        needs=(TOTAL, INERTIAL, GRAVITY, AIR),
+        measure=measures.balance_error,
+        figure="within {0:.2g} ppm of saturation; the torques bring {1:.0f} N m s",
+        unit="ppm",
+        reproduced=at_most(1.0),
+        partly=at_most(100.0),
+        interval=1.0,
+    ),
+    Claim(
+        name="equation as printed",
+        text="its term 2 m0 m1/(m0+m1) R x R' x, read as acting on omega_0",
+        where="step (1), first equation",
+        needs=(RATE, INERTIAL, *ARM),
+        measure=measures.printed_equation_error,
+        figure="misses the momentum by up to {0:.1f} % of saturation, the torque by {1:.2f} N m",
+        unit="%",
+        reproduced=at_most(0.1),
+        partly=at_most(1.0),
+        interval=10.0,
+    ),
+    Claim(
+        name="prediction",
+        text="the simulated history of the momentum is that of the transposition",
+        where="steps (4), (6)",
+        needs=(MOMENTUM, PREDICTED),
+        measure=measures.prediction_error,
+        figure="within {0:.2g} % of saturation, {1:.2g} N m s",
+        unit="%",
+        reproduced=at_most(1.0),
+        partly=at_most(5.0),
+    ),
+    Claim(
+        name="integer gains",
+        text="k1 and k2 are positive integers",
+        where="step (6)",
+        needs=(),
+        measure=measures.gains,
+        figure="k1 = {1:g}, k2 = {2:g} as flown",
+        unit="",
+        reproduced=at_least(1.0),
+    ),
+)
+
+PAPER = Paper(
+    title="Zhang J., Zhang Zh., Liu Ch., Lin H., Dong W., He Y.: Transposition control method for "
+    "a large assembly. Patent application CN106020225A, Beijing Institute of Control Engineering, "
+    "2016",
+    needs=(SHARE, ROTATION, REFERENCE),
+    claims=CLAIMS,
+    cases=tuple(Case("transposition", name) for name in ("default", "cluster", "printed_law")),
+    conditions=(
+        Condition(
+            "gravitational parameter", 3.9860044e14, "m3/s2", (), lambda r: scalar(r, "assembly.mu")
+        ),
+    ),
+)

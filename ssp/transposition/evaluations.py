@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What is measured in a result of the transposition for the claims of the patent of Zhang et al.
+2016.
+
+Every measure returns the number that is judged and then those that are shown with it. Where the
+patent says nothing about it, saturation is that of the plant and the window that of the guidance.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harness.mission.claim import Array, CannotJudgeError, final, parameter, scalar, since
+from harness.results.result import Result
+from harness.results.rotations import rotation_angle
+
+ATTITUDE, RATE, MOMENTUM = "assembly.q_SH", "assembly.omega_SN_S", "assembly.h_cmg_S"
+SHARE, ROTATION, RELATIVE_RATE = (
+    "assembly.momentum_share",
+    "assembly.rotation",
+    "assembly.omega_SH_S",
+)
+INERTIAL, TOTAL, INERTIA = "assembly.q_SN", "assembly.h_total_N", "assembly.J_A"
+GRAVITY, AIR = "assembly.M_gravity_S", "assembly.M_aero_S"
+ARM = ("assembly.arm_angle", "assembly.arm_rate", "assembly.arm_accel")
+REFERENCE, PREDICTED = "guidance.q_DH", "guidance.h_ref_D"
+STATUS, ITERATIONS, PEAK = "guidance.status", "guidance.iterations", "guidance.peak"
+MASSES, HINGE, MODULE = (
+    ("assembly.m0", "assembly.m1"),
+    "assembly.hinge",
+    "assembly.module",
+)
+SETTLED = 60.0
+"""The last instants of a transposition [s]."""
+
+
+# ---- histories
+
+
+def size(rows: Array) -> Array:
+    """Euclidean norm of every row."""
+    return np.asarray(np.linalg.norm(rows, axis=1))
+
+
+def window(result: Result) -> float:
+    """End of the transposition [s]."""
+    return scalar(result, "guidance.window_start") + scalar(result, "guidance.window")
+
+
+def saturation(result: Result) -> float:
+    """Momentum at which the plan takes the gyros to saturate [N m s]."""
+    return scalar(result, "guidance.H_sat")
+
+
+def tracking(result: Result) -> Array:
+    """Angle between the attitude at every sample and its reference, which stands in the next row
+    [deg].
+    """
+    if len(result.time) < 2:
+        raise CannotJudgeError("nothing was recorded after the start")
+    return np.asarray(np.degrees(rotation_angle(result[ATTITUDE][:-1], result[REFERENCE][1:])))
+
+
+def to_body(q: Array, v: Array) -> Array:
+    """Vectors (rows, 3) in the axes of a body with those attitudes."""
+    w, u = q[:, :1], -q[:, 1:]
+    return np.asarray(v + 2 * np.cross(u, np.cross(u, v) + w * v))
+
+
+def to_inertial(q: Array, v: Array) -> Array:
+    """Vectors (rows, 3) given in axes of a body with those attitudes."""
+    return to_body(q * np.array([1, -1, -1, -1]), v)
+
+
+def module_motion(result: Result) -> tuple[Array, Array, Array]:
+    """Centre of mass of the module from that of the base, its velocity and acceleration as seen in
+    the base, base axes, (rows, 3) each.
+    """
+    angle, rate, acceleration = (result[name] for name in ARM)
+    x, y, z = parameter(result, MODULE)
+    c, s, zero = np.cos(angle), np.sin(angle), 0 * angle
+    arm = np.column_stack((c * x - s * y, s * x + c * y, zero + z))
+    across = np.column_stack((-arm[:, 1], arm[:, 0], zero))
+    inward = arm * np.array([-1, -1, 0])
+    return (
+        parameter(result, HINGE) + arm,
+        rate[:, None] * across,
+        acceleration[:, None] * across + rate[:, None] ** 2 * inward,
+    )
+
+
+# ---- measures
+
+
+def peak_share(result: Result) -> tuple[float, ...]:
+    """Largest momentum of the gyros as a part of what they hold; the same [N m s], its time [s]."""
+    rows = since(result, 0.0, window(result))
+    share, momentum = result[SHARE][rows], size(result[MOMENTUM][rows])
+    return share.max(), momentum.max(), result.time[rows][share.argmax()]
+
+
+def first_peak(result: Result) -> tuple[float, ...]:
+    """Momentum that flight attitude all the time would need, in parts of saturation; [N m s]."""
+    first = result[PEAK][0, 0]
+    if first == 0:
+        raise CannotJudgeError("nothing was planned in this run")
+    return first / saturation(result), first
+
+
+def last_peak(result: Result) -> tuple[float, ...]:
+    """Momentum that the planned attitude history needs, in parts of saturation; steps of the
+    planner, momentum before and after every one [N m s].
+    """
+    if result[STATUS][0] == 1:
+        raise CannotJudgeError("nothing was planned in this run")
+    count = int(result[ITERATIONS][0])
+    peaks = result[PEAK][0, : count + 1]
+    return peaks[-1] / saturation(result), count, peaks[0], peaks[-1]
+
+
+def descent(result: Result) -> tuple[float, ...]:
+    """Largest ratio of the momentum after a step of the planner to that before; number of steps."""
+    count = int(result[ITERATIONS][0])
+    if count == 0:
+        raise CannotJudgeError("the planner took no step in this run")
+    peaks = result[PEAK][0, : count + 1]
+    return float(np.max(peaks[1:] / peaks[:-1])), count
+
+
+def tracking_error(result: Result) -> tuple[float, ...]:
+    """Largest angle from the reference attitude [deg], its time [s], the last one [deg]."""
+    error = tracking(result)[since(result, 0.0, window(result))[:-1]]
+    return error.max(), result.time[error.argmax()], error[-1]
+
+
+def end_attitude(result: Result) -> tuple[float, ...]:
+    """Largest rotation from the flight attitude in the last minute [deg], rate there [deg/s], angle
+    of the arm at the end [deg].
+    """
+    rows = final(result, 0.0, window(result))
+    rate = np.degrees(size(result[RELATIVE_RATE][rows]))
+    arm = np.degrees(result[ARM[0]][-1])
+    return np.degrees(result[ROTATION][rows]).max(), rate.max(), arm
+
+
+def prediction_error(result: Result) -> tuple[float, ...]:
+    """Largest difference of the momentum of the gyros from the predicted in percent of saturation,
+    the same [N m s].
+    """
+    rows = since(result, 0.0, window(result))[:-1]
+    off = size(result[MOMENTUM][rows] - result[PREDICTED][rows + 1]).max()
+    return 100 * off / saturation(result), off
+
+
+def balance_error(result: Result) -> tuple[float, ...]:
+    """Largest difference of the total momentum from the integral of the torques in parts per
+    million of saturation, and what the torques have brought [N m s]. Simpson's rule over pairs of
+    rows.
+    """
+    since(result, 0.0, window(result))
+    torque = to_inertial(result[INERTIAL], result[GRAVITY] + result[AIR])
+    step = np.diff(result.time)
+    if not np.allclose(step, step[0], rtol=1e-6):
+        raise CannotJudgeError("the rows are not equally spaced")
+    pairs = (torque[:-2:2] + 4 * torque[1:-1:2] + torque[2::2]) * step[0] / 3
+    gained = np.cumsum(pairs, axis=0)
+    total = result[TOTAL][2::2][: len(gained)] - result[TOTAL][0]
+    return 1e6 * size(total - gained).max() / saturation(result), size(gained)[-1]
+
+
+def printed_equation_error(result: Result) -> tuple[float, ...]:
+    """Momentum by which the equation as printed misses that of the gyros at the end, in percent of
+    saturation: its term 2 m_r R x (R' x omega) instead of m_r R x V', integrated; the largest
+    torque that this makes [N m].
+    """
+    since(result, 0.0, window(result))
+    m0, m1 = (scalar(result, name) for name in MASSES)
+    R, V, dV = module_motion(result)
+    printed = 2 * np.cross(R, np.cross(V, result[RATE]))
+    off = m0 * m1 / (m0 + m1) * (np.cross(R, dV) - printed)
+    turned = to_inertial(result[INERTIAL], off)
+    steps = np.diff(result.time)[:, None] * (turned[1:] + turned[:-1]) / 2
+    drift = size(np.cumsum(steps, axis=0))
+    return 100 * drift.max() / saturation(result), size(off).max()
+
+
+def gains(result: Result) -> tuple[float, ...]:
+    """The smaller one of the gains k1 and k2 of the law that was flown; both."""
+    k1 = scalar(result, "controller.k1")
+    corrected = scalar(result, "controller.law") != 0
+    k2 = scalar(result, "controller.k2" if corrected else "controller.k2_printed")
+    return min(k1, k2), k1, k2

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The replay of the assembly: two docked bodies, the one swinging on the other."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harness.report import bodies
+from harness.report.arrays import Arrays
+from harness.report.scene import (
+    EARTH,
+    HILL,
+    INERTIAL,
+    Array,
+    Body,
+    Scene,
+    instants,
+    joint,
+    number,
+    scene,
+)
+from harness.results.result import Result
+
+from .figures import SHAPE
+
+ASSEMBLY = ("assembly.q_SN", "assembly.q_SH", "assembly.arm_angle")
+
+
+def assembly(result: Result, arrays: Arrays) -> Scene:
+    """Two docked bodies, the one swinging about the hinge on the other, about the centre of mass of
+    the base.
+    """
+    rows = instants(result, ASSEMBLY[1])
+    q, q_SH, angle = (result[name][rows] for name in ASSEMBLY)
+    hill = _after(q, q_SH)
+    hinge, module, box_0, box_1, *facets = (result.parameter(name) for name in SHAPE)
+    base, swinging = (_panels(facets, body) for body in (0, 1))
+    moved = [bodies.box(box_1, module, "second"), *bodies.shifted(swinging, module)]
+    swung = joint(hinge, arrays.keep(angle), 0, [*moved, bodies.ball((0, 0, 0), 0.8)])
+    reach = float(np.linalg.norm(hinge) + np.linalg.norm(module) + box_1[0] / 2)
+    r = np.zeros((len(rows), 3))
+    body = Body("base", r, q, [bodies.box(box_0), *base], 0, float(np.linalg.norm(box_0) / 2),
+                (swung,), trail=False, reach=reach)  # fmt: skip
+    radius = float(result.parameter("assembly.R_C"))
+    centre = -radius * _turned_axes(hill)
+    return scene(
+        arrays,
+        result.time[rows],
+        "centre of mass of the base",
+        [body],
+        frames=[HILL, INERTIAL],
+        hill=arrays.keep(hill),
+        planet={"r": arrays.keep(centre), "radius": min(EARTH, 0.99 * radius)},
+        numbers=[
+            number(result, arrays, rows, f"assembly.{name}")
+            for name in ("arm_angle", "rotation", "h_cmg", "momentum_share")
+            if f"assembly.{name}" in result
+        ],
+    )
+
+
+def _after(q_SN: Array, q_SH: Array) -> Array:
+    """Quaternion of H relative to N from those of S, (rows, 4)."""
+    from scipy.spatial.transform import Rotation
+
+    S_to_N, S_to_H = (Rotation.from_quat(q[:, [1, 2, 3, 0]]) for q in (q_SN, q_SH))
+    return np.asarray((S_to_N * S_to_H.inv()).as_quat()[:, [3, 0, 1, 2]])
+
+
+def _turned_axes(q: Array) -> Array:
+    """The x axis of a frame in N axes, (rows, 3)."""
+    w, x, y, z = q.T
+    return np.stack([w**2 + x**2 - y**2 - z**2, 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=1)
+
+
+def _panels(facets: list[Array], body: int) -> list[bodies.Part]:
+    area, carrier, position, normal = facets
+    mine = carrier == body
+    return list(bodies.panels(area[mine], position[mine], normal[mine]))

@@ -1,0 +1,10 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""`python -m tests.bench SYSTEM`: what a macro step costs, side by side with other masters."""
+
+from __future__ import annotations
+
+import sys
+
+from tests.bench.bench import bench
+
+print(bench(*sys.argv[1:2] or ["sync_approach"]))
