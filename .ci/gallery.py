@@ -15,9 +15,9 @@ from typing import NamedTuple
 from PIL import Image
 
 from harness import Result, Simulation, load
-from harness.figures import FIGURES, OVERLAYS
 from harness.figures.plots import paint, paint_overlay
 from harness.figures.style import SCREEN
+from tests.missions import FIGURES, OVERLAYS
 
 DOTS, COLOURS = 80, 64
 """Per inch, and of the palette: some ten kB a picture."""

@@ -8,13 +8,13 @@ from __future__ import annotations
 import json
 
 import pytest
-from servicing.ssp.validation.case import FOLDER, cases
-from servicing.ssp.validation.judge import judge
-from servicing.ssp.validation.library import Library
 
 from harness.claims.validated import markdown, table, validate
 from harness.cli import main
 from harness.errors import UsageError
+from servicing.ssp.validation.case import FOLDER, cases
+from servicing.ssp.validation.judge import judge
+from servicing.ssp.validation.library import Library
 
 ALL = cases()
 WRONG = [

@@ -24,7 +24,7 @@ from harness import campaign, run
 from harness.cli.app import main
 from harness.cli.campaigns import pictures
 from harness.errors import HarnessError, ResultsError, StructureError, UsageError
-from harness.files import paths
+from harness.mission.library import campaigns
 from harness.results.files import read
 from harness.results.quantities import with_unit
 from harness.ssp.build import system_of
@@ -537,7 +537,7 @@ def test_the_studies_of_the_project_make_sense(tmp_path, capsys):
     names = capsys.readouterr().out.split()
     assert "space_robot_rotation" in names
     for name in names:
-        plan, _ = read_plan(paths.campaigns()[name])
+        plan, _ = read_plan(campaigns()[name])
         assert plan.runs > 1
     assert main(["study", "space_robot_rotaton"]) == 2
     assert "close: space_robot_rotation" in capsys.readouterr().err

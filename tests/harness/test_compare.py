@@ -17,7 +17,8 @@ import pytest
 from harness import run
 from harness.cli.app import main
 from harness.errors import StructureError, UsageError
-from harness.figures import Curve, Figure, Panel, plots
+from harness.figures import plots
+from harness.mission import Curve, Figure, Panel
 from harness.results.files import ResultFile, read
 from harness.results.result import Result
 from harness.ssp.build import system_of
@@ -161,12 +162,15 @@ def test_the_command_prints_the_table_and_fails_with_one_line_per_failed_flight(
     monkeypatch.chdir(tmp_path)
     assert main(["compare", str(system), "--params", "default,hot", "--stop", "5"]) == 1
     out, err = capsys.readouterr()
-    assert out.splitlines()[-1] == "results, comparison.csv and 0 figures in results/demo"
+    assert out.splitlines()[-1] == "results, comparison.csv and 3 figures in results/demo"
     assert err == "harness: hot: bad: step failed: burnt through after too much heat (at t = 3 s)\n"
     assert sorted(path.name for path in (tmp_path / "results" / "demo").iterdir()) == [
+        "bad.png",
         "comparison.csv",
         "default.nc",
+        "first.png",
         "hot.partial.nc",
+        "twice.png",
     ]
 
 

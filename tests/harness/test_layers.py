@@ -19,9 +19,10 @@ LAYERS = (
     ("cli",),
     ("api",),
     ("authoring", "report"),
-    ("studies", "exchange", "exports", "bench", "validation", "figures", "claims"),
+    ("studies", "exchange", "exports", "figures", "claims"),
     ("master",),
     ("ssp",),
+    ("mission",),
     ("results",),
     ("remote",),
     ("system",),
@@ -35,8 +36,8 @@ FLOOR = {room: len(LAYERS) - i for i, layer in enumerate(LAYERS) for room in lay
 
 ONLY = {
     "lxml": {"ssp", "exports", "remote", "rules", "files"},
-    "ctypes": {"master", "bench", "validation"},
-    "fmpy": {"master", "ssp", "remote", "system", "studies", "rules", "bench", "validation"},
+    "ctypes": {"master"},
+    "fmpy": {"master", "ssp", "remote", "system", "studies", "rules"},
     "matplotlib": {"figures", "exports"},
     "typer": {"cli"},
     "jinja2": {"report"},

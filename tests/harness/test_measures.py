@@ -7,17 +7,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from harness.studies.measures import MEASURES, Limits, measures, settling_time, steady_error
+
+from harness.claims import safety
+from harness.mission import Limits
+from harness.mission.library import everything
+from harness.mission.measure import measured
+from harness.results.expressions import settling_time, steady_error
+from harness.results.result import Result
+from harness.results.rotations import rotation_angle
+from servicing.ssp.shared.measures import bands, definitions
 from servicing.ssp.shared.relative_motion import (
     attitude_error,
     position_error,
     range_,
     range_error,
-    rotation_angle,
 )
-
-from harness.claims import safety
-from harness.results.result import Result
+from tests.missions import MEASURES
 
 MEASURE = {measure.name: measure for measure in MEASURES}
 TIME = np.linspace(0.0, 100.0, 1001)
@@ -140,14 +145,14 @@ def test_one_band_is_common_to_all_runs_of_a_comparison():
     values = near.values.copy()
     values[:, near.vectors["servicer.r_SN_N"][0]] += 990
     far = replace(near, values=values)
-    limits = Limits().common({"near": near, "far": far})
+    limits = bands(Limits(), {"near": near, "far": far})
     assert limits.position == pytest.approx(1e-3 * np.hypot(1000, 3))
-    assert Limits(position=0.2).common({"far": far}).position == 0.2
+    assert bands(Limits(position=0.2), {"far": far}).position == 0.2
     assert MEASURE["position settles"](near, limits) == pytest.approx(10 * np.log(3), abs=0.1)
 
 
 def test_the_definition_of_the_columns_names_the_bands():
-    text = " ".join(Limits(position=0.02, attitude=0.5).notes())
+    text = " ".join(definitions(Limits(position=0.02, attitude=0.5)))
     assert "within 0.02 m (range, position) or 0.5 deg" in text
 
 
@@ -334,7 +339,9 @@ def watched(least, first):
 
 def test_margins_of_the_monitor_are_columns_and_rules_at_rest_are_none():
     result = watched((-9.5, -5.8, 2.0, 1e9, 1e9, 20), (18.8, 8.15, -1, -1, -1, -1))
-    found = {key: column["a"] for key, column in measures({"a": result}, Limits()).items()}
+    found = {
+        key: column["a"] for key, column in measured(MEASURES, {"a": result}, Limits()).items()
+    }
     assert found["keep-out margin", "m"] == -9.5
     assert found["corridor margin", "m"] == -5.8
     assert found["speed margin", "m/s"] == 2.0
@@ -346,12 +353,12 @@ def test_margins_of_the_monitor_are_columns_and_rules_at_rest_are_none():
 
 def test_a_run_without_violation_has_no_time_of_one():
     quiet = watched((1,) * 6, (-1,) * 6)
-    assert np.isnan(measures({"a": quiet}, Limits())["first violation", "s"]["a"])
+    assert np.isnan(measured(MEASURES, {"a": quiet}, Limits())["first violation", "s"]["a"])
 
 
 def test_the_report_ends_with_what_the_monitor_has_found():
     result = watched((-9.5, -5.8, 2.0, 1e9, 1e9, 20), (18.8, 8.15, -1, -1, -1, -1))
-    lines = safety.section(result).splitlines()
+    lines = safety.section(everything(), result).splitlines()
     assert [line.split()[0] for line in lines[3:]] == [
         "keep-out",
         "corridor",
@@ -361,4 +368,4 @@ def test_the_report_ends_with_what_the_monitor_has_found():
     assert "-9.5 m" in lines[3]
     assert lines[3].endswith("violated, first at 18.80 s")
     assert lines[5].endswith("holds")
-    assert not safety.section(watched((1e9,) * 6, (-1,) * 6))
+    assert not safety.section(everything(), watched((1e9,) * 6, (-1,) * 6))

@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import pytest
-from servicing.ssp.shared.notes import notes
 
 from harness import run
+from servicing.ssp.shared.notes import notes
 
 
 def told(**changes):

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from servicing.ssp.space_robot.pitch import orbits, rotation_number, spectrum, strobe, swing
 
 from harness.results.result import Result
+from servicing.ssp.space_robot.pitch import orbits, rotation_number, spectrum, strobe, swing
 
 RATE = 0.01
 """Rate of the true anomaly [rad/s]."""

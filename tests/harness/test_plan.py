@@ -48,6 +48,6 @@ def test_a_plan_that_cannot_be_found_says_why_and_fails(tmp_path, capsys):
     assert [path.name for path in tmp_path.iterdir()] == ["planned_momentum.png"]
 
 
-def test_a_system_whose_guidance_does_not_plan_is_wrong_use():
-    with pytest.raises(UsageError, match="no guidance that plans"):
+def test_a_system_whose_mission_does_not_plan_is_wrong_use():
+    with pytest.raises(UsageError, match="its mission plans nothing"):
         plan("sync_approach")

@@ -12,10 +12,11 @@ import pytest
 import scipy.io
 
 from harness import Simulation, compare, load, read, run
-from harness.claims.case import SHOWN, Case, deviations, listed
+from harness.claims.case import SHOWN, deviations, listed
 from harness.cli import main
 from harness.errors import UsageError
 from harness.files import paths
+from harness.mission import Case
 from harness.results.files import ResultFile
 from harness.results.provenance import Provenance, Slot, flat, from_flat, from_table, table
 from harness.studies.again import again, agreement

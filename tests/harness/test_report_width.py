@@ -11,9 +11,9 @@ from functools import cache
 import pytest
 
 from harness import run
-from harness.claims import Verdict
 from harness.claims.report import WIDTH, lines, report
 from harness.cli.app import main
+from harness.mission import Verdict
 from harness.results.files import ResultFile
 
 VERDICTS = {verdict.value for verdict in Verdict}

@@ -10,14 +10,15 @@ import sys
 
 import numpy as np
 import pytest
-from servicing.ssp.shared.relative_motion import attitude_error, position_error, range_
 
 from harness import read, run
 from harness.cli import watch
 from harness.cli.app import main
 from harness.master.simulation import Simulation
+from harness.mission import gauge
 from harness.ssp.library import load
 from harness.ssp.writer import write_ssp
+from servicing.ssp.shared.relative_motion import attitude_error, position_error, range_
 
 ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
@@ -46,7 +47,7 @@ def test_modes_have_the_names_of_their_description():
     look, result = looked("relay_approach", 20, stop=10.0)
     names = ("coast", "align", "burn")
     assert dict(look.values)["mode"] == names[int(result["guidance.mode"][20])]
-    assert watch._name("phase: 1 to 3 with thrust, 4 passive", 3.0) == ""
+    assert gauge._name("phase: 1 to 3 with thrust, 4 passive", 3.0) == ""
 
 
 def test_a_system_without_gauges_shows_its_first_variables(make):

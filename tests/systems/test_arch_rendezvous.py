@@ -12,15 +12,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from harness.claims.arch_comp_spre import PAPERS
 from scipy.stats import qmc
 
 from harness import campaign as campaign_of
 from harness import run
-from harness.claims import Verdict
 from harness.claims.report import report
-from harness.files import paths
+from harness.mission import Verdict
+from harness.mission.library import campaigns
 from harness.system.tables import read_toml
+from servicing.ssp.arch_rendezvous.claims import PAPERS
 
 from ..reference import rendezvous as spre
 from ..reference.rendezvous import INSTANCES, NEVER, START
@@ -170,7 +170,7 @@ def margins_in(found):
     return [found[name].values for name in ("keep_out", "corridor", "speed")]
 
 
-STUDY = read_toml(paths.campaigns()["arch_rendezvous"])
+STUDY = read_toml(campaigns()["arch_rendezvous"])
 STEP = STUDY["fixed"]["step"]
 
 
@@ -204,7 +204,7 @@ def test_study_finds_the_published_verdicts_and_the_margins_of_the_closed_form(t
 
 
 def test_study_of_aborts_finds_no_violation_before_240_min(tmp_path):
-    found = flown(read_toml(paths.campaigns()["arch_rendezvous_aborts"]) | {"runs": 8}, tmp_path)
+    found = flown(read_toml(campaigns()["arch_rendezvous_aborts"]) | {"runs": 8}, tmp_path)
     abort = found["controller.t_abort"].values / 60
     assert np.all(found["late"].values == 1)
     assert np.ptp(abort) > 150

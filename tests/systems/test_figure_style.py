@@ -17,13 +17,14 @@ from matplotlib.transforms import Bbox
 from harness import run
 from harness.cli.app import main
 from harness.errors import UsageError
-from harness.figures import FIGURES, Curve, Figure, Level, Panel
+from harness.figures.paths import draw_paths
 from harness.figures.plots import overlay, paint, paint_overlay, plot
 from harness.figures.style import PAPER, SCREEN, legend_above, new_canvas, save, style_of
 from harness.figures.variables import figure_of
-from harness.mission.figure import draw_paths
+from harness.mission import Curve, Figure, Level, Panel
 from harness.results.files import ResultFile
 from harness.results.result import Result
+from tests.missions import FIGURES
 
 OKABE_ITO = {"#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#F0E442"}
 

@@ -11,16 +11,17 @@ from functools import cache
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from servicing.ssp.shared.relative_motion import attitude_error, position_error
-from servicing.ssp.space_robot.pitch import strobe
 
 from harness import run
 from harness.cli.app import main
 from harness.errors import ResultsError
-from harness.figures import FIGURES, OVERLAYS
+from harness.figures.choice import figures_of
 from harness.figures.plots import overlay, paint, paint_overlay, plot
 from harness.results.files import ResultFile
 from harness.results.result import Result
+from servicing.ssp.shared.relative_motion import attitude_error, position_error
+from servicing.ssp.space_robot.pitch import strobe
+from tests.missions import FIGURES, OVERLAYS
 
 SYNC = {
     "trajectory",
@@ -310,11 +311,18 @@ def test_sections_of_several_eccentricities_make_the_bifurcation_diagram():
 # ---- what cannot be drawn
 
 
-def test_a_result_of_another_system_has_no_figures(tmp_path):
+def test_a_result_in_which_nothing_moves_has_no_figures(tmp_path):
     other = Result("other", np.arange(3.0), ("a.b",), ("",), np.zeros((3, 1)))
-    with pytest.raises(ResultsError, match="no known figure"):
+    with pytest.raises(ResultsError, match="nothing that the result holds changes"):
         plot(other, tmp_path)
     assert overlay({"x": other}, tmp_path) == []
+
+
+def test_a_result_of_no_known_mission_has_a_figure_of_every_component(tmp_path):
+    values = np.array([[0.0, 1.0, 5.0], [1.0, 1.0, 6.0]])
+    other = Result("other", np.arange(2.0), ("a.b", "a.still", "c.d"), ("", "", "m"), values)
+    assert [path.name for path in plot(other, tmp_path)] == ["a.png", "c.png"]
+    assert [panel.ylabel for panel in figures_of(other)[1].panels] == ["c.d [m]"]
 
 
 def test_a_figure_without_one_of_its_variables_is_left_out(tmp_path):

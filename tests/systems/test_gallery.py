@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from matplotlib.image import imread
 
-from harness.figures import FIGURES, OVERLAYS
+from tests.missions import FIGURES, OVERLAYS
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"

@@ -10,10 +10,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from servicing.ssp.shared.relative_motion import range_
 
 from harness import load, run
 from harness.master.simulation import simulate
+from servicing.ssp.shared.relative_motion import range_
 
 from ..reference.attitude import dcm
 

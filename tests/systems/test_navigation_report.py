@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from harness.claims.navigation import CLAIMS, PAPER
 from matplotlib import pyplot as plt
 from scipy.stats import chi2
 
 from harness import run
-from harness.claims import PAPERS, Verdict
-from harness.figures import FIGURES
-from harness.figures import navigation as figures
-from harness.results import estimates
+from harness.mission import Verdict
 from harness.results.result import Result
+from servicing.ssp.shared import estimates
+from servicing.ssp.shared import navigation_figures as figures
+from servicing.ssp.shared.navigation_claims import CLAIMS, PAPER
+from tests.missions import FIGURES, PAPERS
 
 from ..reference.attitude import conjugate, multiply
 from ..reference.cases import quaternion

@@ -10,9 +10,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.claims import PAPERS, Verdict
 from harness.claims.report import report
 from harness.errors import ResultsError
+from harness.mission import Verdict
+from tests.missions import PAPERS
 
 from .ppc_flights import flight
 

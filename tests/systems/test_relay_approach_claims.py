@@ -10,10 +10,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.claims import KOZLOVA_FOMICHEV_2023, Verdict
 from harness.claims.report import report
 from harness.cli.app import main
+from harness.mission import Verdict
 from harness.results.files import ResultFile
+from servicing.ssp.relay_approach.claims import PAPER as KOZLOVA_FOMICHEV_2023
 
 from .relay_case import BRAKES, GEO, HOLD, MAIN, NEWTON, PAPER, SMALL, flight, impulse
 

@@ -15,19 +15,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
-from servicing.ssp.shared.safety import RESTING
 
 from harness import run
 from harness.claims.report import judged
 from harness.cli.app import main
 from harness.errors import HarnessError
-from harness.figures import FIGURES
 from harness.report import libraries
 from harness.report.bodies import uniform_box
 from harness.report.html import of_run, write
 from harness.report.thinning import kept_rows
 from harness.results.files import ResultFile
+from servicing.ssp.shared.safety import RESTING
 from tests.harness.report_page import Page
+from tests.missions import FIGURES
 
 RUNS = {
     "sync_approach": {"stop": 1300.0, "every": 5},

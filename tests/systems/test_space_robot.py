@@ -10,9 +10,9 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from servicing.ssp.space_robot.pitch import rotation_number
 
 from harness import run
+from servicing.ssp.space_robot.pitch import rotation_number
 
 from ..fmu.robot_cases import PAPER, Q, pitch_constants, same_sign
 from ..reference.space_robot import Orbit, fly

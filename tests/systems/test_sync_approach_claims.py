@@ -10,9 +10,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from harness.claims import ZHU_YANG_2009, Verdict
+from harness.mission import Verdict
 from harness.results.result import Result
 from harness.system.values import expand
+from servicing.ssp.sync_approach.claims import PAPER as ZHU_YANG_2009
 
 from .sync_case import PAPER, flight, reference_flight
 

@@ -10,12 +10,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.claims import ZHU_YANG_2009, Verdict
 from harness.claims.report import report
 from harness.cli.app import main
 from harness.errors import ResultsError
+from harness.mission import Verdict
 from harness.results.files import ResultFile, read
 from harness.results.result import Result
+from servicing.ssp.sync_approach.claims import PAPER as ZHU_YANG_2009
 
 from .sync_case import PAPER, flight
 

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from harness import run
-from harness.claims import ZHANG_2016, Verdict
+from harness.mission import Verdict
+from servicing.ssp.transposition.claims import PAPER as ZHANG_2016
 
 from ..reference import transposition as reference
 from ..reference.assembly import Assembly, orbital_axes

@@ -7,12 +7,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from harness.figures.transposition import tracking_error
 from matplotlib.image import imread
 
 from harness import run
-from harness.figures import FIGURES
 from harness.figures.plots import overlay, paint, plot
+from servicing.ssp.transposition.tracking import attitude_error as tracking_error
+from tests.missions import FIGURES
 
 from ..reference.assembly import turned
 from ..reference.attitude import conjugate, dcm, multiply
