@@ -110,7 +110,6 @@ def test_help_names_every_command(command):
             "linearize",
             "plot",
             "report",
-            "bench",
         ):
             assert any(line.strip().startswith(name) for line in out)
 
