@@ -8,9 +8,14 @@ from __future__ import annotations
 import difflib
 import re
 import unicodedata
-from collections.abc import Iterable
-from functools import lru_cache
+from collections.abc import Iterable, Sequence
+from functools import cached_property, lru_cache
 from itertools import pairwise
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 LONGEST = 100
 """Longest name that is compared: the time goes with the square of the length."""
@@ -25,25 +30,61 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """
     if len(name) > LONGEST:
         return ""
-    names = [each for each in dict.fromkeys(known) if len(each) <= LONGEST]
+    names = _comparable(tuple(known))
     close = (
-        difflib.get_close_matches(name, _alike(name, names), n=3)
-        or [each for each in names if name in each and len(name) > 2][:3]
+        difflib.get_close_matches(name, names.like(name), n=3)
+        or [each for each in names.names if name in each and len(name) > 2][:3]
     )
     return f" (close: {', '.join(close)})" if close else ""
 
 
-def _alike(name: str, names: list[str]) -> list[str]:
-    """The names that share most pairs of letters with one, relative to their lengths."""
-    if len(names) <= CANDIDATES:
-        return names
-    pairs = _pairs(name)
-    score = {each: len(pairs & _pairs(each)) / (len(name) + len(each)) for each in names}
-    chosen = set(sorted(score, key=score.__getitem__, reverse=True)[:CANDIDATES])
-    return [each for each in names if each in chosen]
+@lru_cache(maxsize=8)
+def _comparable(known: tuple[str, ...]) -> _Names:
+    return _Names(tuple(each for each in dict.fromkeys(known) if len(each) <= LONGEST))
 
 
-@lru_cache(maxsize=100_000)
+class _Names:
+    """Names by their pairs of letters, for many misspelt ones that are compared with them."""
+
+    def __init__(self, names: tuple[str, ...]) -> None:
+        self.names = names
+
+    @cached_property
+    def _with(self) -> dict[str, NDArray[np.intp]]:
+        """Numbers of the names that have a pair of letters."""
+        import numpy as np
+
+        found: dict[str, list[int]] = {}
+        for number, each in enumerate(self.names):
+            for pair in _pairs(each):
+                found.setdefault(pair, []).append(number)
+        return {pair: np.array(numbers) for pair, numbers in found.items()}
+
+    @cached_property
+    def _lengths(self) -> NDArray[np.intp]:
+        import numpy as np
+
+        return np.array([len(each) for each in self.names])
+
+    def like(self, name: str) -> Sequence[str]:
+        """The names that share most pairs of letters with one, relative to their lengths; of
+        equals the first.
+        """
+        import numpy as np
+
+        if len(self.names) <= CANDIDATES:
+            return self.names
+        shared = np.zeros(len(self.names))
+        for pair in _pairs(name):
+            if pair in self._with:
+                shared[self._with[pair]] += 1
+        score = shared / (self._lengths + len(name))
+        least = np.partition(score, -CANDIDATES)[-CANDIDATES]
+        better = np.flatnonzero(score > least)
+        equal = np.flatnonzero(score == least)[: CANDIDATES - len(better)]
+        return [self.names[number] for number in np.sort(np.append(better, equal))]
+
+
 def _pairs(name: str) -> frozenset[str]:
     """Pairs of neighbouring letters, the margins included."""
     framed = f"^{name}$"

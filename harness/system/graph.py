@@ -131,12 +131,12 @@ SAMPLE_PERIOD = "sample_period"
 
 def _uneven_samples(graph: Graph, macro_step: float) -> Iterator[str]:
     """Components whose samples do not all fall onto the ends of their steps."""
+    every = {node.component.name: node.component.every for node in graph.nodes}
     for slot, period in constants(graph):
         component, _, name = slot.name.partition(".")
         if name != SAMPLE_PERIOD or not period > 0:
             continue
-        every = next(n.component.every for n in graph.nodes if n.component.name == component)
-        step = every * macro_step
+        step = every[component] * macro_step
         ratio = period / step
         if ratio < 1 - 1e-9 or abs(ratio - round(ratio)) > 1e-9 * ratio:
             yield _uneven(slot.name, component, period, step, macro_step)

@@ -9,7 +9,7 @@ import io
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -72,22 +72,37 @@ class Interface:
     warnings: tuple[str, ...] = ()
     size: int = 0
 
-    def named(self, causality: str) -> dict[str, Variable]:
+    def named(self, causality: str) -> Mapping[str, Variable]:
         """Variables of one causality (input, output, parameter, ...)."""
-        return {name: v for name, v in self.variables.items() if v.causality == causality}
+        return self._by_causality.get(causality, {})
+
+    @cached_property
+    def _by_causality(self) -> dict[str, dict[str, Variable]]:
+        found: dict[str, dict[str, Variable]] = {}
+        for name, variable in self.variables.items():
+            found.setdefault(variable.causality, {})[name] = variable
+        return found
 
     def unit(self, variable: Variable) -> Unit | None:
         """Unit of a variable with its meaning, if declared; None if there is no unit."""
         return None if variable.unit is None else Unit(variable.unit, self.units.get(variable.unit))
 
-    def outputs(self) -> dict[str, Variable]:
+    def outputs(self) -> Mapping[str, Variable]:
         """Outputs that a connection can carry: all but strings."""
+        return self._outputs
+
+    @cached_property
+    def _outputs(self) -> dict[str, Variable]:
         return {name: v for name, v in self.named("output").items() if v.type != "String"}
 
-    def settable(self) -> dict[str, Variable]:
+    def settable(self) -> Mapping[str, Variable]:
         """Variables that may be given a value before initialization: parameters, inputs, start
         values of states.
         """
+        return self._settable
+
+    @cached_property
+    def _settable(self) -> dict[str, Variable]:
         return {name: v for name, v in self.variables.items() if v.settable}
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -169,7 +170,11 @@ class System:
 
     def component(self, name: str) -> Component:
         """The component of that name; KeyError if there is none."""
-        return {c.name: c for c in self.components}[name]
+        return self._by_name[name]
+
+    @cached_property
+    def _by_name(self) -> dict[str, Component]:
+        return {c.name: c for c in self.components}
 
     def alone(self, name: str) -> System:
         """One component, with nothing that drives it and nobody who reads it."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -58,9 +58,22 @@ def elements_of(port: str, names: Collection[str]) -> list[str]:
     """Scalar variables that `port` stands for: itself, or all elements of the vector or matrix in
     order.
     """
-    if port in names:
-        return [port]
-    return sorted((name for name in names if base(name) == port and index(name)), key=index)
+    return [port] if port in names else list(_arrays(tuple(names)).get(port, ()))
+
+
+def with_arrays(names: Collection[str]) -> tuple[str, ...]:
+    """Names of scalar variables, and of the vectors and matrices that they are elements of."""
+    return (*names, *_arrays(tuple(names)))
+
+
+@lru_cache(maxsize=64)
+def _arrays(names: tuple[str, ...]) -> Mapping[str, tuple[str, ...]]:
+    """Elements in order by the vector or matrix that they belong to."""
+    found: dict[str, list[str]] = {}
+    for name in names:
+        if index(name):
+            found.setdefault(base(name), []).append(name)
+    return {array: tuple(sorted(elements, key=index)) for array, elements in found.items()}
 
 
 class Grid(NamedTuple):

@@ -18,7 +18,7 @@ from harness.system.graph import read_interfaces
 from harness.system.interface import Interface, Variable, read_interface, units_agree
 from harness.system.model import Component, Connection, Parameters, ParameterSet, Port, System
 from harness.system.names import base
-from harness.system.wiring import drivers
+from harness.system.wiring import drivers, output_owners
 
 SHOWN = 5
 """Dropped parameters that a warning names."""
@@ -213,11 +213,12 @@ def _rewired(
     driven = {c.target for c in connections}
     given = system.component(name).parameters
     problems = []
+    owners = output_owners(interfaces)
     for port in (Port(name, variable) for variable in inputs):
         ours = Port(name, names.get(port.variable, port.variable))
         if port in driven or ours.variable in given:
             continue
-        sources = drivers(interfaces, ours)
+        sources = drivers(owners, ours)
         if len(sources) == 1:
             connections.append(Connection(sources[0], port))
         elif system.strict and (sources or not inputs[port.variable].optional):

@@ -55,7 +55,8 @@ class Assignments:
         for component, table in tables.items():
             if component == SHARED and isinstance(table, Mapping):
                 continue
-            if component not in (*self.interfaces, SHARED) or not isinstance(table, Mapping):
+            expected = component == SHARED or component in self.interfaces
+            if not expected or not isinstance(table, Mapping):
                 known = {SHARED, *self.interfaces} - {component}
                 close = did_you_mean(component, sorted(known))
                 self.problems.append(

@@ -14,7 +14,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
 from harness.spelling import did_you_mean
-from harness.system.names import Index, Name, base, elements_of, grid, index
+from harness.system.names import Index, Name, elements_of, grid, index, with_arrays
 
 Scalar = float | int | bool | str
 Value: TypeAlias = "Scalar | Sequence[Value]"
@@ -90,9 +90,7 @@ def assign(name: str, value: Value, known: Collection[str]) -> dict[str, Scalar]
     """
     elements = elements_of(name, known)
     if not elements:
-        raise ValueError(
-            f"there is no such variable{did_you_mean(name, {*known, *map(base, known)})}"
-        )
+        raise ValueError(f"there is no such variable{did_you_mean(name, with_arrays(known))}")
     if elements == [name]:
         given = _single(name, value)
     else:

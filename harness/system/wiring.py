@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from harness.spelling import did_you_mean
 from harness.system.interface import Interface
 from harness.system.model import Connection, Port
-from harness.system.names import base, elements_of
+from harness.system.names import base, elements_of, with_arrays
 
 
 @dataclass
@@ -20,11 +20,13 @@ class Wiring:
 
     connections: list[Connection] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
+    driven: set[Port] = field(default_factory=set)
+    """Inputs that have a connection."""
 
-    @property
-    def driven(self) -> set[Port]:
-        """Inputs that have a connection."""
-        return {connection.target for connection in self.connections}
+    def connect(self, source: Port, target: Port) -> None:
+        """Let an output drive an input."""
+        self.connections.append(Connection(source, target))
+        self.driven.add(target)
 
 
 def wire(
@@ -41,13 +43,15 @@ def wire(
     wiring = Wiring()
     for target, source in explicit:
         _explicit(wiring, interfaces, target, source)
-    taken = wiring.driven
     for port in left_open:
-        if port in taken:
+        if port in wiring.driven:
             wiring.problems.append(f"{port.component}.{port.signal}: is driven and left open")
+    settled = wiring.driven.union(left_open)
+    owners = output_owners(interfaces)
+    signals = sorted(set(map(base, owners)))
     for port in _inputs(interfaces):
-        if port not in taken and port not in left_open:
-            _by_name(wiring, interfaces, port)
+        if port not in settled:
+            _by_name(wiring, interfaces, owners, signals, port)
     return wiring
 
 
@@ -56,33 +60,48 @@ def _inputs(interfaces: Mapping[str, Interface]) -> Iterator[Port]:
         yield from (Port(component, name) for name in interface.named("input"))
 
 
-def _by_name(wiring: Wiring, interfaces: Mapping[str, Interface], target: Port) -> None:
-    sources = drivers(interfaces, target)
+Owners = Mapping[str, Sequence[str]]
+"""Components that have an output, by the name of the output, in execution order."""
+
+
+def output_owners(interfaces: Mapping[str, Interface]) -> Owners:
+    """Who has an output of which name."""
+    owners: dict[str, list[str]] = {}
+    for component, interface in interfaces.items():
+        for name in interface.outputs():
+            owners.setdefault(name, []).append(component)
+    return owners
+
+
+def drivers(owners: Owners, target: Port) -> list[Port]:
+    """Outputs of the other components that are called like an input."""
+    others = (c for c in owners.get(target.variable, ()) if c != target.component)
+    return [Port(component, target.variable) for component in others]
+
+
+def _by_name(
+    wiring: Wiring,
+    interfaces: Mapping[str, Interface],
+    owners: Owners,
+    signals: Sequence[str],
+    target: Port,
+) -> None:
+    """Connect an input to the output of its name; signals: names that outputs have."""
+    sources = drivers(owners, target)
     name = f"{target.component}.{target.signal}"
     if len(sources) == 1:
-        wiring.connections.append(Connection(sources[0], target))
+        wiring.connect(sources[0], target)
     elif sources:
         components = " and ".join(source.component for source in sources)
         wiring.problems.append(
             f"{name}: ambiguous, {components} have an output of this name: choose in [connections]"
         )
     elif not interfaces[target.component].variables[target.variable].optional:
-        known = {base(name) for interface in interfaces.values() for name in interface.outputs()}
-        close = did_you_mean(target.signal, known)
+        close = did_you_mean(target.signal, signals)
         wiring.problems.append(
             f"{name}: no output of this name{close}: connect it in [connections] or list it in "
             "[open]"
         )
-
-
-def drivers(interfaces: Mapping[str, Interface], target: Port) -> list[Port]:
-    """Outputs of the other components that are called like an input."""
-    others = (component for component in interfaces if component != target.component)
-    return [
-        Port(component, target.variable)
-        for component in others
-        if target.variable in interfaces[component].outputs()
-    ]
 
 
 def _explicit(
@@ -98,9 +117,10 @@ def _explicit(
         wiring.problems.append(
             f"{target}: has {len(targets)} elements, {source} has {len(sources)}"
         )
-    already = wiring.driven
-    wiring.problems += [f"{target}: is driven twice" for port in targets if port in already][:1]
-    wiring.connections += [Connection(s, t) for s, t in zip(sources, targets, strict=False)]
+    if not wiring.driven.isdisjoint(targets):
+        wiring.problems.append(f"{target}: is driven twice")
+    for output, port in zip(sources, targets, strict=False):
+        wiring.connect(output, port)
 
 
 def ports(interfaces: Mapping[str, Interface], name: str, causality: str) -> list[Port]:
@@ -111,8 +131,7 @@ def ports(interfaces: Mapping[str, Interface], name: str, causality: str) -> lis
     known = interfaces[component].named(causality)
     if not (elements := elements_of(variable, known)):
         raise ValueError(
-            f"{name}: there is no such "
-            f"{causality}{did_you_mean(variable, {*known, *map(base, known)})}"
+            f"{name}: there is no such {causality}{did_you_mean(variable, with_arrays(known))}"
         )
     return [Port(component, element) for element in elements]
 
