@@ -59,6 +59,21 @@ DatasetOption = Annotated[
 WorkersOption = Annotated[
     int | None, typer.Option(help="processes, or jobs (default: processors; 0: no other)")
 ]
+SchedulerOption = Annotated[str | None, typer.Option(metavar="ADDRESS", help="of a Dask cluster")]
+SlurmOption = Annotated[bool, typer.Option("--slurm", help="jobs of SLURM do the work")]
+CaOption = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="who may enter: certificate of the authority")
+]
+CertOption = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="own certificate, for --scheduler and --slurm")
+]
+KeyOption = Annotated[Path | None, typer.Option(metavar="FILE", help="its key")]
+InsecureOption = Annotated[
+    bool, typer.Option("--insecure", help="the scheduler may be open to everybody")
+]
+DashboardOption = Annotated[
+    bool, typer.Option("--dashboard", help="with Dask's pages, for users of this machine")
+]
 ResumeOption = Annotated[bool, typer.Option("--resume", help="go on after an interruption")]
 
 
@@ -167,10 +182,13 @@ def campaign_command(  # noqa: PLR0913, PLR0917 - one argument per option
     ],
     output: DatasetOption = None,
     workers: WorkersOption = None,
-    scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="of a Dask cluster")
-    ] = None,
-    slurm: Annotated[bool, typer.Option("--slurm", help="jobs of SLURM do the work")] = False,
+    scheduler: SchedulerOption = None,
+    slurm: SlurmOption = False,
+    tls_ca: CaOption = None,
+    tls_cert: CertOption = None,
+    tls_key: KeyOption = None,
+    insecure: InsecureOption = False,
+    dashboard: DashboardOption = False,
     resume: ResumeOption = False,
     ending: FormatOption = Format.PNG,
     style: StyleOption = Look.SCREEN,
@@ -193,6 +211,11 @@ def campaign_command(  # noqa: PLR0913, PLR0917 - one argument per option
             workers=workers,
             scheduler=scheduler,
             slurm=slurm,
+            tls_ca=tls_ca,
+            tls_cert=tls_cert,
+            tls_key=tls_key,
+            insecure=insecure,
+            dashboard=dashboard,
             resume=resume,
             progress=show,
             said=(lambda text: None) if quiet else (lambda text: typer.echo(text, err=True)),
@@ -229,4 +252,12 @@ def study_command(  # noqa: PLR0913, PLR0917 - one argument per option
         return
     if name not in known:
         raise UsageError(f"{name}: there is no such study{did_you_mean(name, known)}")
-    campaign_command(known[name], output, workers, None, False, resume, ending, style, True, quiet)
+    campaign_command(
+        known[name],
+        output,
+        workers,
+        resume=resume,
+        ending=ending,
+        style=style,
+        quiet=quiet,
+    )

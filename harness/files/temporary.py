@@ -23,19 +23,22 @@ _GUARD = 'IFS= read -r word; [ "$word" = done ] || rm -rf -- "$1"'
 
 
 class PrivateFolder:
-    """A new folder that only this user can read; a context manager that gives its path."""
+    """A new folder that only this user can read; a context manager that gives its path.
 
-    def __init__(self) -> None:
+    where: an existing folder, None: that of temporary files.
+    """
+
+    def __init__(self, where: Path | None = None) -> None:
         self._guard = None
         try:
-            self.path = Path(tempfile.gettempdir()) / f"harness-{secrets.token_hex(8)}"
+            self.path = (where or Path(tempfile.gettempdir())) / f"harness-{secrets.token_hex(8)}"
             self._guard = _guard(self.path)  # first, so that no kill comes between
             self.path.mkdir(mode=0o700)
         except OSError as error:
             self._dismiss_guard()
+            place = where or os.environ.get("TMPDIR", "the temporary folder")
             raise ResultsError(
-                f"{os.environ.get('TMPDIR', 'the temporary folder')}: no temporary files can be "
-                f"made there ({error.strerror or error})"
+                f"{place}: no temporary files can be made there ({error.strerror or error})"
             ) from error
         self._remove = weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
 

@@ -637,7 +637,7 @@ def test_workers_end_with_a_campaign_that_is_interrupted_while_they_start(
         def scale(self, count):
             log.append(f"{count} workers on their way")
 
-    monkeypatch.setattr("distributed.LocalCluster", Cluster)
+    monkeypatch.setattr("distributed.SpecCluster", Cluster)
     try:
         with pytest.raises(KeyboardInterrupt):
             campaign(table(system), tmp_path / "out.zarr", workers=2)

@@ -12,7 +12,8 @@ from harness.errors import UsageError
 from harness.files.signals import held
 from harness.master.changes import Changes
 from harness.ssp.library import find_system
-from harness.studies.campaign.clusters import Workers, prepare
+from harness.studies.campaign.clusters import Workers, checked, prepare
+from harness.studies.campaign.credentials import Files
 from harness.studies.campaign.draft import read_plan
 from harness.studies.campaign.engine import Block, Flown, crew
 from harness.studies.campaign.plan import Layout, Plan
@@ -68,6 +69,11 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     workers: int | None = None,
     scheduler: str | None = None,
     slurm: bool = False,
+    tls_ca: str | Path | None = None,
+    tls_cert: str | Path | None = None,
+    tls_key: str | Path | None = None,
+    insecure: bool = False,
+    dashboard: bool = False,
     resume: bool = False,
     progress: Callable[[Progress], None] | None = None,
     said: Callable[[str], None] = lambda _: None,
@@ -76,13 +82,16 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
 
     definition: path of a .toml, or the table itself; workers: processes of this machine (default:
     one per processor, 0: this one), or jobs of SLURM; scheduler: address of a Dask scheduler;
-    resume: go on with an interrupted campaign; progress: called after every block; said: called
-    with what the user should know.
+    tls_ca, tls_cert, tls_key: PEM files, who may enter it (default: the configuration of Dask);
+    insecure: it may be without TLS; dashboard: with Dask's pages, on this machine; resume: go on
+    with an interrupted campaign; progress: called after every block; said: called with what the
+    user should know.
 
     Raises UsageError, StructureError with all that is wrong before the first run, and ResultsError.
     A run that fails is a row of the dataset.
     """
-    who = Workers(workers, scheduler, slurm)
+    tls = Files(*(None if file is None else Path(file) for file in (tls_ca, tls_cert, tls_key)))
+    who = checked(Workers(workers, scheduler, slurm, tls, insecure, dashboard))
     prepare(who)
     with said_once():
         plan, found = read_plan(definition if isinstance(definition, Mapping) else Path(definition))

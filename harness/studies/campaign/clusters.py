@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Where a campaign runs: processes of this machine, a Dask scheduler by its address, or SLURM."""
+"""Where a campaign runs: processes of this machine, a Dask scheduler by its address, or SLURM.
+
+None of them lets anybody in who has not got the credentials, and none opens a page that was not
+asked for.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +15,16 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
+from functools import cache
+from importlib.util import find_spec
 from multiprocessing import forkserver, resource_tracker
-from shutil import which
 from types import ModuleType
 from typing import Any
 
 from harness.errors import UsageError
 from harness.files.signals import held
-from harness.studies.campaign import worker
+from harness.files.temporary import PrivateFolder
+from harness.studies.campaign import credentials, slurm, worker
 
 DEATHS = 1
 """Workers of its own that a block, or a piece of one, may lose before it is taken apart."""
@@ -35,7 +41,8 @@ come and go).
 ALONE = {"OMP_NUM_THREADS": 1, "MKL_NUM_THREADS": 1, "OPENBLAS_NUM_THREADS": 1}
 """There is a worker per processor: linear algebra takes no further ones (as dask has it)."""
 METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-NEEDED = ("distributed", worker.__name__)
+NODES = "harness.studies.campaign.nodes"
+NEEDED = ("distributed", NODES, worker.__name__)
 """Modules that are imported once for all workers of this machine."""
 SETTINGS = {
     "distributed.scheduler.allowed-failures": DEATHS,
@@ -48,24 +55,47 @@ SETTINGS = {
     "distributed.scheduler.active-memory-manager.start": False,
 }
 """Of dask, for the workers of a campaign."""
-MEMORY_GB = 2
-"""Of a job per core, where jobqueue.yaml says nothing."""
+HERE = "127.0.0.1"
+"""What is not for other machines listens here."""
 
 
 @dataclass(frozen=True)
 class Workers:
     """Where a campaign runs: so many workers (0: this process alone; None: one per processor), or
     a scheduler by its address, or SLURM.
+
+    tls: credentials for the latter two; insecure: the scheduler may be without; dashboard: with
+    Dask's pages, for this machine.
     """
 
     count: int | None = None
     scheduler: str | None = None
     slurm: bool = False
+    tls: credentials.Files = credentials.NONE
+    insecure: bool = False
+    dashboard: bool = False
 
     @property
     def elsewhere(self) -> bool:
         """Whether they are not processes of this machine that we start."""
         return self.scheduler is not None or self.slurm
+
+
+def checked(workers: Workers) -> Workers:
+    """Workers as asked for; UsageError if they contradict themselves, or everybody may enter."""
+    if workers.scheduler is not None and workers.slurm:
+        raise UsageError("--scheduler and --slurm: one of both")
+    if not workers.elsewhere and any(workers.tls):
+        raise UsageError("--tls-ca: is for --scheduler and --slurm; workers here have their own")
+    if workers.insecure and workers.scheduler is None:
+        raise UsageError("--insecure: is for --scheduler; all others have TLS anyway")
+    if workers.dashboard and workers.scheduler is None and not find_spec("bokeh"):
+        raise UsageError("--dashboard: needs pip install bokeh")
+    if workers.scheduler is not None:
+        credentials.of_scheduler(workers.scheduler, workers.tls, workers.insecure)
+    elif workers.slurm:
+        credentials.named(workers.tls)
+    return workers
 
 
 @contextmanager
@@ -79,31 +109,50 @@ def connected(workers: Workers) -> Iterator[Any]:
         if name.startswith("distributed"):
             logging.getLogger(name).setLevel(logging.CRITICAL)
     with ExitStack() as life:
-        life.enter_context(config.set(SETTINGS))
-        if workers.scheduler is not None:
-            target: Any = workers.scheduler
-        elif workers.slurm:
-            target = life.enter_context(_slurm(workers.count))
-        else:
-            target = _local(processes(workers), life)
+        # a folder of Dask's own would be one in which others may put what workers import
+        life.enter_context(config.set({**SETTINGS, "temporary-directory": str(_private().path)}))
+        target, security = _target(workers, life)
         try:
             with nullcontext() if workers.elsewhere else held():  # half a client cannot be closed
-                client = life.enter_context(Client(target))
+                client = life.enter_context(Client(target, security=security))
         except (OSError, TimeoutError) as error:
-            raise UsageError(f"--scheduler {workers.scheduler}: does not answer") from error
+            raise UsageError(f"--scheduler {workers.scheduler}: {_why(error)}") from error
         yield client
+
+
+def _target(workers: Workers, life: ExitStack) -> tuple[Any, Any]:
+    """Cluster or address that a client is for, and its credentials."""
+    if workers.scheduler is not None:
+        security = credentials.of_scheduler(workers.scheduler, workers.tls, workers.insecure)
+        bare = security is not None and "://" not in workers.scheduler
+        return ("tls://" if bare else "") + workers.scheduler, security
+    pages = _scheduler(workers.dashboard)
+    if workers.slurm:
+        found = slurm.cluster(workers.count, credentials.named(workers.tls), pages, life)
+    else:
+        found = _local(processes(workers), pages, life)
+    return found, found.security
+
+
+def _why(error: BaseException) -> str:
+    """What keeps a scheduler from answering: its credentials are not ours, or it is not there."""
+    refused = "TLS" in str(error) or "SSL" in str(error) or "closed" in str(error)
+    return "refuses the credentials" if refused else "does not answer"
+
+
+def _scheduler(pages: bool) -> dict[str, Any]:
+    """Class and options of a scheduler, with Dask's dashboard for this machine or without."""
+    from distributed import Scheduler
+
+    from harness.studies.campaign import nodes
+
+    options = {"dashboard": pages, "dashboard_address": f"{HERE}:0" if pages else None}
+    return {"cls": Scheduler if pages else nodes.Scheduler, "options": options}
 
 
 def processes(workers: Workers) -> int:
     """Of this machine."""
     return workers.count or os.cpu_count() or 1
-
-
-def dashboard(client: Any) -> str:
-    """Address of the dashboard, if there is one."""
-    from importlib.util import find_spec
-
-    return str(client.dashboard_link or "") if find_spec("bokeh") else ""
 
 
 # ---- processes of this machine
@@ -115,6 +164,9 @@ def prepare(workers: Workers) -> None:
     """
     if METHOD != "forkserver" or workers.elsewhere or workers.count == 0:
         return
+    # its socket lies in a folder that a killed process would leave behind
+    process: Any = multiprocessing.current_process()
+    process._config.setdefault("tempdir", str(_private().path))
     multiprocessing.get_context(METHOD).set_forkserver_preload(list(NEEDED))
     wanted = {name: str(value) for name, value in {**MEMORY, **ALONE}.items()}
     with _ctrl_c_for_us_alone(), _environment(wanted):
@@ -133,21 +185,38 @@ def _environment(wanted: Mapping[str, str]) -> Iterator[None]:
             del os.environ[name]
 
 
-def _local(count: int, life: ExitStack) -> Any:
-    """Workers on this machine, on their way, that end with `life`."""
-    from distributed import LocalCluster
+@cache
+def _private() -> PrivateFolder:
+    """Of this process: for the socket of the server that workers are forked from, which stays, and
+    for what Dask keeps in files.
+    """
+    return PrivateFolder()
 
+
+def _local(count: int, scheduler: dict[str, Any], life: ExitStack) -> Any:
+    """Workers on this machine, on their way, that end with `life`."""
+    from distributed import Nanny, SpecCluster
+
+    from harness.studies.campaign import nodes
+
+    security = credentials.made()
+    node = {"host": HERE, "protocol": "tls://", "security": security}
+    options = {
+        **node,
+        "worker_class": nodes.Worker,
+        "nthreads": 1,
+        "memory_limit": 0,
+        "silence_logs": logging.CRITICAL,
+        "env": dict(os.environ),  # the process that they are forked from has that of its start
+    }
     life.enter_context(_without_main())
     with held(), _ctrl_c_for_us_alone():
         cluster = life.enter_context(
-            LocalCluster(
-                n_workers=0,
-                threads_per_worker=1,
-                processes=True,
-                dashboard_address=":0",
+            SpecCluster(
+                scheduler={**scheduler, "options": {**scheduler["options"], **node}},
+                worker={"cls": Nanny, "options": options},
+                security=security,
                 silence_logs=logging.CRITICAL,
-                memory_limit=0,
-                env=dict(os.environ),  # the process that they are forked from has that of its start
             )
         )
         cluster.scale(count)
@@ -182,29 +251,3 @@ def _ctrl_c_for_us_alone() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-# ---- SLURM
-
-
-def _slurm(count: int | None) -> Any:
-    """Jobs as jobqueue.yaml says, by default of one core; every core gets a process of its own,
-    for a process flies one run at a time.
-    """
-    from dask import config
-
-    if which("sbatch") is None:
-        raise UsageError("--slurm: there is no sbatch here; call it where jobs are submitted")
-    try:
-        from dask_jobqueue.slurm import SLURMCluster
-    except ImportError as error:
-        raise UsageError('--slurm: needs pip install "servicing-fmus[slurm]"') from error
-    cores = config.get("jobqueue.slurm.cores", None) or 1
-    memory = config.get("jobqueue.slurm.memory", None) or f"{cores * MEMORY_GB}GB"
-    logs = config.get("jobqueue.slurm.log-directory", None) or "slurm-logs"
-    try:
-        cluster = SLURMCluster(cores=cores, processes=cores, memory=memory, log_directory=logs)
-        cluster.scale(jobs=count or 1)
-    except (OSError, RuntimeError, ValueError) as error:
-        raise UsageError(f"--slurm: {' '.join(str(error).split())}") from error
-    return cluster

@@ -17,7 +17,8 @@ from typing import Any, NamedTuple
 
 from harness.master.changes import Changes
 from harness.studies.campaign import worker
-from harness.studies.campaign.clusters import Workers, connected, dashboard, processes
+from harness.studies.campaign.clusters import Workers, connected, processes
+from harness.studies.campaign.credentials import OPEN
 from harness.studies.campaign.worker import Row, Task
 
 CRASH = "its process was ended from outside, or by a crash inside an FMU"
@@ -49,8 +50,10 @@ def crew(workers: Workers, said: Callable[[str], None]) -> Iterator[Fly]:
         yield _here
         return
     with connected(workers) as client:
-        if link := dashboard(client):
-            said(f"dashboard: {link}")
+        if client.security.require_encryption is not True:
+            said(f"{workers.scheduler}: {OPEN}")
+        if workers.dashboard:
+            said(f"dashboard: {client.dashboard_link}")
         yield partial(_spread, client, workers)
 
 

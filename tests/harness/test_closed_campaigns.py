@@ -1,0 +1,441 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Nobody enters a campaign who has not got its credentials: other users of the machine, others on
+the network; and nothing of it stays behind a kill.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+import psutil
+import pytest
+from dask import config
+
+from harness import campaign
+from harness.errors import UsageError
+from harness.studies.campaign import credentials
+from tests.harness import intruder
+from tests.harness.interrupts import start
+
+NOBODY = 65534
+SOME_TIME = 90.0
+"""What a campaign, its workers or their end may take on a machine with much else to do [s]."""
+ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
+ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+
+CAMPAIGN = """
+system = "sync_approach"
+runs = {runs}
+[fixed]
+stop = 20.0
+[factors]
+"servicer.mass_0" = {{uniform = {{low = 90.0, high = 110.0}}}}
+[metrics]
+range = "guidance.range[-1]"
+"""
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and users of POSIX")
+
+
+def definition(folder, runs):
+    (folder / "c.toml").write_text(CAMPAIGN.format(runs=runs))
+    return folder / "c.toml"
+
+
+def until(found, what):
+    """What a function finds, as soon as it finds something."""
+    end = time.monotonic() + SOME_TIME
+    while time.monotonic() < end:
+        if result := found():
+            return result
+        time.sleep(0.1)
+    raise AssertionError(f"no {what} after {SOME_TIME} s")
+
+
+def family(pid):
+    parent = psutil.Process(pid)
+    return [parent, *parent.children(recursive=True)]
+
+
+def lives(process):
+    return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+
+
+def listening(pid):
+    """Addresses and ports that a process and all it has started listen on."""
+    found = set()
+    for process in family(pid):
+        try:
+            lines = process.net_connections("tcp")
+        except psutil.Error:  # it has gone meanwhile
+            continue
+        found |= {tuple(line.laddr) for line in lines if line.status == psutil.CONN_LISTEN}
+    return found
+
+
+@pytest.fixture(scope="module")
+def foreign(tmp_path_factory):
+    """Key and certificate of somebody else, made as those of a campaign are."""
+    folder = tmp_path_factory.mktemp("foreign")
+    theirs = credentials.made()
+    (folder / "key.pem").write_text(theirs.tls_client_key)
+    (folder / "cert.pem").write_text(theirs.tls_client_cert)
+    return [str(folder / "key.pem"), str(folder / "cert.pem")]
+
+
+def intrude(host, ports, foreign, user="-", before=()):
+    """Doors that are open to an intruder; before: the command that puts it elsewhere."""
+    script = Path(intruder.__file__).read_text()
+    given = [host, ",".join(map(str, ports)), str(user), *foreign]
+    ended = subprocess.run(
+        [*before, sys.executable, "-I", "-c", script, *given],
+        capture_output=True,
+        text=True,
+        timeout=SOME_TIME,
+        check=False,
+    )
+    *doors, last = ended.stdout.splitlines() or [""]
+    assert last == f"tried {given[1]}", ended.stderr
+    return doors
+
+
+@pytest.fixture(scope="module")
+def flying(tmp_path_factory):
+    """A campaign with two workers under way: its process, its folder and its temporary folder."""
+    folder = tmp_path_factory.mktemp("flying")
+    temporary = tmp_path_factory.mktemp("temporary")
+    definition(folder, 100_000)
+    process = start(
+        [sys.executable, "-m", "harness", "campaign", "c.toml", "-o", "c.zarr", "--workers", "2"],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=ENVIRONMENT | {"TMPDIR": str(temporary)},
+    )
+    until((folder / "c.zarr" / "status" / "c" / "0").exists, "first block")
+    try:
+        yield process, folder, temporary
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_only_holders_of_its_credentials_enter_a_campaign(flying, foreign):
+    """A scheduler, and a keeper and a worker for each of two processes."""
+    found = listening(flying[0].pid)
+    assert {host for host, _ in found} == {"127.0.0.1"}
+    assert len(found) == 5
+    assert intrude("127.0.0.1", [port for _, port in found], foreign) == []
+
+
+def test_a_client_of_dask_without_the_credentials_is_refused(flying):
+    """Neither one without any, nor one with others."""
+    from distributed.comm import connect
+
+    theirs = credentials.made().get_connection_args("client")
+    ports = [port for _, port in listening(flying[0].pid)]
+    tries = [(f"tcp://127.0.0.1:{port}", {}) for port in ports]
+    tries += [(f"tls://127.0.0.1:{port}", theirs) for port in ports]
+
+    async def all_of_them():
+        entered = (connect(address, timeout=3, **given) for address, given in tries)
+        return await asyncio.gather(*entered, return_exceptions=True)
+
+    found = asyncio.run(all_of_them())
+    assert len(found) == 10
+    assert all(isinstance(each, OSError) for each in found), found
+
+
+def test_another_user_of_the_machine_does_not_enter_a_campaign(flying, foreign):
+    if not ROOT:
+        pytest.skip("only root may become another user")
+    process, _, temporary = flying
+    ports = [port for _, port in listening(process.pid)]
+    assert intrude("127.0.0.1", ports, foreign, NOBODY) == []
+    kept = [path for path in temporary.iterdir() if path.is_dir()]
+    assert kept
+    for path in kept:
+        assert (path.stat().st_mode & 0o077, path.stat().st_uid) == (0, os.geteuid())
+
+
+def elsewhere():
+    """A process in a network of its own that has a line to ours, and our address on it.
+
+    Skips where the machine does not let us; the line goes with the process.
+    """
+    if not (ROOT and shutil.which("ip") and shutil.which("unshare")):
+        pytest.skip("a network of its own needs root, ip and unshare")
+    other = subprocess.Popen(["unshare", "-n", "sleep", "600"], stderr=subprocess.DEVNULL)
+    ours, theirs = f"ha{other.pid}", f"hb{other.pid}"
+    pid = str(other.pid)
+    net = f"10.213.{other.pid % 250}"
+    inside = ["nsenter", f"--net=/proc/{other.pid}/ns/net"]
+    own = [Path(f"/proc/{who}/ns/net") for who in ("self", pid)]
+    until(lambda: own[0].readlink() != own[1].readlink(), "network")
+    for command in (
+        [
+            "ip",
+            "link",
+            "add",
+            ours,
+            "type",
+            "veth",
+            "peer",
+            "name",
+            theirs,
+            "netns",
+            pid,
+        ],
+        ["ip", "addr", "add", f"{net}.1/24", "dev", ours],
+        ["ip", "link", "set", ours, "up"],
+        [*inside, "ip", "addr", "add", f"{net}.2/24", "dev", theirs],
+        [*inside, "ip", "link", "set", theirs, "up"],
+    ):
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            other.kill()
+            other.wait()
+            pytest.skip(f"no network of its own: {done.stderr.strip()}")
+    return other, inside, f"{net}.1"
+
+
+@pytest.fixture(scope="module")
+def network():
+    other, inside, address = elsewhere()
+    yield inside, address
+    other.kill()
+    other.wait()
+
+
+def test_nobody_on_the_network_reaches_a_campaign_of_this_machine(flying, foreign, network):
+    inside, address = network
+    ports = [port for _, port in listening(flying[0].pid)]
+    assert intrude(address, ports, foreign, before=inside) == []
+
+
+def test_intruders_and_pages_leave_no_line_in_the_terminal_and_a_kill_nothing_behind(flying):
+    """The last test of this campaign."""
+    process, _, temporary = flying
+    everybody = family(process.pid)
+    assert len(everybody) > 3
+    assert any(temporary.iterdir())
+    process.kill()
+    output, errors = process.communicate(timeout=SOME_TIME)
+    note = r"\S+resource_tracker.py:\d+: .*\n.*\n"  # of Python, on semaphores that it removes
+    assert (output, re.sub(note, "", errors)) == ("", "")
+    until(lambda: not any(map(lives, everybody)), "end of all")
+    until(lambda: not any(temporary.iterdir()), "empty folder")
+
+
+# ---- schedulers that are there
+
+
+@pytest.fixture(scope="module")
+def ours(tmp_path_factory):
+    """Files of an authority: certificate, and one certificate with its key for everybody."""
+    folder = tmp_path_factory.mktemp("ours")
+    security = credentials.made()
+    (folder / "ca.pem").write_text(security.tls_ca_file)
+    (folder / "me.pem").write_text(security.tls_client_cert)
+    (folder / "me.key").write_text(security.tls_client_key)
+    return {
+        "tls_ca": folder / "ca.pem",
+        "tls_cert": folder / "me.pem",
+        "tls_key": str(folder / "me.key"),
+    }
+
+
+@pytest.fixture
+def scheduler():
+    """Starts schedulers with a worker each, in threads of ours; gives their addresses."""
+    from distributed import LocalCluster
+
+    with ExitStack() as life:
+
+        def begin(files=None):
+            security = credentials.named(credentials.Files(*map(Path, files))) if files else None
+            cluster = LocalCluster(
+                n_workers=1,
+                threads_per_worker=1,
+                processes=False,
+                protocol="tls://" if files else "tcp://",
+                security=security,
+                dashboard_address="127.0.0.1:0",
+                silence_logs=50,
+            )
+            return life.enter_context(cluster).scheduler_address
+
+        yield begin
+
+
+def test_a_scheduler_that_everybody_may_enter_is_accepted_by_an_option_only(
+    tmp_path, scheduler, foreign
+):
+    address, said = scheduler(), []
+    host, port = address.removeprefix("tcp://").split(":")
+    assert f"{port} speaks to everybody" in intrude(host, [port], foreign)  # it sees open doors
+    given = definition(tmp_path, 3)
+    with pytest.raises(UsageError) as caught:
+        campaign(given, tmp_path / "out.zarr", scheduler=address)
+    assert str(caught.value) == (
+        f"--scheduler {address}: without TLS anybody on the network may run code as this user; "
+        "name credentials of the cluster with --tls-ca, --tls-cert and --tls-key (or in the "
+        "configuration of Dask), or accept it with --insecure"
+    )
+    assert not (tmp_path / "out.zarr").exists()
+    done = campaign(
+        given, tmp_path / "out.zarr", scheduler=address, insecure=True, said=said.append
+    )
+    assert done.store.array("status").tolist() == [1, 1, 1]
+    assert said == [f"{address}: without TLS anybody on the network may run code as this user"]
+
+
+def test_a_scheduler_under_tls_takes_credentials_that_the_user_names(
+    tmp_path, scheduler, ours, foreign, monkeypatch
+):
+    address, said = scheduler(ours.values()), []
+    host, port = address.removeprefix("tls://").split(":")
+    assert intrude(host, [port], foreign) == []
+    given = definition(tmp_path, 3)
+    done = campaign(
+        given, tmp_path / "a.zarr", scheduler=f"{host}:{port}", said=said.append, **ours
+    )
+    assert done.store.array("status").tolist() == [1, 1, 1]
+    names = {"ca-file": "tls_ca", "client.cert": "tls_cert", "client.key": "tls_key"}
+    known = {f"distributed.comm.tls.{name}": str(ours[key]) for name, key in names.items()}
+    with config.set(known):
+        campaign(given, tmp_path / "b.zarr", scheduler=address, said=said.append)
+    assert said == []
+    theirs = {"tls_ca": foreign[1], "tls_cert": foreign[1], "tls_key": foreign[0]}
+    with pytest.raises(UsageError, match=rf"--scheduler {address}: refuses the credentials"):
+        campaign(given, tmp_path / "c.zarr", scheduler=address, **theirs)
+
+
+@pytest.mark.parametrize(
+    ("how", "line"),
+    [
+        (
+            {"scheduler": "tcp://there:8786", "tls_ca": "ca", "tls_cert": "me", "tls_key": "key"},
+            "--scheduler tcp://there:8786: is an address without TLS, and credentials are named; "
+            "tls://there:8786",
+        ),
+        (
+            {"scheduler": "there:8786", "tls_ca": "ca"},
+            "--tls-ca and --tls-cert belong together, with --tls-key if it is a file",
+        ),
+        (
+            {"scheduler": "there:8786", "tls_ca": "ca", "tls_cert": "none.pem"},
+            "--tls-cert none.pem: no such file",
+        ),
+        (
+            {"scheduler": "there:8786", "tls_ca": "ca", "tls_cert": "me", "tls_key": "odd"},
+            "--tls-ca ca --tls-cert me --tls-key odd: must be PEM certificates and the key of the "
+            "second",
+        ),
+        ({"insecure": True}, "--insecure: is for --scheduler; all others have TLS anyway"),
+        (
+            {"tls_cert": "me"},
+            "--tls-ca: is for --scheduler and --slurm; workers here have their own",
+        ),
+        ({"scheduler": "there:8786", "slurm": True}, "--scheduler and --slurm: one of both"),
+        ({"dashboard": True}, "--dashboard: needs pip install bokeh"),
+    ],
+)
+def test_what_contradicts_itself_is_refused_before_anything_starts(
+    tmp_path, ours, monkeypatch, how, line
+):
+    monkeypatch.setattr("harness.studies.campaign.clusters.find_spec", lambda _: None)
+    for name, file in zip(("ca", "me", "key"), ours.values(), strict=True):
+        shutil.copy(file, name)
+    Path("odd").write_text("no key")
+    with pytest.raises(UsageError) as caught:
+        campaign(definition(tmp_path, 3), tmp_path / "out.zarr", **how)
+    assert str(caught.value) == line
+
+
+def test_the_dashboard_is_for_this_machine_only_and_there_if_asked_for(tmp_path, monkeypatch):
+    monkeypatch.setattr("harness.studies.campaign.clusters.find_spec", lambda _: True)
+    said, seen = [], []
+
+    def look(_):
+        if not seen:
+            seen.append(listening(os.getpid()))
+
+    given = definition(tmp_path, 3)
+    campaign(given, tmp_path / "o.zarr", workers=1, dashboard=True, said=said.append, progress=look)
+    (line,) = said
+    link = re.fullmatch(r"dashboard: http://127.0.0.1:(\d+)/status", line)
+    assert ("127.0.0.1", int(link[1])) in seen[0]
+    assert {host for host, _ in seen[0]} == {"127.0.0.1"}
+
+
+# ---- SLURM
+
+SBATCH = """#!/bin/sh
+# a job is a process of its own here
+cp "$1" "{folder}/job.sh"  # the script goes at once
+setsid sh "{folder}/job.sh" > "{folder}/job.log" 2>&1 < /dev/null &
+echo $! >> "{folder}/jobs"
+echo "Submitted batch job $!"
+"""
+SCANCEL = """#!/bin/sh
+kill -- "-$1"
+"""
+
+
+@pytest.fixture
+def slurm(tmp_path, monkeypatch):
+    """A machine on which jobs are submitted: sbatch and scancel that start and end processes."""
+    pytest.importorskip("dask_jobqueue")
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    for name, text in (("sbatch", SBATCH), ("scancel", SCANCEL)):
+        (folder / name).write_text(text.format(folder=folder))
+        (folder / name).chmod(0o755)
+    monkeypatch.setenv("PATH", f"{folder}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.setenv("PYTHONPATH", ENVIRONMENT["PYTHONPATH"])
+    return folder
+
+
+def test_jobs_of_slurm_are_handed_credentials_in_a_folder_of_ours(slurm, tmp_path, foreign):
+    """The scheduler is there for the whole network."""
+    seen = {}
+
+    def look(_):
+        if not seen:
+            (job,) = map(int, (slurm / "jobs").read_text().split())
+            (folder,) = Path.cwd().glob("harness-*")
+            files = [file for file in folder.iterdir() if file.is_file()]
+            text = " ".join(" ".join(p.cmdline()) for p in family(job))
+            seen["mode"] = folder.stat().st_mode & 0o777
+            seen["told"] = {name for name in ("ca-file", "cert", "key") if f"--tls-{name} " in text}
+            seen["files"] = [file.stat().st_mode & 0o077 for file in files]
+            doors = sorted(listening(os.getpid()) | listening(job))
+            seen["open"] = [d for at, port in doors for d in intrude(local(at), [port], foreign)]
+            seen["several"] = len(doors) >= 3  # of a scheduler, a keeper and a worker
+
+    given = definition(tmp_path, 3)
+    done = campaign(given, tmp_path / "out.zarr", slurm=True, workers=1, progress=look)
+    assert done.store.array("status").tolist() == [1, 1, 1]
+    assert seen == {
+        "mode": 0o700,
+        "told": {"ca-file", "cert", "key"},
+        "files": [0, 0, 0],
+        "open": [],
+        "several": True,
+    }
+    assert list(Path.cwd().glob("harness-*")) == []
+
+
+def local(host):
+    """An address of this machine on which somebody listens who listens everywhere."""
+    return "127.0.0.1" if host in ("0.0.0.0", "::") else host
