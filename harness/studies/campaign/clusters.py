@@ -7,6 +7,7 @@ asked for.
 
 from __future__ import annotations
 
+import atexit
 import logging
 import multiprocessing
 import os
@@ -190,7 +191,9 @@ def _private() -> PrivateFolder:
     """Of this process: for the socket of the server that workers are forked from, which stays, and
     for what Dask keeps in files.
     """
-    return PrivateFolder()
+    folder = PrivateFolder()
+    atexit.register(folder.close)
+    return folder
 
 
 def _local(count: int, scheduler: dict[str, Any], life: ExitStack) -> Any:
