@@ -16,6 +16,7 @@
  * A.5, A.7. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
+#include "earth.h"
 #include "orbit.h"
 #include "reference_rows.h"
 #include "time_grid.h"
@@ -52,7 +53,7 @@ typedef struct {
 MODEL_STRUCT;
 
 static const Model start = {
-    .p = {.mu = 3.986004415e14,
+    .p = {.mu = MU_JGM3,
           .K_rho = {2e-3, 2e-3, 2e-3},
           .P_rho = {5e-2, 5e-2, 5e-2},
           .Gamma_m = 10,
@@ -182,18 +183,18 @@ static Symmetric X_transposed(vec3 a, vec3 b, vec3 d)
     return Y_transposed(b, cross(d, a));
 } /* d.(a x v) = (d x a).v */
 
-static Symmetric sum_symmetric(Symmetric a, Symmetric b)
+/* -(a + b) */
+static Symmetric minus_sum(Symmetric a, Symmetric b)
 {
-    for (int i = 0; i < 6; i++) a.v[i] += b.v[i];
+    for (int i = 0; i < 6; i++) a.v[i] = -(a.v[i] + b.v[i]);
     return a;
 }
 
 /* eta_hat += period Gamma W^T dw */
-static void adapt(const Parameters *p, Symmetric *estimate, const Symmetric *gain,
-                  Symmetric minus_W_dw, double period)
+static void adapt(const Parameters *p, Symmetric *estimate, const Symmetric *gain, Symmetric Wt_dw,
+                  double period)
 {
-    for (int i = 0; i < 6; i++)
-        estimate->v[i] -= period * p->Gamma_scale * gain->v[i] * minus_W_dw.v[i];
+    for (int i = 0; i < 6; i++) estimate->v[i] += period * p->Gamma_scale * gain->v[i] * Wt_dw.v[i];
 }
 
 /* (19), A.5.2 */
@@ -216,11 +217,12 @@ static void control_attitude(const Parameters *p, const Input *u, State *x, Outp
     y->wheel_accel_cmd = p->use_wheels ? solve(A_hat, wheel_torque) : vec(0, 0, 0);
     y->M_cmd_S = p->use_wheels ? vec(0, 0, 0) : neg(wheel_torque);
 
-    Symmetric W_J = sum_symmetric(X_transposed(wd, wd, dw), Y_transposed(wdd, dw));
-    Symmetric W_A =
-        sum_symmetric(X_transposed(wd, Omega, dw), Y_transposed(y->wheel_accel_cmd, dw));
-    adapt(p, &x->eta_hat.J, &p->Gamma_eta.J, W_J, period);
-    adapt(p, &x->eta_hat.A, &p->Gamma_eta.A, W_A, period);
+    /* W^T dw, W = -[X(wd,wd) + Y(wdd), X(wd,Omega) + Y(dOmega)] */
+    vec3 dOmega = y->wheel_accel_cmd;
+    Eta Wt_dw = {.J = minus_sum(X_transposed(wd, wd, dw), Y_transposed(wdd, dw)),
+                 .A = minus_sum(X_transposed(wd, Omega, dw), Y_transposed(dOmega, dw))};
+    adapt(p, &x->eta_hat.J, &p->Gamma_eta.J, Wt_dw.J, period);
+    adapt(p, &x->eta_hat.A, &p->Gamma_eta.A, Wt_dw.A, period);
 }
 
 /* ---- projection, an option beyond the paper ---- */

@@ -10,7 +10,8 @@
 #include "drift.h"
 #include "safety_ports.h"
 
-#define RESTING 1e9 /* margin of a rule that is off */
+#define RESTING 1e9  /* margin of a rule that is off */
+#define TINY    1e-9 /* m, m/s: where a size would vanish */
 
 /* ---- relative states and arcs ---- */
 static inline Pair pair(const SafetyInput *u) { return (Pair){{u->T.r, u->T.v}, {u->S.r, u->S.v}}; }
@@ -64,50 +65,102 @@ static inline Interval interval(const SafetyParameters *p, const SafetyInput *fr
     return i;
 }
 
-static inline Finding along(const Interval *i, Margin m, const Arc *arc)
-{
-    double margin = least_on(&m, arc);
-    return (Finding){margin, margin < 0 ? i->t + i->h * first_below_zero(&m, arc) : NEVER};
-}
-
 static inline const Arc *arc_in(const Interval *i, double axes)
 {
     return &i->arc[axes == TARGET_AXES];
 }
 
-static inline Finding keep_out(const Interval *i)
+/* what a rule says in this interval: sizes of its figure, and the arc where no other rule has it */
+typedef struct {
+    union {
+        Zone zone;
+        Corridor corridor;
+        SpeedLimit speed;
+        Plume plume;
+    } of;
+    Arc own;
+} Setting;
+
+/* the arc on which the rule is judged; NULL: it rests */
+typedef const Arc *InForce(const Interval *i, Setting *s);
+
+static inline const Arc *keep_out(const Interval *i, Setting *s)
 {
     const SafetyParameters *p = i->p;
-    Zone zone = {p->keep_out_shape, p->keep_out_half};
-    if (zone.shape == NO_ZONE || (p->keep_out_opens && i->from->approaching)) return resting;
-    return along(i, (Margin){zone_value, zone_bound, &zone}, arc_in(i, p->keep_out_axes));
+    s->of.zone = (Zone){p->keep_out_shape, p->keep_out_half};
+    if (p->keep_out_shape == NO_ZONE || (p->keep_out_opens && i->from->approaching)) return NULL;
+    return arc_in(i, p->keep_out_axes);
 }
 
-static inline Finding corridor(const Interval *i)
+static inline const Arc *corridor(const Interval *i, Setting *s)
 {
     const SafetyParameters *p = i->p;
-    Corridor cone = {p->corridor_apex, p->corridor_axis, p->corridor_half_angle,
-                     p->corridor_length};
-    if (!p->use_corridor || !i->from->approaching) return resting;
-    return along(i, (Margin){corridor_value, corridor_bound, &cone}, arc_in(i, p->corridor_axes));
+    s->of.corridor =
+        (Corridor){p->corridor_apex, p->corridor_axis, p->corridor_half_angle, p->corridor_length};
+    return p->use_corridor && i->from->approaching ? arc_in(i, p->corridor_axes) : NULL;
 }
 
-static inline Finding speed(const Interval *i)
+static inline const Arc *speed(const Interval *i, Setting *s)
 {
-    SpeedLimit limit = {i->p->speed_at_zero, i->p->speed_slope};
-    if (!i->p->use_speed_limit || !i->from->approaching) return resting;
-    return along(i, (Margin){speed_value, speed_bound, &limit}, arc_in(i, HILL_AXES));
+    s->of.speed = (SpeedLimit){i->p->speed_at_zero, i->p->speed_slope};
+    return i->p->use_speed_limit && i->from->approaching ? arc_in(i, HILL_AXES) : NULL;
 }
 
 /* thrusters are bolted to the body: the arc in servicer axes */
-static inline Finding plume(const Interval *i)
+static inline const Arc *plume(const Interval *i, Setting *s)
 {
     const SafetyParameters *p = i->p;
     double F = norm(i->from->F_cmd_S);
-    if (!p->use_plume || F <= p->plume_force_min) return resting;
-    Plume cone = {scale(1 / F, i->from->F_cmd_S), p->plume_half_angle, p->plume_range};
-    Arc arc = joined(in_body(i->from, &i->from->S), in_body(i->to, &i->to->S), i->h);
-    return along(i, (Margin){plume_value, plume_bound, &cone}, &arc);
+    if (!p->use_plume || F <= p->plume_force_min) return NULL;
+    s->of.plume = (Plume){scale(1 / F, i->from->F_cmd_S), p->plume_half_angle, p->plume_range};
+    s->own = joined(in_body(i->from, &i->from->S), in_body(i->to, &i->to->S), i->h);
+    return &s->own;
+}
+
+/* sizes by which margins of different rules are compared, at a range [m, m/s] */
+typedef double Size(const SafetyParameters *p, double range);
+
+static inline double zone_size(const SafetyParameters *p, double range)
+{
+    (void)range;
+    return smallest(p->keep_out_half);
+}
+static inline double corridor_size(const SafetyParameters *p, double range)
+{
+    return larger(range, TINY) * sine(p->corridor_half_angle);
+}
+static inline double speed_size(const SafetyParameters *p, double range)
+{
+    return larger(p->speed_at_zero + p->speed_slope * range, TINY);
+}
+static inline double plume_size(const SafetyParameters *p, double range)
+{
+    (void)range;
+    return p->plume_range;
+}
+
+/* a rule is a row; the drift of PASSIVE is predicted, NAVIGATION counts time */
+static const struct {
+    InForce *in_force;
+    MarginValue *value;
+    MarginBound *bound;
+    Size *size;
+} rules[] = {
+    [KEEP_OUT] = {keep_out, zone_value, zone_bound, zone_size},
+    [CORRIDOR] = {corridor, corridor_value, corridor_bound, corridor_size},
+    [SPEED] = {speed, speed_value, speed_bound, speed_size},
+    [PASSIVE] = {NULL, zone_value, zone_bound, zone_size},
+    [PLUME] = {plume, plume_value, plume_bound, plume_size},
+};
+
+static inline Finding found(const Interval *i, int rule)
+{
+    Setting s;
+    const Arc *arc = rules[rule].in_force(i, &s);
+    if (!arc) return resting;
+    const Margin m = {rules[rule].value, rules[rule].bound, &s.of};
+    double margin = least_on(&m, arc);
+    return (Finding){margin, margin < 0 ? i->t + i->h * first_below_zero(&m, arc) : NEVER};
 }
 
 /* ---- passive safety ---- */
@@ -126,7 +179,7 @@ static inline Encounter encounter(const SafetyParameters *p, Pair x)
     Zone zone = passive_zone(p);
     Drift drift = {
         {.mu = p->mu, .R_E = p->R_E, .J2 = p->J2}, p->use_J2, p->passive_time, p->passive_step};
-    return drift_encounter(&drift, &(Margin){zone_value, zone_bound, &zone}, x);
+    return drift_encounter(&drift, &(Margin){rules[PASSIVE].value, rules[PASSIVE].bound, &zone}, x);
 }
 
 static inline PosVel on_the_way(PosVel a, PosVel b, double h, double s)

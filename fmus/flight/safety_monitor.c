@@ -25,8 +25,7 @@
 #include "earth.h"
 #include "safety_judgement.h"
 
-#define NOT_YET    (-1) /* time of what has not happened */
-#define TINY_RANGE 1e-9 /* m */
+#define NOT_YET (-1) /* time of what has not happened */
 
 typedef SafetyParameters Parameters;
 typedef SafetyInput Input;
@@ -41,52 +40,39 @@ typedef struct {
     vec3 dv_N;
 } State;
 typedef struct {
-    double keep_out_margin, corridor_margin, speed_margin, passive_margin, plume_margin,
-        navigation_margin;
-    double least_margin[RULES], nearest, passive_entry;
+    double margin[RULES], least_margin[RULES], nearest, passive_entry;
     double abort, violated[RULES], t_first[RULES], t_violation, rule_violated;
     vec3 F_safe_S, dv_left_N;
 } Output;
 MODEL_STRUCT;
 
 static const Model start = {
-    .p = {.mu = MU_JGM3,
-          .R_E = 6378136.3,
-          .J2 = 1.0826360229829945e-3,
-          .use_J2 = 1,
-          .keep_out_shape = ELLIPSOID,
-          .keep_out_half = {2, 2, 2},
-          .corridor_axis = {0, 1, 0},
-          .corridor_half_angle = 0.3490658503988659,
-          .speed_at_zero = 0.1,
-          .speed_slope = 0.01,
-          .passive_step = 60,
-          .plume_half_angle = 0.3490658503988659,
-          .plume_range = 20,
-          .plume_force_min = 1e-3,
-          .lost_time = 20,
-          .abort_on = {1, 1, 1, 1, 1, 1},
-          .mass = 100,
-          .abort_force = 20,
-          .abort_speed = 0.1},
+    .p = {EARTH, .use_J2 = 1, .keep_out_shape = ELLIPSOID, .keep_out_half = {2, 2, 2},
+          .corridor_axis = {0, 1, 0}, .corridor_half_angle = PI / 9, .speed_at_zero = 0.1,
+          .speed_slope = 0.01, .passive_step = 60, .plume_half_angle = PI / 9, .plume_range = 20,
+          .plume_force_min = 1e-3, .lost_time = 20, .abort_on = {1, 1, 1, 1, 1, 1}, .mass = 100,
+          .abort_force = 20, .abort_speed = 0.1},
     .u = {.T = {.r = {7158140, 0, 0}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}},
           .S = {.r = {7158140, 20, 0}, .v = {-0.0208, 7462.286, 0}, .q = {1, 0, 0, 0}},
           .approaching = 1,
           .relative_valid = 1},
 };
 
+#define MARGIN(rule, name, unit, text) \
+    ROW_AS(OUTPUT_ROW, y, name "_margin", margin[rule], 1, unit, text, ANY_VALUE)
+
 static const Variable variables[] = {
     SAFETY_PARAMETERS,
 
     SAFETY_INPUTS,
 
-    OUTPUT(keep_out_margin, "m", "least margin of the keep-out zone since the last sample"),
-    OUTPUT(corridor_margin, "m", "least margin of the corridor since the last sample"),
-    OUTPUT(speed_margin, "m/s", "least margin of the speed limit since the last sample"),
-    OUTPUT(passive_margin, "m",
+    MARGIN(KEEP_OUT, "keep_out", "m", "least margin of the keep-out zone since the last sample"),
+    MARGIN(CORRIDOR, "corridor", "m", "least margin of the corridor since the last sample"),
+    MARGIN(SPEED, "speed", "m/s", "least margin of the speed limit since the last sample"),
+    MARGIN(PASSIVE, "passive", "m",
            "least margin of the keep-out zone during the drift, as predicted last"),
-    OUTPUT(plume_margin, "m", "least margin of the plume since the last sample"),
-    OUTPUT(navigation_margin, "s", "time left until the target counts as lost"),
+    MARGIN(PLUME, "plume", "m", "least margin of the plume since the last sample"),
+    MARGIN(NAVIGATION, "navigation", "s", "time left until the target counts as lost"),
     OUTPUT(least_margin, "1", "least margin of this rule since the start, in its unit"),
     OUTPUT(nearest, "1",
            "rule with the least margin over its own size: 1 keep-out, 2 corridor, 3 speed, 4 "
@@ -113,10 +99,8 @@ static void keep_first(State *x, int rule, Finding f)
 
 static void judge(const Interval *i, State *x)
 {
-    keep_first(x, KEEP_OUT, keep_out(i));
-    keep_first(x, CORRIDOR, corridor(i));
-    keep_first(x, SPEED, speed(i));
-    keep_first(x, PLUME, plume(i));
+    for (int rule = 0; rule < NAVIGATION; rule++)
+        if (rules[rule].in_force) keep_first(x, rule, found(i, rule));
 }
 
 static int passive_rests(const Parameters *p, const Input *u)
@@ -155,23 +139,12 @@ static void judge_navigation(const Parameters *p, const Input *u, State *x, doub
     keep_first(x, NAVIGATION, (Finding){left, left < 0 ? since + p->lost_time : NEVER});
 }
 
-/* the size by which the margin of a rule is compared with those of others */
-static double size_of(const Parameters *p, const Input *u, int rule)
-{
-    double range = norm(sub(u->S.r, u->T.r));
-    switch (rule) {
-    case CORRIDOR: return larger(range, TINY_RANGE) * sine(p->corridor_half_angle);
-    case SPEED: return larger(p->speed_at_zero + p->speed_slope * range, TINY_RANGE);
-    case PLUME: return p->plume_range;
-    default: return smallest(p->keep_out_half);
-    }
-}
-
+/* the rule with the least margin over its size, 1 keep-out ...; 0: none applies */
 static double nearest(const Parameters *p, const Input *u, const State *x)
 {
-    double least = INFINITY, which = 0;
+    double least = INFINITY, which = 0, range = norm(sub(u->S.r, u->T.r));
     for (int rule = 0; rule < NAVIGATION; rule++) {
-        double share = x->margin[rule] / size_of(p, u, rule);
+        double share = x->margin[rule] / rules[rule].size(p, range);
         if (x->margin[rule] == RESTING || share >= least) continue;
         least = share;
         which = rule + 1;
@@ -226,13 +199,7 @@ static void publish_first(const State *x, Output *y)
 
 static void publish(const State *x, Output *y)
 {
-    const double *m = x->margin;
-    y->keep_out_margin = m[KEEP_OUT];
-    y->corridor_margin = m[CORRIDOR];
-    y->speed_margin = m[SPEED];
-    y->passive_margin = m[PASSIVE];
-    y->plume_margin = m[PLUME];
-    y->navigation_margin = m[NAVIGATION];
+    memcpy(y->margin, x->margin, sizeof y->margin);
     y->abort = x->abort;
     y->dv_left_N = x->dv_N;
     publish_first(x, y);

@@ -3,6 +3,7 @@
 #ifndef SAFETY_PORTS_H
 #define SAFETY_PORTS_H
 
+#include "directions.h"
 #include "safety_rules.h"
 #include "tracking.h"
 
@@ -85,15 +86,17 @@ static inline void check_acute(Problems *problems, const char *name, double angl
     if (angle >= PI / 2) refuse(problems, name, angle, "must be below pi/2");
 }
 
+#define MOST_STEPS 1e5 /* of one drift */
+
 static inline void check_safety(const SafetyParameters *p, Problems *problems)
 {
-    double shape = p->keep_out_shape, axis = norm(p->corridor_axis);
+    double shape = p->keep_out_shape;
     if (shape != NO_ZONE && shape != ELLIPSOID && shape != BOX)
         refuse(problems, "keep_out_shape", shape, "must be 0, 1 or 2");
-    if (fabs(axis - 1) > 1e-9) refuse(problems, "corridor_axis", axis, "must be a unit vector");
+    check_unit_vector(problems, "corridor_axis", p->corridor_axis);
     if (p->passive_time > 0 && shape == NO_ZONE)
         refuse(problems, "passive_time", p->passive_time, "needs a keep-out zone (keep_out_shape)");
-    if (p->passive_time > 1e5 * p->passive_step)
+    if (p->passive_time > MOST_STEPS * p->passive_step)
         refuse(problems, "passive_step", p->passive_step, "must not be below passive_time / 1e5");
     check_acute(problems, "corridor_half_angle", p->corridor_half_angle);
     check_acute(problems, "plume_half_angle", p->plume_half_angle);
