@@ -11,7 +11,8 @@
  * know. The sign of y never changes in flight, nor does that of q_DN from sample to sample. Where
  * the Sun stands within guard_angle of the line of sight, the last y is held, made normal to x.
  * Flags: attitude_guard; los_guard near the poles of the LOS angles or below range_limit. A range
- * of zero is refused.
+ * of zero is refused. A sample with active = 0 is as if before the first: nothing is kept, flags
+ * are 0.
  * Source: Yin, Luo, Wei & Yuan 2017, equations (2) and (5); docs/models.md C.1 to C.3. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
@@ -32,6 +33,7 @@ typedef struct {
 typedef struct {
     Body T, S;
     vec3 F_cmd_S;
+    double active;
 } Input;
 typedef struct {
     vec3 y_N;
@@ -57,7 +59,8 @@ static const Model start = {
           .elevation_limit = 4 * PI / 9,
           .range_limit = 5},
     .u = {.T = {.r = {7158140, 0, 0}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}},
-          .S = {.r = {7157960, 180, 158.7450786638754}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}}},
+          .S = {.r = {7157960, 180, 158.7450786638754}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}},
+          .active = 1},
 };
 
 static const Variable variables[] = {
@@ -79,6 +82,7 @@ static const Variable variables[] = {
     BODY_INPUTS("T", T, "target"),
     BODY_INPUTS("S", S, "servicer"),
     INPUT(F_cmd_S, "N", "force commanded last, servicer axes"),
+    OPTIONAL_SWITCH(active, ACTIVE_TEXT),
 
     REFERENCE_ROWS(OUTPUT_ROW, y, ref),
     ROW_AS(OUTPUT_ROW, y, "range", range, 1, "m", "distance between the centres of mass",
@@ -202,12 +206,24 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     (void)t;
     *x = first;
     guide(p, u, &first, y, vec(0, 0, 0));
+    if (!u->active) y->attitude_guard = y->los_guard = 0;
+}
+
+/* active = 0: a first sample in flight, where a command may have been given */
+static void rest(const Parameters *p, const Input *u, State *x, Output *y)
+{
+    State first = {0}, nothing = {0};
+    guide(p, u, &first, y, u->F_cmd_S);
+    y->attitude_guard = y->los_guard = 0;
+    *x = nothing;
 }
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
-    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
-        guide(p, u, x, y, u->F_cmd_S);
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s)) {
+        if (u->active) guide(p, u, x, y, u->F_cmd_S);
+        else rest(p, u, x, y);
+    }
 }
 
 FMU_MODEL("los_guidance",

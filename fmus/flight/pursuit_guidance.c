@@ -11,7 +11,9 @@
  *   law 1  s = clip(k_r (range - zeta1), -|v_T|, 2 |v_T|),  e_v = v_T + s dr/range - v_S
  *           drho_ref = s dr/range
  *          and the modes COAST (thrust off), ALIGN (turn X to the velocity error), BURN (thrust on)
+ *          v_close > 0:  s = clip(k_r (range - zeta1), -v_close/2, v_close)
  *
+ * A sample with active = 0 is as if before the first: nothing is kept, no thrust permitted.
  * The controller needs (v_T + drho_ref - v_S) . X only. |v_T| is relative to the frame of the law:
  * N in deep space, else one that moves with a point on a circular orbit. rho_ref is the hold point
  * on the line of sight, not the integral of drho_ref, and the rate is a command, not the derivative
@@ -27,13 +29,13 @@ typedef enum { COAST, ALIGN, BURN } Mode;
 typedef struct {
     double law, att, k_q, omega_max;
     double zeta1, zeta2, zhys, text_speed;
-    double k_r, rho1, rho2, alpha_fire, omega_fire, t_burn_min, main_thrust, brake_thrust;
+    double v_close, k_r, rho1, rho2, alpha_fire, omega_fire, t_burn_min, main_thrust, brake_thrust;
     double mu, frame_radius, sample_period;
 } Parameters;
 typedef struct {
     Body T, S;
     vec3 F_S;
-    double translation_firing;
+    double translation_firing, active;
 } Input;
 typedef struct {
     double started, far, mode, t_burn;
@@ -64,7 +66,8 @@ static const Model start = {
           .main_thrust = 5,
           .brake_thrust = 4},
     .u = {.T = {.r = {500, -100, 0}, .v = {0, 0.008, 0.006}, .q = {1, 0, 0, 0}},
-          .S = {.q = {1, 0, 0, 0}}},
+          .S = {.q = {1, 0, 0, 0}},
+          .active = 1},
 };
 
 static const Variable variables[] = {
@@ -78,6 +81,9 @@ static const Variable variables[] = {
     NONNEGATIVE(zhys, "m", "scalar law: hysteresis about zeta1"),
     SWITCH(text_speed, "scalar law below zeta1: 0 half the speed of the target (formula), 1 its "
                        "full speed (text)"),
+    NONNEGATIVE(v_close, "m/s",
+                "vector law: largest closing speed, half of it backwards; 0: by the speed of the "
+                "target"),
     NONNEGATIVE(k_r, "1/s", "vector law: gain from range error to closing speed"),
     NONNEGATIVE(rho1, "m/s", "vector law: below this velocity error a burn is given up"),
     POSITIVE(rho2, "m/s", "vector law: from this velocity error on a burn is prepared"),
@@ -98,6 +104,7 @@ static const Variable variables[] = {
     BODY_INPUTS("S", S, "servicer"),
     INPUT(F_S, "N", "force of the thrusters, body axes"),
     INPUT(translation_firing, "1", "1: a translational engine is commanded"),
+    OPTIONAL_SWITCH(active, ACTIVE_TEXT),
 
     REFERENCE_ROWS(OUTPUT_ROW, y, ref),
     FLAG(translate, "1: translational thrust permitted"),
@@ -119,14 +126,14 @@ static void check(const Parameters *p, Problems *problems)
     if (p->alpha_fire >= 1.5)
         refuse(problems, "alpha_fire", p->alpha_fire, "must be below 1.5 rad");
     if (p->mu > 0 && p->law == 0) refuse(problems, "law", p->law, "must be 1 when mu > 0");
-    if (p->mu > 0 && p->frame_radius == 0)
-        refuse(problems, "frame_radius", 0, "must be > 0 when mu > 0");
+    if (p->mu > 0 && p->frame_radius == 0 && p->v_close == 0)
+        refuse(problems, "frame_radius", 0, "must be > 0 when mu > 0 and v_close = 0");
 }
 
 /* velocity of the frame of the law: n R [-sin nt, cos nt, 0], n^2 = mu/R^3 */
 static vec3 frame_velocity(const Parameters *p, double t)
 {
-    if (p->mu == 0) return vec(0, 0, 0);
+    if (p->mu == 0 || p->frame_radius == 0) return vec(0, 0, 0);
     double v = sqrt(p->mu / p->frame_radius);
     SineCosine nt = sine_and_cosine(v / p->frame_radius * t);
     return vec(-v * nt.s, v * nt.c, 0);
@@ -227,13 +234,20 @@ static vec3 advance_mode(const Parameters *p, const Input *u, State *x, vec3 sig
     return d;
 }
 
+/* law 1: s */
+static double closing_speed(const Parameters *p, double range, double v_T)
+{
+    double wanted = p->k_r * (range - p->zeta1);
+    if (p->v_close > 0) return clamp(wanted, -p->v_close / 2, p->v_close);
+    return clamp(wanted, -v_T, 2 * v_T);
+}
+
 /* v_S = v_T + drho_ref is wanted: along X only (scalar law), or in all three axes */
 static vec3 require_velocity(const Parameters *p, const Input *u, State *x, Output *y, vec3 sight,
                              vec3 X, double t)
 {
     double v_T = norm(sub(u->T.v, frame_velocity(p, t)));
-    y->v_req = p->law ? clamp(p->k_r * (y->range - p->zeta1), -v_T, 2 * v_T)
-                      : scalar_speed(p, x, y->range, v_T);
+    y->v_req = p->law ? closing_speed(p, y->range, v_T) : scalar_speed(p, x, y->range, v_T);
     y->ref.drho = p->law ? scale(y->v_req, sight) : sub(scale(y->v_req, X), u->T.v);
     y->e_v_N = add(sub(u->T.v, u->S.v), y->ref.drho);
     if (p->law) return advance_mode(p, u, x, sight, y->e_v_N, X, t);
@@ -255,17 +269,21 @@ static void guide(const Parameters *p, const Input *u, State *x, Output *y, doub
     y->translate = x->mode == BURN;
 }
 
+static const State none = {.mode = COAST};
+
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
-    State first = {.mode = COAST};
-    *x = first;
+    State first = *x = none;
     guide(p, u, &first, y, t);
+    if (!u->active) y->translate = 0;
 }
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
-    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
-        guide(p, u, x, y, s.t);
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s)) {
+        if (u->active) guide(p, u, x, y, s.t);
+        else initialize(p, u, x, y, s.t);
+    }
 }
 
 FMU_MODEL("pursuit_guidance",

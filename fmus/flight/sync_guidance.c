@@ -4,16 +4,18 @@
  *   rho* = L(t) C_HT p_T,     L = rho_M - (rho_M - rho_0) exp(-beta t)
  *   D:  i = -C_HT p_T,   u = i x z_H,   k = u/|u|,   j = k x i
  *
- * with all derivatives, published as seen in N. Where the grasp axis comes within guard_angle of
+ * with all derivatives, published as seen in N. With range_input L and its derivatives are inputs;
+ * with frame = 1 D is the carried frame of carried_frame.h. A sample with active = 0 is as if before
+ * the first: nothing is kept. Where the grasp axis comes within guard_angle of
  * the orbit normal, k stays where it was at the last sample outside, turned perpendicular to i. The
  * software knows the model of the target (inertia, gravity gradient, Keplerian orbit rate), not its
  * disturbances unless know_M_dist.
  * Source: Zhu & Yang 2009, equations (5) to (7) and (10); derivatives: docs/models.md A.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "body_rows.h"
+#include "carried_frame.h"
 #include "directions.h"
 #include "earth.h"
-#include "motion.h"
 #include "orbit.h"
 #include "reference_rows.h"
 #include "rigid_body.h"
@@ -24,10 +26,18 @@ typedef struct {
     mat3 J_T;
     vec3 p_T;
     double rho_M, rho_0, beta, know_M_dist, use_gravity_gradient, guard_angle, sample_period;
+    double range_input, frame;
+    Steering steering;
     Sinusoid M_dist_T;
 } Parameters;
-typedef struct { Body T, S; } Input;
-typedef struct { vec3 k_H; } State; /* k of the last sample outside the guard */
+typedef struct {
+    Body T, S;
+    double active, L_ref, dL_ref, ddL_ref;
+} Input;
+typedef struct {
+    vec3 k_H; /* k of the last sample outside the guard */
+    Carried D;
+} State;
 typedef struct {
     Reference ref;
     vec3 rho_H, drho_H, rho_ref_H;
@@ -43,9 +53,12 @@ static const Model start = {
           .rho_0 = 20,
           .beta = 1.0 / 120,
           .use_gravity_gradient = 1,
-          .guard_angle = PI / 36},
+          .guard_angle = PI / 36,
+          .steering = {.spin_time = 60, .k_steer = 0.02, .w_steer = 0.005}},
     .u = {.T = {.r = {7158140, 0, 0}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}},
-          .S = {.r = {7158140, 20, 0}, .v = {-0.0208, 7462.286, 0}, .q = {1, 0, 0, 0}}},
+          .S = {.r = {7158140, 20, 0}, .v = {-0.0208, 7462.286, 0}, .q = {1, 0, 0, 0}},
+          .active = 1,
+          .L_ref = 4},
 };
 
 static const Variable variables[] = {
@@ -61,10 +74,21 @@ static const Variable variables[] = {
         guard_angle, "rad",
         "smallest angle between grasp axis and orbit normal before the roll reference is held"),
     SAMPLE_PERIOD,
+    SWITCH(range_input, "1: the distance on the axis is L_ref, 0: that of the paper"),
+    SWITCH(frame, "1: carried frame, for a fly-around (needs range_input), 0: that of the paper"),
+    POSITIVE_AS("spin_time", steering.spin_time, "s",
+                "carried frame: from turning with H to turning with the target"),
+    NONNEGATIVE_AS("k_steer", steering.k_steer, "1/s",
+                   "carried frame: rate per angle off the grasp axis"),
+    NONNEGATIVE_AS("w_steer", steering.w_steer, "rad/s", "carried frame: largest of these rates"),
     SINUSOID_ROWS(M_dist_T, "N.m", "disturbance torque on the target, used with know_M_dist"),
 
     BODY_INPUTS("T", T, "target"),
     BODY_INPUTS("S", S, "servicer"),
+    OPTIONAL_SWITCH(active, ACTIVE_TEXT),
+    OPTIONAL_INPUT(L_ref, "m", "distance on the grasp axis, with range_input"),
+    OPTIONAL_INPUT(dL_ref, "m/s", "its rate"),
+    OPTIONAL_INPUT(ddL_ref, "m/s2", "its acceleration"),
 
     REFERENCE_ROWS(OUTPUT_ROW, y, ref),
     OUTPUT(rho_H, "m", "position of the servicer relative to the target, Hill axes"),
@@ -83,6 +107,16 @@ static void check(const Parameters *p, Problems *problems)
     check_unit_vector(problems, "p_T", p->p_T);
     if (p->guard_angle >= 1.5)
         refuse(problems, "guard_angle", p->guard_angle, "must be below 1.5 rad");
+    if (p->frame == 1 && p->range_input != 1)
+        refuse(problems, "frame", p->frame, "needs range_input = 1");
+}
+
+/* A.4.3: dw_T as the software knows it, T axes */
+static vec3 acceleration_of_target(const Parameters *p, const Body *T, mat3 C_TN, vec3 torque)
+{
+    if (p->use_gravity_gradient)
+        torque = add(torque, gravity_gradient(p->mu, mul(C_TN, T->r), p->J_T));
+    return solve(p->J_T, sub(torque, cross(T->omega, mul(p->J_T, T->omega))));
 }
 
 /* A.4.3: grasp axis in H, derivatives as seen in H, from the target model */
@@ -90,9 +124,7 @@ static Motion grasp_axis(const Parameters *p, const Body *T, const HillFrame *H,
 {
     mat3 C_TN = dcm_of_quat(canonical(T->q)), C_TH = matmul_t(C_TN, H->C_HN);
     vec3 torque = p->know_M_dist ? sinusoid(&p->M_dist_T, t, t) : vec(0, 0, 0);
-    if (p->use_gravity_gradient)
-        torque = add(torque, gravity_gradient(p->mu, mul(C_TN, T->r), p->J_T));
-    vec3 domega = solve(p->J_T, sub(torque, cross(T->omega, mul(p->J_T, T->omega))));
+    vec3 domega = acceleration_of_target(p, T, C_TN, torque);
 
     vec3 wH_T = mul(C_TH, H->w_H); /* w: angular velocity of T relative to H in T components */
     vec3 w = sub(T->omega, wH_T);
@@ -102,13 +134,19 @@ static Motion grasp_axis(const Parameters *p, const Body *T, const HillFrame *H,
                     tmul(C_TH, add(cross(dw, p->p_T), cross(w, dp)))};
 }
 
-/* (10): reference position and its derivatives as seen in H */
-static Motion reference_position(const Parameters *p, Motion axis, double t)
+/* (10), or as ordered */
+static Radius reference_radius(const Parameters *p, const Input *u, double t)
 {
-    double decay = (p->rho_M - p->rho_0) * exponential(-p->beta * t);
-    double L = p->rho_M - decay, L1 = p->beta * decay, L2 = -p->beta * L1;
-    return (Motion){scale(L, axis.x), add(scale(L1, axis.x), scale(L, axis.d)),
-                    sum3(scale(L2, axis.x), scale(2 * L1, axis.d), scale(L, axis.dd))};
+    if (p->range_input) return (Radius){u->L_ref, u->dL_ref, u->ddL_ref};
+    double decay = (p->rho_M - p->rho_0) * exponential(-p->beta * t), L1 = p->beta * decay;
+    return (Radius){p->rho_M - decay, L1, -p->beta * L1};
+}
+
+/* (10): reference position and its derivatives as seen in H */
+static Motion reference_position(Radius r, Motion axis)
+{
+    return (Motion){scale(r.L, axis.x), add(scale(r.d, axis.x), scale(r.L, axis.d)),
+                    sum3(scale(r.dd, axis.x), scale(2 * r.d, axis.d), scale(r.L, axis.dd))};
 }
 
 /* (6): u = i x z_H */
@@ -160,27 +198,57 @@ static void publish_relative_state(const Input *u, const HillFrame *H, vec3 axis
     y->beta_p = angle(arm_N, neg(rho_N));
 }
 
-static void guide(const Parameters *p, const Input *u, State *x, Output *y, double t)
+/* carried_frame.h: reference in N axes, then D goes on to the next sample; range 0 has no direction
+ * and is refused */
+static void carry(const Parameters *p, const Input *u, const HillFrame *H, Carried *D, Output *y,
+                  double t, double period)
+{
+    const Body *T = &u->T;
+    mat3 C_TN = dcm_of_quat(canonical(T->q)), C_SN = dcm_of_quat(canonical(u->S.q));
+    if (!D->carried) *D = (Carried){1, t, carried_start(sub(u->S.r, T->r), C_SN)};
+
+    vec3 dw_T = acceleration_of_target(p, T, C_TN, vec(0, 0, 0));
+    Turning with_H = {tmul(H->C_HN, H->w_H), tmul(H->C_HN, H->dw_H)};
+    Turning with_T = {tmul(C_TN, T->omega), tmul(C_TN, dw_T)};
+    Turning W = carried_turning(&p->steering, D, with_H, with_T, tmul(C_TN, p->p_T), t);
+    mat3 C_DN = dcm_of_quat(D->q_DN);
+    Motion ref = carried_position(reference_radius(p, u, t), neg(C_DN.row[0]), W);
+
+    y->rho_ref_H = mul(H->C_HN, ref.x);
+    y->attitude_guard = 0;
+    y->ref = (Reference){ref.x, ref.d, ref.dd, D->q_DN, mul(C_DN, W.w), mul(C_DN, W.dw)};
+    D->q_DN = carried_on(D->q_DN, W, period);
+}
+
+static void guide(const Parameters *p, const Input *u, State *x, Output *y, double t, double period)
 {
     HillFrame H = hill_frame(p->mu, u->T.r, u->T.v);
     Motion axis = grasp_axis(p, &u->T, &H, t);
     publish_relative_state(u, &H, axis.x, y);
-    publish_position(&H, reference_position(p, axis, t), y);
+    if (p->frame) {
+        carry(p, u, &H, &x->D, y, t, period);
+        return;
+    }
+    publish_position(&H, reference_position(reference_radius(p, u, t), axis), y);
     reference_attitude(p, &H, axis, &x->k_H, y);
 }
 
 /* inside the guard the grasp axis is near z of H: a first sample there holds x of H */
+static const State none = {.k_H = {1, 0, 0}};
+
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
-    State first = {vec(1, 0, 0)};
-    *x = first;
-    guide(p, u, &first, y, t);
+    State first = *x = none;
+    guide(p, u, &first, y, t, 0);
+    if (!u->active) y->attitude_guard = 0;
 }
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
-    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
-        guide(p, u, x, y, s.t);
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s)) {
+        if (u->active) guide(p, u, x, y, s.t, s.period);
+        else initialize(p, u, x, y, s.t);
+    }
 }
 
 FMU_MODEL("sync_guidance",

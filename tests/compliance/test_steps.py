@@ -120,7 +120,8 @@ def test_the_outputs_stay_as_they_are_until_the_next_step(fmu):
         instance.set(excitation(fmu.inputs, 50))
         assert instance.outputs() == outputs
         instance.step(0.3, 1.0)  # the slowest sensor samples once a second
-        assert instance.outputs() != outputs
+        # the timeline has no inputs, and by default nothing to tell
+        assert fmu.name == "timeline" or instance.outputs() != outputs
 
 
 @pytest.mark.parametrize("prior", [0, 1])

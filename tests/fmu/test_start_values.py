@@ -12,7 +12,7 @@ from math import radians, sqrt
 import numpy as np
 import pytest
 
-from ..reference import assembly, guidance, paper_case, ppc, relay, theta_d
+from ..reference import assembly, carried, guidance, mission, paper_case, ppc, relay, theta_d
 from ..reference.transposition import Cluster, Planning, Tracking
 from .assembly_cases import PANELS
 from .driver import archive, flat
@@ -139,15 +139,19 @@ PLANTS = {
     "ideal_propulsion": {"max_step": 0.1},
 }
 GUIDANCES = {
-    "sync_guidance": asdict(guidance.Parameters()) | {"J_T": paper_case.J_T} | TARGET | BEHIND,
+    "sync_guidance": asdict(guidance.Parameters())
+    | asdict(carried.Steering())
+    | {"J_T": paper_case.J_T, "active": 1, "L_ref": 4}
+    | TARGET
+    | BEHIND,
     "los_guidance": TARGET
     | FAR
     | {"mu": 3.986004418e14, "J_T": paper_case.J_T, "p_T": (1, 0, 0), "sun_N": (0.3, 0.9, 0.3)}
     | {"rho_f": 20, "force_scale": 100, "up_axis": 2, "guard_angle": 1e-3}
-    | {"elevation_limit": radians(80), "range_limit": 5},
+    | {"elevation_limit": radians(80), "range_limit": 5, "active": 1},
     "pursuit_guidance": asdict(RELAY)
     | {"mu": 0, "omega_fire": 2e-3, "t_burn_min": 0.5, "main_thrust": 5, "brake_thrust": 4}
-    | {"r_TN_N": RELAY.r_tar, "v_TN_N": RELAY.v_tar}
+    | {"r_TN_N": RELAY.r_tar, "v_TN_N": RELAY.v_tar, "active": 1}
     | BOTH,
     "transposition_guidance": BOTH_BODIES
     | SWING
@@ -188,6 +192,13 @@ CONTROLLERS = {
     "cmg_steering": GYROS
     | {"use_cluster": 1, "gimbal_angle": GIMBALS}
     | {"lambda_0": Cluster.damping, "k_null": Cluster.k_null},
+    "mission_manager": mission.PARAMETERS
+    | {"r_TN_N": (42164000, 0, 0), "v_TN_N": (0, 3074.66, 0), "q_TN": AHEAD}
+    | {"r_SN_N": (42164000, -100, 0), "v_SN_N": (0.00729, 3074.66, 0), "q_SN": AHEAD}
+    | {"mass": 100, "relative_valid": 1, "go_1": 1, "go_2": 1, "go_3": 1},
+    "command_selector": {"main_thrust": 2, "brake_thrust": 2, "relay_torque": (0.5,) * 3}
+    | {"A_w": np.diag((12, 15, 10)), "push_force": 1, "blend_time": 5, "sample_period": 0.1},
+    "timeline": {"times": (1e30,) * 16, "rows": ((1, 1, 1, 0, 0, 1),) * 16},
     "safety_monitor": TARGET
     | BEHIND
     | EARTH

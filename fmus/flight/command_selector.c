@@ -1,0 +1,183 @@
+/* command_selector.c - whose force and whose torque fly: one set of thrusters and wheels, five laws.
+ *
+ *   F* = {0: 0, 1: F_1, 2: F_close, 3: F_sync, 4: 0, 5: F_retreat}
+ *   M* = {0: 0, 1: M_1, 2: M_close, 3: M_sync, 4: M_unload}
+ *   W* = {0, 1: 0, 2: wheel_close, 3: wheel_sync, 4: wheel_stack + A_w^-1 M_unload}
+ * The throttles th of the relays are orders to virtual engines, which the allocation distributes
+ * over the real ones:
+ *   F_1 = [main_thrust th_13 - brake_thrust (th_9 + th_10 + th_11 + th_12)/4, 0, 0]
+ *   M_1 = relay_torque o [(th_6 + th_8 - th_5 - th_7)/2, th_4 - th_2, th_1 - th_3]
+ * Bumpless between laws, at once to and from nothing and to the retreat: where the selection
+ * changes from law to law, D is what was commanded less F* now, and fades,
+ *   D *= exp(-period/blend_time),   F_cmd = F* + D + push [push_force, 0, 0] (law 3; not kept)
+ * A selection outside its list is refused. docs/models.md J.5 */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#include "fmu.h"
+#include "mat3.h"
+#include "rigid_body.h"
+#include "thrusters.h"
+#include "time_grid.h"
+
+enum { NONE, FAR_LAW, CLOSE_LAW, SYNC_LAW, STACK_LAW, RETREAT_LAW, SELECTIONS };
+
+typedef struct {
+    double main_thrust, brake_thrust;
+    vec3 relay_torque;
+    mat3 A_w;
+    double push_force, blend_time, sample_period;
+} Parameters;
+typedef struct {
+    double select_force, select_torque, push, throttle[THRUSTERS];
+    vec3 F_close_S, M_close_S, wheel_close;
+    vec3 F_sync_S, M_sync_S, wheel_sync;
+    vec3 F_retreat_S;
+    vec3 wheel_stack, M_unload_S;
+} Input;
+typedef struct { vec3 F, M, W; } Command;
+typedef struct {
+    double begun, force, torque; /* selected at the last sample */
+    Command out, D;              /* commanded there but for the push, what fades of it */
+} State;
+typedef struct {
+    vec3 F_cmd_S, M_cmd_S, wheel_accel_cmd;
+    double force_law, torque_law;
+} Output;
+MODEL_STRUCT;
+
+static const Model start = {
+    .p = {.main_thrust = 2,
+          .brake_thrust = 2,
+          .relay_torque = {0.5, 0.5, 0.5},
+          .A_w = {{{12, 0, 0}, {0, 15, 0}, {0, 0, 10}}},
+          .push_force = 1,
+          .blend_time = 5,
+          .sample_period = 0.1},
+};
+
+static const Variable variables[] = {
+    NONNEGATIVE(main_thrust, "N", "force of the virtual main engine, along +X"),
+    NONNEGATIVE(brake_thrust, "N", "force of the four virtual brakes together, along -X"),
+    NONNEGATIVE(relay_torque, "N.m", "torque of the virtual attitude engines, per body axis"),
+    MATRIX(A_w, "kg.m2", "inertia of the wheels about their axes, body axes"),
+    NONNEGATIVE(push_force, "N", "force along +X after contact"),
+    NONNEGATIVE(blend_time, "s", "time constant from law to law; 0 = at once"),
+    SAMPLE_PERIOD,
+
+    INPUT(select_force, "1",
+          "who commands the force: 0 nobody, 1 far, 2 close, 3 sync, 4 nobody, 5 retreat"),
+    INPUT(select_torque, "1", "who commands the torque: 0 nobody, 1 far, 2 close, 3 sync, 4 stack"),
+    INPUT(push, "1", "1: push after contact"),
+    INPUT(throttle, "1", "of the relays: P1..P8, P'1..P'4, P'5, none"),
+    INPUT(F_close_S, "N", "force commanded by the law of the closing, servicer axes"),
+    INPUT(M_close_S, "N.m", "its torque, servicer axes"),
+    INPUT(wheel_close, "rad/s2", "its wheel acceleration"),
+    INPUT(F_sync_S, "N", "force commanded by the synchronised approach, servicer axes"),
+    INPUT(M_sync_S, "N.m", "its torque, servicer axes"),
+    INPUT(wheel_sync, "rad/s2", "its wheel acceleration"),
+    INPUT(F_retreat_S, "N", "force of the retreat, servicer axes"),
+    INPUT(wheel_stack, "rad/s2", "wheel acceleration commanded by the law of the stack"),
+    INPUT(M_unload_S, "N.m", "torque of the thrusters that unloads the wheels, servicer axes"),
+
+    OUTPUT(F_cmd_S, "N", "commanded force, servicer axes"),
+    OUTPUT(M_cmd_S, "N.m", "commanded torque, servicer axes"),
+    OUTPUT(wheel_accel_cmd, "rad/s2", "commanded wheel acceleration"),
+    NONNEGATIVE_OUTPUT(force_law, "1",
+                       "selection of the force that flies; one outside the list is refused"),
+    NONNEGATIVE_OUTPUT(torque_law, "1",
+                       "selection of the torque that flies; one outside the list is refused"),
+};
+
+static void check(const Parameters *p, Problems *problems)
+{
+    check_positive_definite(problems, "A_w", p->A_w);
+}
+
+static vec3 relay_force(const Parameters *p, const double th[])
+{
+    double brakes = (th[8] + th[9] + th[10] + th[11]) / 4;
+    return vec(p->main_thrust * th[12] - p->brake_thrust * brakes, 0, 0);
+}
+static vec3 relay_torque(const Parameters *p, const double th[])
+{
+    vec3 engines = vec((th[5] + th[7] - th[4] - th[6]) / 2, th[3] - th[1], th[0] - th[2]);
+    return times(p->relay_torque, engines);
+}
+
+/* the selection nearest to the value; -1: no such, which the rule of the output refuses */
+static int selection(double value, int count)
+{
+    double nearest = nearest_whole(value);
+    return nearest >= 0 && nearest < count ? (int)nearest : -1;
+}
+
+static Command selected(const Parameters *p, const Input *u, int force, int torque)
+{
+    vec3 none = vec(0, 0, 0), unload = solve(p->A_w, u->M_unload_S);
+    const vec3 F[SELECTIONS] = {
+        none, relay_force(p, u->throttle), u->F_close_S, u->F_sync_S, none, u->F_retreat_S};
+    const vec3 M[RETREAT_LAW] = {none, relay_torque(p, u->throttle), u->M_close_S, u->M_sync_S,
+                                 u->M_unload_S};
+    const vec3 W[RETREAT_LAW] = {none, none, u->wheel_close, u->wheel_sync,
+                                 add(u->wheel_stack, unload)};
+    return (Command){F[force > 0 ? force : NONE], M[torque > 0 ? torque : NONE],
+                     W[torque > 0 ? torque : NONE]};
+}
+
+static int is_law(double selection, int last) { return selection >= FAR_LAW && selection <= last; }
+
+/* how much of the difference to the command of the sample before stays after a change */
+static double from_law_to_law(const Parameters *p, double before, double now, int last)
+{
+    return p->blend_time > 0 && is_law(before, last) && is_law(now, last);
+}
+
+static void blend(const Parameters *p, State *x, Command now, int force, int torque, double period)
+{
+    double fade = p->blend_time > 0 ? exponential(-period / p->blend_time) : 0;
+    x->D = (Command){scale(fade, x->D.F), scale(fade, x->D.M), scale(fade, x->D.W)};
+    if (x->begun && force != x->force) {
+        double share = from_law_to_law(p, x->force, force, SYNC_LAW);
+        x->D.F = scale(share, sub(x->out.F, now.F));
+    }
+    if (x->begun && torque != x->torque) {
+        double share = from_law_to_law(p, x->torque, torque, STACK_LAW);
+        x->D.M = scale(share, sub(x->out.M, now.M));
+        x->D.W = scale(share, sub(x->out.W, now.W));
+    }
+}
+
+static void choose(const Parameters *p, const Input *u, State *x, Output *y, double period)
+{
+    int force = selection(u->select_force, SELECTIONS);
+    int torque = selection(u->select_torque, RETREAT_LAW);
+    Command now = selected(p, u, force, torque);
+    blend(p, x, now, force, torque, period);
+    x->out = (Command){add(now.F, x->D.F), add(now.M, x->D.M), add(now.W, x->D.W)};
+    x->begun = 1;
+    x->force = force;
+    x->torque = torque;
+
+    double push = force == SYNC_LAW ? u->push * p->push_force : 0;
+    y->F_cmd_S = add(x->out.F, vec(push, 0, 0));
+    y->M_cmd_S = x->out.M;
+    y->wheel_accel_cmd = x->out.W;
+    y->force_law = force;
+    y->torque_law = torque;
+}
+
+static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    State first = {0}, nothing = {0};
+    (void)t;
+    *x = nothing;
+    choose(p, u, &first, y, p->sample_period);
+}
+
+static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
+{
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
+        choose(p, u, x, y, s.period);
+}
+
+FMU_MODEL("command_selector",
+          "Selection between the laws of a mission: one force, one torque, bumpless between laws");

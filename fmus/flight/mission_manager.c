@@ -1,0 +1,391 @@
+/* mission_manager.c - one mission from 500 m to a stack at rest: phases, holds with go and no-go,
+ * what ends an approach, the range profile on the grasp axis, and the retreat.
+ *
+ * One sample, in this order, with at most one change of phase:
+ *   1 the last valid relative state is kept
+ *   2 clocks of "too far off the axis" (near the target) and "too fast" (before capture)
+ *   3 abort of the monitor -> ABORTED; else, before capture, the first reason to retreat -> RETREAT
+ *   4 else the row of the phase: its condition has held for `dwell` -> next phase
+ *   5 outputs of the phase now in force
+ *
+ * rho = r_S - r_T,  R = |rho|;  a = C_TN^T p_T, l = rho.a, d = |rho - l a|: on and off the grasp
+ * axis. Speeds are as seen in H (far, closing), in T (fly-around to mating). Inputs of ground are
+ * levels; a level that comes and goes leaves no trace. Phases 8 to 10 are not left by a retreat.
+ * Equations, numbers: docs/models.md J. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#include "earth.h"
+#include "mission_profile.h"
+#include "mission_retreat.h"
+
+typedef MissionParameters Parameters;
+typedef MissionInput Input;
+
+typedef struct { double runs, since; } Clock;
+typedef struct {
+    double begun, phase, t_phase, reason, attempt, torque;
+    double t_valid;
+    RelativeState valid;              /* the last one */
+    Clock good, touched, error, fast; /* condition of the row, first contact of this attempt */
+    Profile profile;
+    vec3 dv_N;
+    double planned, clearance; /* of the last retreat, once there was one */
+} State;
+typedef struct {
+    double phase, t_phase, reason, attempt;
+    double select_force, select_torque, active_far, active_close, active_sync, active_stack;
+    double L_ref, dL_ref, ddL_ref;
+    quat q_VN;
+    vec3 omega_VN_V;
+    double approaching, monitor_valid, latch_enable, release, push;
+    vec3 F_retreat_S, dv_left_N;
+    double clearance;
+} Output;
+MODEL_STRUCT;
+
+/* ---- the phases ---- */
+enum { NONE, FAR_LAW, CLOSE_LAW, SYNC_LAW, STACK_LAW, MANAGER, AS_BEFORE };
+enum { NO_REASON, ABORT, GROUND, NAVIGATION, PROPELLANT, ERROR, TOO_FAST, TIME_OUT, ATTEMPTS };
+
+static const struct {
+    int force, torque, next;
+    int near;    /* on the grasp axis: errors count, navigation may be lost for nav_near only */
+    int before;  /* capture: may retreat */
+    int profile; /* begins a range profile */
+} phases[PHASES] = {
+    /* clang-format off */
+    /*             force      torque     to         near before profile */
+    [FAR]       = {FAR_LAW,   FAR_LAW,   HOLD_1,    0,   1,     1},
+    [HOLD_1]    = {FAR_LAW,   FAR_LAW,   CLOSING,   0,   1,     0},
+    [CLOSING]   = {CLOSE_LAW, CLOSE_LAW, HOLD_2,    0,   1,     0},
+    [HOLD_2]    = {CLOSE_LAW, CLOSE_LAW, FLYAROUND, 0,   1,     0},
+    [FLYAROUND] = {SYNC_LAW,  SYNC_LAW,  FINAL,     0,   1,     0},
+    [FINAL]     = {SYNC_LAW,  SYNC_LAW,  HOLD_3,    1,   1,     1},
+    [HOLD_3]    = {SYNC_LAW,  SYNC_LAW,  MATING,    1,   1,     1},
+    [MATING]    = {SYNC_LAW,  SYNC_LAW,  RIGIDISE,  1,   1,     1},
+    [RIGIDISE]  = {NONE,      NONE,      DETUMBLE,  0,   0,     0},
+    [DETUMBLE]  = {STACK_LAW, STACK_LAW, STACK,     0,   0,     0},
+    [STACK]     = {STACK_LAW, STACK_LAW, STACK,     0,   0,     0},
+    [BACKOFF]   = {SYNC_LAW,  SYNC_LAW,  HOLD_3,    1,   1,     1},
+    [RETREAT]   = {MANAGER,   AS_BEFORE, SAFE,      0,   0,     0},
+    [SAFE]      = {NONE,      AS_BEFORE, FAR,       0,   0,     0},
+    [ABORTED]   = {NONE,      AS_BEFORE, ABORTED,   0,   0,     0},
+    /* clang-format on */
+};
+
+static int now(const State *x) { return (int)x->phase; }
+
+/* what must hold for `dwell` seconds before the phase is left for the next one */
+static int row_holds(const Parameters *p, const Input *u, const State *x, const Geometry *g,
+                     double t)
+{
+    int valid = u->relative_valid > 0;
+    double psi = p->line_angle, off_R_1 = fabs(g->R - p->R_1), v_H = norm(g->drho_H);
+    vec3 at_R_2 = scale(p->R_2, vec(cosine(psi), sine(psi), 0));
+    int at_hold_2 = valid && norm(sub(g->rho_H, at_R_2)) <= p->tol_2 && v_H <= p->v_2;
+    int at_hold_3 = reached(t, x->t_phase + profile_duration(p, &x->profile)) && valid &&
+                    g->d <= p->tol_3 && fabs(g->l - p->L_3) <= p->tol_3 && g->v_rel <= p->v_3 &&
+                    g->pointing <= p->angle_3 && g->w_rel <= p->rate_3;
+    const int holds[PHASES] = {
+        /* clang-format off */
+        [FAR]       = valid && off_R_1 <= p->tol_1 && v_H <= p->v_1,
+        [HOLD_1]    = valid && u->go_1 > 0 && off_R_1 <= 2 * p->tol_1,
+        [CLOSING]   = at_hold_2,
+        [HOLD_2]    = at_hold_2 && u->go_2 > 0,
+        [FLYAROUND] = valid && g->los <= p->angle_2 && fabs(g->R - p->R_2) <= p->tol_2 &&
+                      g->v_rel <= p->v_2 && g->pointing <= p->angle_abort,
+        [FINAL]     = at_hold_3,
+        [HOLD_3]    = at_hold_3 && u->go_3 > 0,
+        [MATING]    = 0, /* `mate` */
+        [RIGIDISE]  = u->hard > 0,
+        [DETUMBLE]  = u->done > 0 && norm(u->S.omega) <= p->settle_rate,
+        [STACK]     = 0,
+        [BACKOFF]   = at_hold_3,
+        [RETREAT]   = norm(x->dv_N) == 0 && g->R >= p->R_safe,
+        [SAFE]      = valid && u->resume > 0,
+        [ABORTED]   = 0,
+        /* clang-format on */
+    };
+    return holds[now(x)];
+}
+
+static const Model start = {
+    .p = {.mu = MU_JGM3,
+          .p_T = {1, 0, 0},
+          .line_angle = -PI / 2,
+          .R_1 = 100,
+          .R_2 = 20,
+          .L_3 = 3,
+          .L_end = 1.48,
+          .tol_1 = 5,
+          .v_1 = 0.03,
+          .tol_2 = 1,
+          .v_2 = 0.03,
+          .angle_2 = 0.06,
+          .tol_3 = 0.05,
+          .v_3 = 0.01,
+          .angle_3 = 0.0524,
+          .rate_3 = 0.005,
+          .v_final = 0.1,
+          .v_mate = 0.03,
+          .ramp_mate = 10,
+          .v_back = 0.05,
+          .capture_time = 20,
+          .settle_rate = 2e-4,
+          .v_retreat = 0.1,
+          .v_drift = 0.05,
+          .F_retreat = 0.9,
+          .R_safe = 200,
+          .drift_time = 86400,
+          .drift_step = 120,
+          .dwell = {30, 60, 30, 30, 30, 10, 20, 0, 0, 0, 0, 10, 0, 0, 0},
+          .time_out = {7200, 3600, 3600, 3600, 3600, 1200, 1800, 120, 0, 1200, 0, 300, 0, 0, 0},
+          .attempts = 2,
+          .mass_dry = 85,
+          .reserve = 1,
+          .nav_far = 10,
+          .nav_near = 2,
+          .d_abort = {0.2, 0.1},
+          .angle_abort = 0.2618,
+          .error_dwell = 3,
+          .v_0 = {0.6, 0.06},
+          .v_slope = {0.01, 0.0185},
+          .speed_dwell = 5,
+          .sample_period = 0.1},
+    .u = {.T = {.r = {42164000, 0, 0}, .v = {0, 3074.66, 0}, .q = {1, 0, 0, 0}},
+          .S = {.r = {42164000, -100, 0}, .v = {0.00729, 3074.66, 0}, .q = {1, 0, 0, 0}},
+          .mass = 100,
+          .relative_valid = 1,
+          .go_1 = 1,
+          .go_2 = 1,
+          .go_3 = 1},
+};
+
+static const Variable variables[] = {
+    MISSION_PARAMETERS,
+
+    MISSION_INPUTS,
+
+    NONNEGATIVE_OUTPUT(phase, "1",
+                       "0 far, 1 hold 1, 2 closing, 3 hold 2, 4 fly-around, 5 final, 6 hold 3, 7 "
+                       "mating, 8 rigidise, 9 detumble, 10 stack, 11 back-off, 12 retreat, 13 "
+                       "safe, 14 aborted"),
+    OUTPUT(t_phase, "s", "time at which the phase began"),
+    NONNEGATIVE_OUTPUT(reason, "1",
+                       "what ended the phase before: 0 its condition, 1 abort, 2 ground, 3 "
+                       "navigation, 4 propellant, 5 error, 6 too fast, 7 time-out, 8 attempts"),
+    NONNEGATIVE_OUTPUT(attempt, "1", "attempts to mate so far"),
+    NONNEGATIVE_OUTPUT(select_force, "1",
+                       "who commands the force: 0 nobody, 1 far, 2 close, 3 sync, 5 retreat"),
+    NONNEGATIVE_OUTPUT(select_torque, "1",
+                       "who commands the torque: 0 nobody, 1 far, 2 close, 3 sync, 4 stack"),
+    FLAG(active_far, "1: guidance and controller of the far approach are active"),
+    FLAG(active_close, "1: those of the closing are active"),
+    FLAG(active_sync, "1: those of the synchronised approach are active"),
+    FLAG(active_stack, "1: those of the stack are active"),
+    OUTPUT(L_ref, "m", "reference distance on the grasp axis"),
+    OUTPUT(dL_ref, "m/s", "its rate"),
+    OUTPUT(ddL_ref, "m/s2", "its acceleration"),
+    OUTPUT(q_VN, "1", "attitude of the virtual target relative to N, scalar first"),
+    OUTPUT(omega_VN_V, "rad/s", "its angular velocity, own axes"),
+    FLAG(approaching, "1: final approach to detumbling: keep-out zones are open"),
+    FLAG(monitor_valid, "1: the monitor may judge the relative state"),
+    FLAG(latch_enable, "1: the latch is armed"),
+    FLAG(release, "1: the latch lets go"),
+    FLAG(push, "1: push after contact"),
+    OUTPUT(F_retreat_S, "N", "force of the retreat, servicer axes"),
+    OUTPUT(dv_left_N, "m/s", "what is left of the retreat's increment, N axes"),
+    OUTPUT(clearance, "m", "least range of the drift after the retreat, as planned; -1: none yet"),
+};
+
+static void check(const Parameters *p, Problems *problems) { check_mission(p, problems); }
+
+/* ---- clocks: start at the first sample at which something holds, forgotten when it does not ---- */
+static Clock kept(Clock c, int holds, double t)
+{
+    if (!holds) return (Clock){0, 0};
+    return c.runs ? c : (Clock){1, t};
+}
+static int has_run(Clock c, double duration, double t)
+{
+    return c.runs && reached(t, c.since + duration);
+}
+static int longer_ago(double since, double duration, double t)
+{
+    return !reached(since + duration, t);
+}
+
+/* 2: error near the target, speed before capture */
+static void run_clocks(const Parameters *p, const Geometry *g, State *x, double t)
+{
+    int near = phases[now(x)].near, before = phases[now(x)].before;
+    double d_most = p->d_abort[0] + p->d_abort[1] * larger(g->l - p->L_3, 0);
+    double v_most = p->v_0[near] + p->v_slope[near] * g->R;
+    x->error = kept(x->error, near && (g->d > d_most || g->pointing > p->angle_abort), t);
+    x->fast = kept(x->fast, before && norm(g->drho_H) > v_most, t);
+}
+
+/* ---- changes of phase ---- */
+static void enter(const Parameters *p, State *x, const Geometry *g, double phase, double reason,
+                  double t)
+{
+    x->phase = phase;
+    x->reason = reason;
+    x->t_phase = t;
+    x->good = x->touched = (Clock){0, 0};
+    if (phase == MATING) x->attempt++;
+    if (phase == FAR) x->attempt = 0;
+    if (phases[now(x)].profile) x->profile = (Profile){phase, t, g->l};
+    if (phases[now(x)].torque != AS_BEFORE && phases[now(x)].torque != NONE)
+        x->torque = phases[now(x)].torque;
+    if (phase != RETREAT) return;
+    Escape escape = plan_escape(p, &x->valid);
+    x->dv_N = escape.dv_N;
+    x->clearance = escape.clearance;
+    x->planned = 1;
+}
+
+/* 3: the first of the reasons to retreat, 0: none */
+static int reason_to_retreat(const Parameters *p, const Input *u, const State *x, double t)
+{
+    double lost = phases[now(x)].near ? p->nav_near : p->nav_far;
+    double longest = now(x) == MATING ? 0 : p->time_out[now(x)];
+    const int holds[ATTEMPTS] = {
+        /* clang-format off */
+        [GROUND]     = u->retreat > 0,
+        [NAVIGATION] = longer_ago(x->t_valid, lost, t),
+        [PROPELLANT] = u->mass - p->mass_dry < p->reserve,
+        [ERROR]      = has_run(x->error, p->error_dwell, t),
+        [TOO_FAST]   = has_run(x->fast, p->speed_dwell, t),
+        [TIME_OUT]   = longest > 0 && reached(t, x->t_phase + longest),
+        /* clang-format on */
+    };
+    for (int reason = GROUND; reason < ATTEMPTS; reason++)
+        if (holds[reason]) return reason;
+    return NO_REASON;
+}
+
+/* 4, MATING: soft capture, or the attempt has failed */
+static void mate(const Parameters *p, const Input *u, State *x, const Geometry *g, double t)
+{
+    double longest = p->time_out[MATING];
+    x->touched = kept(x->touched, x->touched.runs || u->contact > 0, t);
+    if (u->soft > 0) {
+        enter(p, x, g, RIGIDISE, NO_REASON, t);
+        return;
+    }
+    if (!has_run(x->touched, p->capture_time, t) &&
+        !(longest > 0 && reached(t, x->t_phase + longest)))
+        return;
+    if (x->attempt < p->attempts) enter(p, x, g, BACKOFF, NO_REASON, t);
+    else enter(p, x, g, RETREAT, ATTEMPTS, t);
+}
+
+/* 4: the row of the phase */
+static void follow_row(const Parameters *p, const Input *u, State *x, const Geometry *g, double t)
+{
+    x->good = kept(x->good, row_holds(p, u, x, g, t), t);
+    if (has_run(x->good, p->dwell[now(x)], t)) enter(p, x, g, phases[now(x)].next, NO_REASON, t);
+}
+
+static int may_abort(const State *x)
+{
+    return x->phase != RIGIDISE && x->phase != DETUMBLE && x->phase != STACK && x->phase != ABORTED;
+}
+
+static void change_phase(const Parameters *p, const Input *u, State *x, const Geometry *g, double t)
+{
+    int reason = phases[now(x)].before ? reason_to_retreat(p, u, x, t) : NO_REASON;
+    if (u->abort > 0 && may_abort(x)) enter(p, x, g, ABORTED, ABORT, t);
+    else if (reason) enter(p, x, g, RETREAT, reason, t);
+    else if (x->phase == MATING) mate(p, u, x, g, t);
+    else follow_row(p, u, x, g, t);
+}
+
+/* ---- outputs ---- */
+static void publish_phase(const State *x, Output *y)
+{
+    y->phase = x->phase;
+    y->t_phase = x->t_phase;
+    y->reason = x->reason;
+    y->attempt = x->attempt;
+    y->clearance = x->planned ? x->clearance : -1;
+}
+
+static void publish_selection(const State *x, Output *y)
+{
+    int force = phases[now(x)].force, torque = phases[now(x)].torque;
+    if (torque == AS_BEFORE) torque = (int)x->torque;
+    y->select_force = force;
+    y->select_torque = torque;
+    y->active_far = force == FAR_LAW || torque == FAR_LAW;
+    y->active_close = force == CLOSE_LAW || torque == CLOSE_LAW;
+    y->active_sync = force == SYNC_LAW || torque == SYNC_LAW;
+    y->active_stack = force == STACK_LAW || torque == STACK_LAW;
+}
+
+/* who opens the zone closes it behind: a retreat out of it is not to be judged as an entry */
+static void publish_switches(const Parameters *p, const Input *u, const State *x, const Geometry *g,
+                             Output *y)
+{
+    int docked = x->phase >= RIGIDISE && x->phase <= STACK;
+    int leaving = (x->phase == RETREAT || x->phase == SAFE) && g->R < p->R_2;
+    y->approaching = x->phase >= FINAL && x->phase <= BACKOFF;
+    y->monitor_valid = docked || (u->relative_valid > 0 && !leaving);
+    y->latch_enable = x->phase == MATING || docked;
+    y->release = 0;
+    y->push = x->phase == MATING && x->touched.runs;
+}
+
+/* V: the Hill frame turned to the line of the hold points, C_VN = Rz(psi) C_HN */
+static void publish_virtual_target(const Parameters *p, const Geometry *g, Output *y)
+{
+    SineCosine psi = sine_and_cosine(p->line_angle);
+    mat3 C_VH = rows(vec(psi.c, psi.s, 0), vec(-psi.s, psi.c, 0), vec(0, 0, 1));
+    y->q_VN = quat_of_dcm(matmul(C_VH, g->H.C_HN));
+    y->omega_VN_V = g->H.w_H;
+}
+
+static void publish_profile(const Parameters *p, const State *x, Output *y, double t)
+{
+    Distance now = profile_at(p, &x->profile, t);
+    y->L_ref = now.L;
+    y->dL_ref = now.d;
+    y->ddL_ref = now.dd;
+}
+
+static void manage(const Parameters *p, const Input *u, State *x, Output *y, double t,
+                   double period)
+{
+    Geometry g = geometry(p, u);
+    RelativeState seen = {g.H.C_HN, g.H.w_H, g.rho_H, g.drho_H};
+    if (!x->begun)
+        *x = (State){.begun = 1, .t_phase = t, .torque = FAR_LAW, .t_valid = t, .valid = seen};
+    if (u->relative_valid > 0) x->t_valid = t, x->valid = seen;
+    run_clocks(p, &g, x, t);
+    change_phase(p, u, x, &g, t);
+
+    publish_phase(x, y);
+    publish_selection(x, y);
+    publish_switches(p, u, x, &g, y);
+    publish_virtual_target(p, &g, y);
+    publish_profile(p, x, y, t);
+    vec3 F_N = x->phase == RETREAT ? burn(p, u->mass, period, &x->dv_N) : vec(0, 0, 0);
+    y->F_retreat_S = mul(g.C_SN, F_N);
+    y->dv_left_N = x->dv_N;
+}
+
+static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    State first = {0}, nothing = {0};
+    *x = nothing;
+    manage(p, u, &first, y, t, p->sample_period);
+}
+
+static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
+{
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
+        manage(p, u, x, y, s.t, s.period);
+}
+
+FMU_MODEL("mission_manager",
+          "Mission from far approach to a stack at rest: phases, holds, range profile, retreat");

@@ -1,0 +1,154 @@
+/* mission_ports.h - what the mission manager is told: phases, parameters, inputs, and the relative
+ * state in the frames of its conditions. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef MISSION_PORTS_H
+#define MISSION_PORTS_H
+
+#include "body_rows.h"
+#include "directions.h"
+#include "orbit.h"
+#include "time_grid.h"
+
+enum {
+    FAR,
+    HOLD_1,
+    CLOSING,
+    HOLD_2,
+    FLYAROUND,
+    FINAL,
+    HOLD_3,
+    MATING,
+    RIGIDISE,
+    DETUMBLE,
+    STACK,
+    BACKOFF,
+    RETREAT,
+    SAFE,
+    ABORTED,
+    PHASES
+};
+
+typedef struct {
+    double mu;
+    vec3 p_T;
+    double line_angle;
+    double R_1, R_2, L_3, L_end;
+    double tol_1, v_1, tol_2, v_2, angle_2, tol_3, v_3, angle_3, rate_3;
+    double v_final, v_mate, ramp_mate, v_back, capture_time, settle_rate;
+    double v_retreat, v_drift, F_retreat, R_safe, drift_time, drift_step;
+    double dwell[PHASES], time_out[PHASES];
+    double attempts, mass_dry, reserve, nav_far, nav_near;
+    double d_abort[2], angle_abort, error_dwell, v_0[2], v_slope[2], speed_dwell;
+    double sample_period;
+} MissionParameters;
+typedef struct {
+    Body T, S;
+    double mass, relative_valid, abort, retreat, resume, go_1, go_2, go_3;
+    double contact, soft, hard, done;
+} MissionInput;
+
+#define MISSION_PARAMETERS                                                                         \
+    NONNEGATIVE(mu, "m3/s2", "gravitational parameter of the planet; 0 = deep space"),             \
+        PARAMETER(p_T, "1", "unit vector from the target to the grasp point, target axes"),        \
+        PARAMETER(line_angle, "rad",                                                               \
+                  "line of the hold points, from x (outward) towards y (along track) of H"),       \
+        POSITIVE(R_1, "m", "range of the first hold"),                                             \
+        POSITIVE(R_2, "m", "range of the second hold and of the fly-around"),                      \
+        POSITIVE(L_3, "m", "third hold, on the grasp axis"),                                       \
+        POSITIVE(L_end, "m", "mating ends here, behind the seat"),                                 \
+        NONNEGATIVE(tol_1, "m", "tolerance of R_1; twice as much once there"),                     \
+        POSITIVE(v_1, "m/s", "largest speed at R_1, as seen in H"),                                \
+        NONNEGATIVE(tol_2, "m", "tolerance at R_2"),                                               \
+        POSITIVE(v_2, "m/s", "largest speed at R_2: as seen in H, after the fly-around in T"),     \
+        NONNEGATIVE(angle_2, "rad", "the fly-around ends this close to the grasp axis"),           \
+        NONNEGATIVE(tol_3, "m", "tolerance at L_3, along and off the axis"),                       \
+        POSITIVE(v_3, "m/s", "largest speed at L_3, as seen in T"),                                \
+        NONNEGATIVE(angle_3, "rad", "largest pointing error at L_3"),                              \
+        NONNEGATIVE(rate_3, "rad/s", "largest relative rate at L_3"),                              \
+        POSITIVE(v_final, "m/s", "peak speed of the final approach"),                              \
+        POSITIVE(v_mate, "m/s", "speed of mating"),                                                \
+        NONNEGATIVE(ramp_mate, "s", "time to that speed"),                                         \
+        POSITIVE(v_back, "m/s", "peak speed of backing off"),                                      \
+        NONNEGATIVE(capture_time, "s", "an attempt has failed this long after its first contact"), \
+        NONNEGATIVE(settle_rate, "rad/s", "largest rate of a stack at rest"),                      \
+        POSITIVE(v_retreat, "m/s", "speed of the retreat outwards"),                               \
+        POSITIVE(v_drift, "m/s", "speed of the retreat along the track"),                          \
+        POSITIVE(F_retreat, "N", "force of the retreat"),                                          \
+        NONNEGATIVE(R_safe, "m", "the retreat is over beyond this range"),                         \
+        NONNEGATIVE(drift_time, "s", "the drift after a retreat is looked at for so long"),        \
+        POSITIVE(drift_step, "s", "in such steps"),                                                \
+        NONNEGATIVE(dwell, "s", "the condition that ends a phase holds so long; phases 0 to 14"),  \
+        NONNEGATIVE(time_out, "s", "longest duration of a phase; 0 = none; phases 0 to 14"),       \
+        NONNEGATIVE(attempts, "1", "attempts to mate before the retreat"),                         \
+        NONNEGATIVE(mass_dry, "kg", "mass of the servicer without propellant"),                    \
+        NONNEGATIVE(reserve, "kg", "propellant below which the servicer retreats"),                \
+        NONNEGATIVE(nav_far, "s", "longest time without a valid state, phases 0 to 4"),            \
+        NONNEGATIVE(nav_near, "s", "the same, phases 5, 6, 7, 11"),                                \
+        NONNEGATIVE(d_abort, "m",                                                                  \
+                    "largest distance off the grasp axis when near: at L_3 (m), and its rise "     \
+                    "with the distance beyond (m/m)"),                                             \
+        NONNEGATIVE(angle_abort, "rad", "largest pointing error when near"),                       \
+        NONNEGATIVE(error_dwell, "s", "either of them for so long is too much"),                   \
+        NONNEGATIVE(v_0, "m/s", "speed limit at range 0: far, near"),                              \
+        NONNEGATIVE(v_slope, "1/s", "rise of the speed limit with the range: far, near"),          \
+        NONNEGATIVE(speed_dwell, "s", "too fast for so long is too much"),                         \
+        GRID(sample_period, "sample period of the software")
+
+#define MISSION_INPUTS                                                                           \
+    BODY_INPUTS("T", T, "target"), BODY_INPUTS("S", S, "servicer"),                              \
+        NONNEGATIVE_INPUT(mass, "kg", "mass of the servicer, by its gauge"),                     \
+        INPUT(relative_valid, "1", "1: the states can be relied on"),                            \
+        INPUT(abort, "1", "1: the safety monitor has taken over"),                               \
+        INPUT(retreat, "1", "1: ground orders the retreat"),                                     \
+        INPUT(resume, "1", "1: ground lets a servicer that drifts safely resume"),               \
+        INPUT(go_1, "1", "1: go for the closing"), INPUT(go_2, "1", "1: go for the fly-around"), \
+        INPUT(go_3, "1", "1: go for mating"),                                                    \
+        INPUT(contact, "1", "1: the mechanism feels contact"),                                   \
+        INPUT(soft, "1", "1: soft capture"), INPUT(hard, "1", "1: hard capture"),                \
+        INPUT(done, "1", "1: the guidance of the stack has come to its end")
+
+/* ---- refusals ---- */
+static inline void check_below(Problems *problems, const char *name, double value, double limit,
+                               const char *rule)
+{
+    if (!(value < limit)) refuse(problems, name, value, rule);
+}
+
+static inline void check_mission(const MissionParameters *p, Problems *problems)
+{
+    check_unit_vector(problems, "p_T", p->p_T);
+    check_below(problems, "R_2", p->R_2, p->R_1, "must be below R_1");
+    check_below(problems, "L_3", p->L_3, p->R_2, "must be below R_2");
+    check_below(problems, "L_end", p->L_end, p->L_3, "must be below L_3");
+    if (p->drift_time > 1e5 * p->drift_step)
+        refuse(problems, "drift_step", p->drift_step, "must not be below drift_time / 1e5");
+}
+
+/* ---- relative state ---- */
+typedef struct {
+    HillFrame H;
+    mat3 C_SN;
+    vec3 rho_H, drho_H;                          /* drho as seen in H */
+    double R, l, d, los, v_rel, pointing, w_rel; /* v_rel as seen in T */
+} Geometry;
+
+static inline Geometry geometry(const MissionParameters *p, const MissionInput *u)
+{
+    Geometry g = {.H = hill_frame(p->mu, u->T.r, u->T.v), .C_SN = dcm_of_quat(canonical(u->S.q))};
+    mat3 C_TN = dcm_of_quat(canonical(u->T.q));
+    vec3 rho = sub(u->S.r, u->T.r), v = sub(u->S.v, u->T.v), a = tmul(C_TN, p->p_T);
+    vec3 w_T = tmul(C_TN, u->T.omega), w_S = tmul(g.C_SN, u->S.omega);
+
+    g.rho_H = mul(g.H.C_HN, rho);
+    g.drho_H = rate_in_frame(&g.H, g.rho_H, mul(g.H.C_HN, v));
+    g.R = norm(rho);
+    g.l = dot(rho, a);
+    g.d = norm(sub(rho, scale(g.l, a)));
+    g.los = angle(rho, a);
+    g.v_rel = norm(sub(v, cross(w_T, rho)));
+    g.pointing = angle(g.C_SN.row[0], neg(a));
+    g.w_rel = norm(sub(w_S, w_T));
+    return g;
+}
+
+#endif

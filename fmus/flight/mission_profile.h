@@ -1,0 +1,51 @@
+/* mission_profile.h - distance on the grasp axis over time: final approach, mating, backing off.
+ *
+ *   s(x) = 10 x^3 - 15 x^4 + 6 x^5 in 0..1: the fifth-order step, at rest at both ends
+ *   FINAL, BACKOFF   L = a + (L_3 - a) s(tau/T),  T = 1.875 |a - L_3|/v: peak speed v
+ *   MATING           dL = -v s(tau/T), then -v, until L_end */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef MISSION_PROFILE_H
+#define MISSION_PROFILE_H
+
+#include "mission_ports.h"
+
+typedef struct { double phase, t, from; } Profile; /* that began it, when, and l there */
+typedef struct { double L, d, dd; } Distance;
+
+static inline Distance at_rest(double L) { return (Distance){L, 0, 0}; }
+
+static inline double profile_duration(const MissionParameters *p, const Profile *a)
+{
+    double way = 1.875 * fabs(a->from - p->L_3);
+    if (a->phase == FINAL) return way / p->v_final;
+    return a->phase == BACKOFF ? larger(way / p->v_back, 1) : 0;
+}
+
+static inline Distance fifth_order_step(double from, double to, double T, double tau)
+{
+    double x = tau / T, y = 1 - x, way = to - from;
+    return (Distance){from + way * x * x * x * (10 - 15 * x + 6 * x * x),
+                      way * 30 * x * x * y * y / T, way * 60 * x * y * (y - x) / (T * T)};
+}
+
+static inline Distance mating(const MissionParameters *p, double tau)
+{
+    double T = p->ramp_mate, v = p->v_mate, x = tau / T, y = 1 - x;
+    Distance steady = {p->L_3 - v * (tau - T / 2), -v, 0};
+    if (tau >= T) return steady;
+    return (Distance){p->L_3 - v * T * x * x * x * x * (2.5 - 3 * x + x * x),
+                      -v * x * x * x * (10 - 15 * x + 6 * x * x), -30 * v * x * x * y * y / T};
+}
+
+static inline Distance profile_at(const MissionParameters *p, const Profile *a, double t)
+{
+    double tau = t - a->t, T = profile_duration(p, a);
+    if (a->phase == FAR) return at_rest(p->R_2);
+    if (a->phase == MATING) {
+        Distance now = mating(p, tau);
+        return now.L <= p->L_end ? at_rest(p->L_end) : now;
+    }
+    return tau < T ? fifth_order_step(a->from, p->L_3, T, tau) : at_rest(p->L_3);
+}
+
+#endif

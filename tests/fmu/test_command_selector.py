@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""command_selector.fmu: which law commands what, by hand; bumpless between laws, at once to and
+from nothing; the relays' virtual engines; a reference along random selections.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from fmpy.fmi1 import FMICallException
+
+from tests.reference.mission import Selector
+
+from .cases import random_inertia
+from .refusals import refusal
+
+P = 0.1
+PARAMETERS = {
+    "main_thrust": 2.0, "brake_thrust": 2.0, "relay_torque": (0.5, 0.5, 0.5),
+    "A_w": np.diag((12.0, 15.0, 10.0)), "push_force": 1.0, "blend_time": 5.0, "sample_period": P,
+}  # fmt: skip
+LAWS = {
+    "throttle": [0.0] * 16,
+    "F_close_S": (1.0, 2, 3), "M_close_S": (0.1, 0.2, 0.3), "wheel_close": (0.01, 0.02, 0.03),
+    "F_sync_S": (-1.0, 5, 2), "M_sync_S": (-0.1, 0.5, 0.2), "wheel_sync": (-0.01, 0.05, 0.02),
+    "F_retreat_S": (0.0, 0.9, 0), "wheel_stack": (0.003, 0.001, -0.002),
+    "M_unload_S": (0.024, -0.03, 0.01), "push": 0.0,
+}  # fmt: skip
+
+
+def select(force, torque, **other):
+    return LAWS | {"select_force": force, "select_torque": torque} | other
+
+
+def command(unit):
+    return np.array([unit.get(name) for name in ("F_cmd_S", "M_cmd_S", "wheel_accel_cmd")])
+
+
+def settled(fmu, force, torque, **other):
+    """Commands of an instance that has known no other selection."""
+    return command(fmu("command_selector", {}, select(force, torque, **other)))
+
+
+# docs/models.md B.6: axis and sign of the torque of P1..P8, share of the full torque
+ENGINES = [(2, 1, 1), (1, -1, 1), (2, -1, 1), (1, 1, 1),
+           (0, -1, 0.5), (0, 1, 0.5), (0, -1, 0.5), (0, 1, 0.5)]  # fmt: skip
+
+
+@pytest.mark.parametrize("engine", range(8))
+def test_attitude_engines_give_their_torque_and_no_force(fmu, engine):
+    throttle = np.eye(16)[engine]
+    axis, sign, share = ENGINES[engine]
+    F, M, W = command(
+        fmu("command_selector", {"relay_torque": (0.2, 0.3, 0.4)}, select(1, 1, throttle=throttle))
+    )
+    expected = np.zeros(3)
+    expected[axis] = sign * share * (0.2, 0.3, 0.4)[axis]
+    assert pytest.approx(expected, abs=1e-15) == M
+    assert not F.any()
+    assert not W.any()
+
+
+def test_main_engine_pushes_forward_and_four_brakes_together_backward(fmu):
+    p = {"main_thrust": 3.0, "brake_thrust": 2.0}
+    for throttle, expected in (
+        (np.eye(16)[12], 3.0),
+        (np.eye(16)[8], -0.5),
+        (np.eye(16)[8:12].sum(0), -2.0),
+        (np.ones(16), 1.0),
+        (np.eye(16)[13:].sum(0), 0.0),
+    ):
+        F, M, _ = command(fmu("command_selector", p, select(1, 1, throttle=throttle)))
+        assert pytest.approx((expected, 0, 0), abs=1e-15) == F
+        assert not M.any()
+
+
+def test_each_selection_passes_its_own_law(fmu):
+    zero, unload = (0, 0, 0), np.array(LAWS["M_unload_S"])
+    forces = [zero, zero, LAWS["F_close_S"], LAWS["F_sync_S"], zero, LAWS["F_retreat_S"]]
+    torques = [zero, zero, LAWS["M_close_S"], LAWS["M_sync_S"], unload]
+    wheels = [zero, zero, LAWS["wheel_close"], LAWS["wheel_sync"],
+              LAWS["wheel_stack"] + unload / (12, 15, 10)]  # fmt: skip
+    for force, expected in enumerate(forces):
+        assert settled(fmu, force, 0)[0] == pytest.approx(expected, abs=1e-15)
+    for torque, expected in enumerate(zip(torques, wheels, strict=True)):
+        assert settled(fmu, 0, torque)[1:] == pytest.approx(np.array(expected), abs=1e-15)
+
+
+def test_unloading_torque_is_taken_up_by_the_wheels(fmu, rng):
+    """A_w times the added acceleration is the torque of the thrusters, for full matrices too."""
+    A = random_inertia(rng, 5, 20)
+    M = rng.normal(size=3)
+    unit = fmu("command_selector", {"A_w": A}, select(0, 4, M_unload_S=M, wheel_stack=(0, 0, 0)))
+    assert A @ unit.get("wheel_accel_cmd") == pytest.approx(M, abs=1e-12)
+
+
+BLENDING = [(a, b) for a in (1, 2, 3) for b in (1, 2, 3) if a != b]
+
+
+@pytest.mark.parametrize(("old", "new"), BLENDING)
+def test_from_law_to_law_nothing_jumps_and_the_difference_fades(fmu, old, new):
+    unit = fmu("command_selector", {}, select(old, old))
+    before, target = settled(fmu, old, old), settled(fmu, new, new)
+    unit.step(P)
+    for k in range(80):
+        unit.step(P, select(new, new))
+        fade = np.exp(-k * P / 5)
+        assert command(unit) == pytest.approx(target + fade * (before - target), abs=1e-14)
+
+
+@pytest.mark.parametrize(("old", "new"), [(0, 3), (3, 0), (5, 3), (3, 5), (4, 2), (2, 4), (0, 5)])
+def test_force_goes_to_and_from_nothing_and_the_retreat_at_once(fmu, old, new):
+    unit = fmu("command_selector", {}, select(old, 0))
+    unit.step(P)
+    unit.step(P, select(new, 0))
+    assert np.array_equal(command(unit), settled(fmu, new, 0))
+
+
+@pytest.mark.parametrize(("old", "new", "blends"), [(0, 4, 0), (4, 0, 0), (3, 4, 1), (4, 1, 1)])
+def test_torque_blends_among_the_four_laws(fmu, old, new, blends):
+    unit = fmu("command_selector", {}, select(0, old))
+    unit.step(P)
+    unit.step(P, select(0, new))
+    expected = settled(fmu, 0, old if blends else new)
+    assert command(unit) == pytest.approx(expected, abs=1e-14)
+
+
+def test_what_fades_is_dropped_where_the_force_goes_to_nothing(fmu):
+    unit = fmu("command_selector", {}, select(2, 2))
+    for selected in ((2, 2), (3, 3), (0, 0)):
+        unit.step(P, select(*selected))
+    assert not command(unit).any()
+    unit.step(P, select(3, 3))
+    assert np.array_equal(command(unit), settled(fmu, 3, 3))
+
+
+def test_push_is_added_to_the_synchronised_approach_only_and_not_remembered(fmu):
+    for force in range(6):
+        pushed = settled(fmu, force, 0, push=1)[0] - settled(fmu, force, 0)[0]
+        assert pushed == pytest.approx((1.0 if force == 3 else 0, 0, 0), abs=1e-15)
+    unit = fmu("command_selector", {}, select(3, 3, push=1))
+    unit.step(P)
+    unit.step(P, select(2, 2, push=1))
+    assert unit.get("F_cmd_S") == pytest.approx(LAWS["F_sync_S"], abs=1e-14)
+
+
+def test_without_a_blend_time_every_change_is_at_once(fmu):
+    unit = fmu("command_selector", {"blend_time": 0}, select(2, 2))
+    unit.step(P)
+    unit.step(P, select(3, 3))
+    assert np.array_equal(command(unit), settled(fmu, 3, 3))
+
+
+@pytest.mark.parametrize("blend_time", [0.0, 0.3, 5.0])
+def test_random_selections_follow_the_reference(fmu, rng, blend_time):
+    p = PARAMETERS | {"blend_time": blend_time, "A_w": random_inertia(rng, 5, 20)}
+    unit, model = fmu("command_selector", p, select(0, 0)), Selector(p)
+    inputs = select(0, 0)
+    for _ in range(300):
+        for name, value in LAWS.items():
+            inputs[name] = np.array(value) + 0.1 * rng.normal(size=np.shape(value))
+        inputs["throttle"] = rng.integers(0, 2, 16).astype(float)
+        inputs["push"] = float(rng.integers(2))
+        if rng.random() < 0.2:
+            inputs["select_force"] = float(rng.integers(6))
+        if rng.random() < 0.2:
+            inputs["select_torque"] = float(rng.integers(5))
+        unit.step(P, inputs)
+        for name, value in model.sample(inputs).items():
+            assert unit.get(name) == pytest.approx(value, abs=1e-12), name
+
+
+@pytest.mark.parametrize("bad", [{"select_force": 6}, {"select_force": -1}, {"select_force": 5.6},
+                                 {"select_torque": 5}, {"select_torque": -1}])  # fmt: skip
+def test_selections_outside_their_lists_are_refused_in_the_step(fmu, bad):
+    unit = fmu("command_selector", {}, select(2, 2))
+    with pytest.raises(FMICallException):
+        unit.step(P, bad)
+
+
+def test_samples_are_taken_at_multiples_of_the_period(fmu):
+    unit = fmu("command_selector", {}, select(2, 2))
+    unit.step(P / 2)
+    unit.step(P / 2, select(3, 3))
+    assert np.array_equal(command(unit), settled(fmu, 2, 2))
+
+
+@pytest.mark.parametrize("change", [{"blend_time": -1}, {"A_w": np.diag((1, 1, -1))}])
+def test_refused(change, tmp_path):
+    assert next(iter(change)) in refusal("command_selector", change, tmp_path)

@@ -1,0 +1,512 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""mission_manager.fmu: every row of the table of phases, every reason to retreat, every clock, by
+made-up inputs; the range profile; the retreat. A reference flies beside every flight and agrees to
+1e-9 in all outputs (mission_cases.Flight).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from tests.reference import mission
+
+from .mission_cases import GEO, GOOD, HOLDING, Flight, P, in_hill, line, on_axis
+from .refusals import refusal
+from .theory import MU, dcm_of_quaternion
+
+NEAR, BEFORE = (5, 6, 7, 11), (0, 1, 2, 3, 4, 5, 6, 7, 11)
+TINY = 1e-7
+"""Positions of 4e7 m have a rounding of 1e-8 m."""
+FOLLOWS = {0: 1, 1: 2, 2: 3, 3: 4, 4: 5, 5: 6, 6: 7, 7: 8, 8: 9, 9: 10, 11: 6, 13: 0}
+
+
+# phase, scene that is just good enough, scene that is not: each condition of the table alone
+LIMITS = [
+    (0, in_hill(line(105 - TINY)), in_hill(line(105 + TINY))),
+    (0, in_hill(line(95 + TINY)), in_hill(line(95 - TINY))),
+    (0, in_hill(line(100), (0.03 - TINY, 0, 0)), in_hill(line(100), (0.03 + TINY, 0, 0))),
+    (0, GOOD[0], GOOD[0] | {"relative_valid": 0}),
+    (1, in_hill(line(110 - TINY)), in_hill(line(110 + TINY))),
+    (1, in_hill(line(90 + TINY), (0.1, 0, 0)), in_hill(line(90 - TINY))),
+    (1, GOOD[1], GOOD[1] | {"go_1": 0}),
+    (1, GOOD[1] | {"go_2": 0, "go_3": 0}, GOOD[1] | {"relative_valid": 0}),
+    *(
+        (k, good, bad)
+        for k in (2, 3)
+        for good, bad in (
+            (in_hill((1 - TINY, -20, 0)), in_hill((1 + TINY, -20, 0))),
+            (in_hill((0, -20, 1 - TINY)), in_hill((0, -20, 1 + TINY))),
+            (in_hill((0, -21 + TINY, 0)), in_hill((0, 20, 0))),
+            (in_hill(line(20), (0, 0, 0.03 - TINY)), in_hill(line(20), (0, 0, 0.03 + TINY))),
+            (GOOD[k], GOOD[k] | {"relative_valid": 0}),
+        )
+    ),
+    (2, GOOD[2] | {"go_2": 0}, in_hill(line(22))),
+    (3, GOOD[3] | {"go_1": 0, "go_3": 0}, GOOD[3] | {"go_2": 0}),
+    (4, on_axis(20, off=20 * np.tan(0.06 - TINY)), on_axis(20, off=20 * np.tan(0.06 + TINY))),
+    (4, on_axis(21 - TINY), on_axis(21 + TINY)),
+    (4, on_axis(19 + TINY), on_axis(19 - TINY)),
+    (4, on_axis(20, v_rel=0.03 - TINY), on_axis(20, v_rel=0.03 + TINY)),
+    (4, on_axis(20, pointing=0.2618 - TINY), on_axis(20, pointing=0.2618 + TINY)),
+    (4, on_axis(20, w_rel=0.1, go_1=0, go_2=0, go_3=0), on_axis(-20, pointing=np.pi)),
+    (4, GOOD[4], GOOD[4] | {"relative_valid": 0}),
+    *(
+        (k, good, bad)
+        for k in (5, 6, 11)
+        for good, bad in (
+            (on_axis(3, off=0.05 - TINY), on_axis(3, off=0.05 + TINY)),
+            (on_axis(3.05 - TINY), on_axis(3.05 + TINY)),
+            (on_axis(2.95 + TINY), on_axis(2.95 - TINY)),
+            (on_axis(3, v_rel=-0.01 + TINY), on_axis(3, v_rel=-0.01 - TINY)),
+            (on_axis(3, pointing=0.0524 - TINY), on_axis(3, pointing=0.0524 + TINY)),
+            (on_axis(3, w_rel=0.005 - TINY), on_axis(3, w_rel=0.005 + TINY)),
+            (GOOD[k], GOOD[k] | {"relative_valid": 0}),
+        )
+    ),
+    (5, GOOD[5] | {"go_3": 0}, on_axis(3.1)),
+    (6, GOOD[6] | {"go_1": 0, "go_2": 0}, GOOD[6] | {"go_3": 0}),
+    (8, GOOD[8] | {"relative_valid": 0, "soft": 1}, GOOD[8] | {"hard": 0}),
+    (9, GOOD[9] | {"omega_SN_S": (2e-4 - 1e-12, 0, 0)}, GOOD[9] | {"done": 0}),
+    (9, GOOD[9] | {"relative_valid": 0}, GOOD[9] | {"omega_SN_S": (0, 2e-4 + 1e-12, 0)}),
+    (13, GOOD[13], GOOD[13] | {"relative_valid": 0}),
+    (13, in_hill(line(1000), resume=1), GOOD[13] | {"resume": 0}),
+]
+
+
+@pytest.mark.parametrize(("phase", "good", "bad"), LIMITS)
+def test_each_condition_of_each_row_alone_keeps_the_phase(fmu, phase, good, bad):
+    """Dwell 3 s: three bad samples between good ones start it anew, then it counts from the first
+    good one.
+    """
+    flight = Flight(fmu, {"nav_far": 60, "nav_near": 60}).lead_to(phase)
+    assert flight.stay(bad, 5) == [phase] * 5  # also beyond the end of a profile
+    assert flight.sample(good) == phase
+    assert flight.stay(bad, 3) == [phase] * 3
+    assert flight.stay(good, 4) == [phase] * 3 + [FOLLOWS[phase]]
+    assert flight["reason"] == 0
+    assert flight["t_phase"] == flight.unit.time - P
+
+
+def test_one_change_a_sample_with_no_dwell_at_all(fmu):
+    flight = Flight(fmu, {"dwell": [0.0] * 15, "tol_1": 80, "R_1": 90, "v_slope": (1, 1)})
+    good = in_hill(line(20))
+    assert flight.stay(good, 5) == [1, 2, 3, 4, 4]
+
+
+@pytest.mark.parametrize("phase", [1, 3, 6])
+def test_go_is_a_level_that_leaves_no_trace(fmu, phase):
+    """On for two of three seconds, off for one, again and again: never a go."""
+    flight = Flight(fmu).lead_to(phase)
+    for _ in range(5):
+        assert flight.stay(GOOD[phase], 2) == [phase] * 2
+        assert flight.stay(HOLDING[phase], 1) == [phase]
+    assert flight.stay(GOOD[phase], 4)[-1] == FOLLOWS[phase]
+
+
+@pytest.mark.parametrize("phase", range(15))
+@pytest.mark.parametrize("order", [{"abort": 1}, {"retreat": 1}, {"abort": 1, "retreat": 1}])
+def test_abort_and_ground_end_every_phase_but_those_of_the_capture(fmu, phase, order):
+    flight = Flight(fmu).lead_to(phase)
+    found = flight.sample(HOLDING[phase] | order)
+    aborted = "abort" in order and phase not in (8, 9, 10)
+    assert found == (14 if aborted else 12 if phase in BEFORE else phase)
+    if found != phase:
+        assert flight["reason"] == (1 if found == 14 else 2)
+
+
+@pytest.mark.parametrize("phase", BEFORE)
+def test_navigation_may_be_lost_for_so_long(fmu, phase):
+    """Lost longer than nav_far, nav_near: equal is not longer."""
+    flight = Flight(fmu, {"nav_near": 4, "nav_far": 7}).lead_to(phase)
+    flight.sample(HOLDING[phase] | {"relative_valid": 1})
+    longest = 4 if phase in NEAR else 7
+    hidden = HOLDING[phase] | {"relative_valid": 0}
+    assert flight.stay(hidden, longest) == [phase] * longest
+    assert flight.sample(hidden) == 12
+    assert flight["reason"] == 3
+
+
+@pytest.mark.parametrize("phase", BEFORE)
+def test_propellant_below_the_reserve(fmu, phase):
+    flight = Flight(fmu).lead_to(phase)
+    assert flight.sample(HOLDING[phase] | {"mass": 86}) == phase
+    assert flight.sample(HOLDING[phase] | {"mass": 86 - TINY}) == 12
+    assert flight["reason"] == 4
+
+
+ERRORS = {
+    "beside the axis": (
+        on_axis(5, off=0.4 - TINY, relative_valid=0),
+        on_axis(5, off=0.4 + TINY, relative_valid=0),
+    ),
+    "beside the axis, close": (
+        on_axis(2, off=0.2 - TINY, relative_valid=0),
+        on_axis(2, off=0.2 + TINY, relative_valid=0),
+    ),
+    "pointing": (
+        on_axis(3, pointing=0.2618 - TINY, relative_valid=0),
+        on_axis(3, pointing=0.2618 + TINY, relative_valid=0),
+    ),
+}
+
+
+@pytest.mark.parametrize("phase", BEFORE)
+@pytest.mark.parametrize("error", ERRORS)
+def test_errors_count_near_the_target_only_and_in_one_stretch(fmu, phase, error):
+    """error_dwell 3 s: from the first bad sample on, forgotten by a good one."""
+    good, bad = ERRORS[error]
+    flight = Flight(fmu, {"nav_near": 60, "nav_far": 60, "v_0": (9, 9)}).lead_to(phase)
+    assert flight.stay(bad, 3) == [phase] * 3
+    assert flight.stay(good, 1) == [phase]
+    expected = 12 if phase in NEAR else phase
+    assert flight.stay(bad, 4) == [phase] * 3 + [expected]
+    if phase in NEAR:
+        assert flight["reason"] == 5
+
+
+@pytest.mark.parametrize("phase", range(15))
+def test_speed_limit_by_range_before_the_capture(fmu, phase):
+    """As seen in H: 0.6 + 0.01 R far, 0.06 + 0.0185 R near; speed_dwell 5 s."""
+    R = 40.0
+    limit = 0.06 + 0.0185 * R if phase in NEAR else 0.6 + 0.01 * R
+    slow, fast = (
+        in_hill((R, 0, 0), (0, limit + e, 0)) | {"relative_valid": 0} for e in (-TINY, TINY)
+    )
+    changes = {"nav_near": 60, "nav_far": 60, "error_dwell": 60}
+    flight = Flight(fmu, changes).lead_to(phase)
+    assert flight.stay(fast, 5) == [phase] * 5
+    assert flight.stay(slow, 1) == [phase]
+    assert flight.stay(fast, 6) == [phase] * 5 + [12 if phase in BEFORE else phase]
+    if phase in BEFORE:
+        assert flight["reason"] == 6
+
+
+@pytest.mark.parametrize("phase", range(15))
+def test_time_outs(fmu, phase):
+    """Of all phases before the capture; of mating it ends the attempt, of detumbling nothing."""
+    at = [0.0] * 15
+    at[phase] = 8.0
+    changes = {"nav_far": 60, "nav_near": 60, "attempts": 1 + (phase == 11)}
+    flight = Flight(fmu, {"time_out": at} | changes).lead_to(phase)
+    waiting = 7 + (phase == 0)  # FAR begins at the first sample, the others at the last one
+    assert flight.stay(HOLDING[phase] | {"contact": 0}, waiting) == [phase] * waiting
+    expected = 12 if phase in BEFORE else phase
+    assert flight.sample(HOLDING[phase]) == expected
+    if phase in BEFORE:
+        assert flight["reason"] == (8 if phase == 7 else 7)
+
+
+@pytest.mark.parametrize("first", range(1, 8))
+def test_of_several_reasons_that_hold_at_once_the_first_counts(fmu, first):
+    """All clocks end at the sixth second of FINAL; those before `first` are switched off."""
+    at = [0.0] * 15
+    at[5] = 6.0
+    changes = {"time_out": at, "nav_near": 5.0}
+    changes |= {"error_dwell": 5.0 if first <= 5 else 99, "speed_dwell": 5 if first <= 6 else 99}
+    bad = on_axis(30, off=9, v_rel=5, relative_valid=float(first > 3))
+    orders = {1: {"abort": 1}, 2: {"retreat": 1}, 4: {"mass": 80}}
+    at_once = {k: v for reason, o in orders.items() if reason >= first for k, v in o.items()}
+    flight = Flight(fmu, changes).lead_to(5)
+    assert flight.stay(bad, 5) == [5] * 5
+    assert flight.sample(bad | at_once) == (14 if first == 1 else 12)
+    assert flight["reason"] == first
+
+
+# ---- mating ----
+def test_soft_capture_is_followed_at_once_whatever_the_dwell(fmu):
+    flight = Flight(fmu, {"dwell": [3.0] * 15}).lead_to(7)
+    assert flight.sample(HOLDING[7]) == 7
+    assert flight.sample(GOOD[7] | {"relative_valid": 0, "contact": 1}) == 8
+
+
+def test_attempts_fail_after_their_first_contact_and_are_counted(fmu):
+    """capture_time 20 s from the first contact of the phase on, however short; then back-off, hold,
+    a second attempt, retreat.
+    """
+    flight = Flight(fmu, {"capture_time": 20}).lead_to(7)
+    mating = HOLDING[7]
+    assert flight["attempt"] == 1
+    assert flight.stay(mating, 30) == [7] * 30
+    assert flight["push"] == 0
+    assert flight.sample(mating | {"contact": 1}) == 7
+    assert flight["push"] == 1
+    assert flight.stay(mating, 20) == [7] * 19 + [11]
+    assert flight["push"] == 0
+    while flight.sample(GOOD[11]) == 11:
+        pass
+    while flight.sample(GOOD[6]) == 6:
+        pass
+    assert flight["attempt"] == 2
+    assert flight.stay(mating, 119) == [7] * 119
+    assert flight.sample(mating) == 12
+    assert flight["reason"] == 8
+
+
+def test_attempts_begin_anew_after_a_resumption(fmu):
+    flight = Flight(fmu).lead_to(7)
+    flight.sample(HOLDING[7] | {"retreat": 1})
+    while flight.sample(GOOD[12]) == 12:
+        pass
+    assert flight["attempt"] == 1
+    flight.stay(GOOD[13], 4)
+    assert flight["phase"] == 0
+    assert flight["attempt"] == 0
+    assert flight["L_ref"] == 20
+
+
+# ---- outputs ----
+def test_a_flight_begins_far_away_with_a_state_that_counts_as_valid(fmu):
+    """A retreat at the first sample, nothing valid before it, has that sample's state to go by."""
+    flight = Flight(fmu)
+    where = in_hill((3, -50, 1), (0.1, 0, 0), relative_valid=0, retreat=1)
+    assert flight.sample(where) == 12
+    assert flight["clearance"] > 40
+
+
+def test_initialization_shows_a_first_sample_and_keeps_nothing(fmu):
+    unit = fmu("mission_manager", {}, GOOD[0] | {"retreat": 1}, 0.0)
+    first = fmu("mission_manager", {}, GOOD[0], 0.0)
+    assert unit.get("phase") == 12
+    assert unit.get("clearance") > 0
+    unit.step(0.1, GOOD[0])
+    first.step(0.1, GOOD[0])
+    for name in unit.kind.outputs:
+        assert np.array_equal(unit.get(name), first.get(name)), name
+
+
+def test_who_commands_and_who_is_active_in_each_phase(fmu):
+    """Columns force and torque of the table; torque of retreat, safe drift, abort as before."""
+    table = {
+        0: (1, 1), 1: (1, 1), 2: (2, 2), 3: (2, 2), 4: (3, 3), 5: (3, 3), 6: (3, 3), 7: (3, 3),
+        8: (0, 0), 9: (4, 4), 10: (4, 4), 11: (3, 3), 12: (5, 1), 13: (0, 1), 14: (0, 1),
+    }  # fmt: skip
+    for phase, selected in table.items():
+        unit = Flight(fmu).lead_to(phase).unit
+        assert (unit.get("select_force"), unit.get("select_torque")) == selected
+        active = [unit.get(f"active_{name}") for name in ("far", "close", "sync", "stack")]
+        assert active == [float(k in selected) for k in (1, 2, 3, 4)]
+
+
+@pytest.mark.parametrize(("phase", "torque"), [(3, 2), (4, 3), (6, 3)])
+@pytest.mark.parametrize("end", [{"retreat": 1}, {"abort": 1}])
+def test_attitude_law_goes_on_through_retreat_safe_drift_and_abort(fmu, phase, torque, end):
+    flight = Flight(fmu).lead_to(phase)
+    flight.sample(HOLDING[phase] | end)
+    for _ in range(150):
+        flight.sample(GOOD[12])
+        assert flight["select_torque"] == torque
+    assert flight["phase"] == (13 if "retreat" in end else 14)
+
+
+def test_a_retreat_out_of_the_opened_zone_is_not_to_be_judged(fmu):
+    flight = Flight(fmu).lead_to(6)
+    flight.sample(HOLDING[6] | {"retreat": 1})
+    for R, valid in ((3, 0), (20 - TINY, 0), (20 + TINY, 1), (150, 1)):
+        flight.sample(in_hill(line(R)))
+        assert flight["monitor_valid"] == valid
+    flight.sample(in_hill(line(150), relative_valid=0))
+    assert flight["monitor_valid"] == 0
+
+
+def test_attitude_of_the_virtual_target_carries_x_to_the_line_of_the_holds(fmu):
+    """A point R on x of V is the hold point: rho_H = R [cos psi, sin psi, 0]."""
+    for psi in (-np.pi / 2, 0.4, 2.0):
+        unit = fmu("mission_manager", {"line_angle": psi}, in_hill(line(100)))
+        C_HN = mission.seen(mission.PARAMETERS, in_hill(line(100))).C_HN
+        x_H = C_HN @ dcm_of_quaternion(unit.get("q_VN"))[0]
+        assert np.abs(x_H - (np.cos(psi), np.sin(psi), 0)).max() < 1e-14
+        assert unit.get("omega_VN_V") == pytest.approx((0, 0, np.sqrt(MU / GEO**3)), abs=1e-17)
+
+
+# ---- range profile ----
+FROM = {5: 20.0, 6: 3.0, 7: 3.0, 11: 1.6}
+"""Distance at the start."""
+
+
+def profile_rows(fmu, phase, seconds, changes):
+    """t - t_phase, L, dL, ddL of every sample from the one that begins the phase, and the speed."""
+    stand_still = [0.0] * 15
+    changes = {"time_out": stand_still, "nav_far": 1e9, "nav_near": 1e9} | changes
+    flight = Flight(fmu, changes).lead_to(phase, 4000)
+    begun, rows = flight["t_phase"], []
+    for _ in range(round(seconds / flight.p["sample_period"])):
+        rows.append([flight[name] for name in ("L_ref", "dL_ref", "ddL_ref")])
+        assert flight.sample(HOLDING[phase] | {"contact": 0, "relative_valid": 0}) == phase
+    assert flight["t_phase"] == begun
+    return np.array(rows).T
+
+
+def derivative(x, h):
+    """Of fourth order, at all but two samples at either end."""
+    return (8 * (x[3:-1] - x[1:-3]) - (x[4:] - x[:-4])) / (12 * h)
+
+
+SPEEDS = {"v_final": 2.0, "v_mate": 0.1, "v_back": 0.2, "v_3": 9.0, "L_end": 1.483}
+JOINTS = {5: (1.875 * 17 / 2,), 7: (10, 5 + 1.517 / 0.1), 11: (1.875 * 1.4 / 0.2,)}
+"""Ends of ramps; of mating also where it stops at L_end, in a step."""
+
+
+@pytest.mark.parametrize(("phase", "speed"), [(5, 2.0), (7, 0.1), (11, 0.2)])
+def test_profile_rate_and_acceleration_are_derivatives_of_each_other(fmu, phase, speed):
+    """1e-8 at 20 Hz, but for the stencils across a joint."""
+    h = 0.05
+    L, d, dd = profile_rows(fmu, phase, 22, SPEEDS | {"dwell": [0.1] * 15, "sample_period": h})
+    t = h * np.arange(len(L))[2:-2]
+    smooth = np.all([np.abs(t - joint) > 2 * h for joint in JOINTS[phase]], axis=0)
+    assert np.abs(derivative(L, h) - d[2:-2])[smooth].max() < 1e-8
+    assert np.abs(derivative(d, h) - dd[2:-2])[smooth].max() < 1e-8
+    assert np.abs(d).max() == pytest.approx(speed, rel=1e-4)
+    assert (L[0], d[0], dd[0]) == pytest.approx((FROM[phase], 0, 0), abs=1e-7)
+    assert (L[-1], d[-1], dd[-1]) == (1.483 if phase == 7 else 3, 0, 0)
+    assert (np.abs(np.diff(L)) <= 1.001 * speed * h).all()
+
+
+def test_profiles_begin_at_their_phase_and_the_last_one_goes_on_after_it(fmu):
+    """The approach of FINAL is not begun anew at each sample, and goes on through a retreat."""
+    quick = {"v_final": 1.0, "dwell": [0.0] * 15}
+    flight = Flight(fmu, quick).lead_to(5)
+    T = 1.875 * 17
+    for k in range(1, 45):
+        order = {"retreat": 1} if k == 10 else {}
+        flight.sample(HOLDING[5] | order | {"relative_valid": 1})
+        x = min(k / T, 1.0)
+        assert flight["L_ref"] == pytest.approx(20 - 17 * (10 * x**3 - 15 * x**4 + 6 * x**5))
+    assert flight["phase"] == 12
+    assert flight["L_ref"] == 3
+
+
+# ---- retreat ----
+def two_bodies(S, T, seconds, step):
+    """Relative positions every `step` seconds of free drift, N axes."""
+
+    def field(_, x):
+        pull = [-MU * x[k : k + 3] / np.linalg.norm(x[k : k + 3]) ** 3 for k in (0, 6)]
+        return np.concatenate((x[3:6], pull[0], x[9:], pull[1]))
+
+    t = np.arange(step, seconds * (1 + 1e-12), step)
+    found = solve_ivp(field, (0, t[-1]), [*S, *T], "DOP853", t, rtol=1e-12, atol=1e-9)
+    return found.y[:3].T - found.y[6:9].T
+
+
+def retreat_from(fmu, place, changes=None):
+    """A flight in the first sample of its retreat, and the whole increment in N."""
+    flight = Flight(fmu, {"R_1": 1e4, "drift_step": 120} | (changes or {}))
+    assert flight.sample(place | {"retreat": 1}) == 12
+    C_NS = dcm_of_quaternion(np.array(place["q_SN"], float)).T
+    return flight, flight["dv_left_N"] + C_NS @ flight["F_retreat_S"] * P / place["mass"]
+
+
+PLACES = [
+    (line(100), (0, 0, 0)),
+    ((100, 0, 0), (0, 0, 0)),
+    ((-60, 70, 20), (0.02, 0.05, -0.01)),
+    ((40, -90, -10), (0.0, -0.03, 0.02)),
+]
+
+
+@pytest.mark.parametrize(("rho", "drho"), PLACES)
+@pytest.mark.parametrize("a", [7.2e6, GEO])
+def test_clearance_is_that_of_the_two_body_motion(fmu, a, rho, drho):
+    """1 % at 100 m; and the other sign of the drift would not lead away further."""
+    place = in_hill(rho, drho, a=a)
+    flight, dv = retreat_from(fmu, place)
+    S = np.concatenate((place["r_SN_N"], place["v_SN_N"] + dv))
+    T = np.concatenate((place["r_TN_N"], place["v_TN_N"]))
+    assert np.linalg.norm(two_bodies(S, T, 86400, 120), axis=1).min() == pytest.approx(
+        flight["clearance"], rel=1e-2
+    )
+    # speeds as seen in H: outwards 0.1, along the track 0.05 one way or the other
+    C_HN = mission.seen(flight.model.p, place).C_HN
+    v, out = C_HN @ dv + drho, np.array(rho) / np.linalg.norm(rho)
+    along = v - 0.1 * out
+    assert np.abs(along) == pytest.approx((0, 0.05, 0), abs=1e-9)
+    other = S.copy()
+    other[3:] -= 2 * C_HN.T @ along
+    assert (
+        np.linalg.norm(two_bodies(other, T, 86400, 120), axis=1).min() < 1.001 * flight["clearance"]
+    )
+
+
+def test_the_burn_leaves_the_servicer_on_the_drift_that_was_planned(fmu):
+    """0.9 N on 100 kg take 13 s; the true drift of a day keeps 80 % of the clearance."""
+    place = in_hill((3, -18, 2), (0.01, 0.02, 0), mass=90.0)
+    flight, dv = retreat_from(fmu, place)
+    r, v, moved, impulse = place["r_SN_N"], place["v_SN_N"].copy(), np.zeros(3), np.zeros(3)
+    C_NS = dcm_of_quaternion(np.array(place["q_SN"], float)).T
+    while flight["F_retreat_S"].any():
+        a = C_NS @ flight["F_retreat_S"] / 90
+        assert np.linalg.norm(flight["F_retreat_S"]) <= 0.9 + 1e-12
+        moved, v, impulse = (
+            moved + P * (v - place["v_SN_N"]) + a / 2 * P**2,
+            v + a * P,
+            impulse + a * P,
+        )
+        flight.sample(place)
+    assert np.abs(impulse - dv).max() < 1e-12
+    T = np.concatenate((place["r_TN_N"], place["v_TN_N"]))
+    ranges = np.linalg.norm(two_bodies(np.concatenate((r + moved, v)), T, 86400, 120), axis=1)
+    assert ranges.min() > 0.8 * flight["clearance"]
+    assert flight["dv_left_N"] == pytest.approx((0, 0, 0), abs=0)
+
+
+def test_the_burn_follows_the_increment_while_the_servicer_turns(fmu):
+    """The force stands still in N, whatever the attitude; the mass is that of each sample."""
+    place, rng = in_hill(line(30)), np.random.default_rng(0)
+    flight, dv = retreat_from(fmu, place)
+    left = flight["dv_left_N"].copy()
+    for mass in (100.0, 95.0, 90.0):
+        q = rng.normal(size=4)
+        now = place | {"q_SN": q / np.linalg.norm(q), "mass": mass}
+        flight.sample(now)
+        F_N = dcm_of_quaternion(now["q_SN"]).T @ flight["F_retreat_S"]
+        assert pytest.approx(0.9 * dv / np.linalg.norm(dv), abs=1e-12) == F_N
+        left = left - F_N * P / mass
+        assert flight["dv_left_N"] == pytest.approx(left, abs=1e-13)
+
+
+# ---- all of it at random ----
+@pytest.mark.parametrize("seed", range(3))
+def test_random_flights_follow_the_reference(fmu, seed):
+    """Inputs that now and then fit the phase; every phase and every reason come up in the seeds
+    together.
+    """
+    rng = np.random.default_rng(seed)
+    flight = Flight(fmu, {"sample_period": 0.5, "dwell": [0.5] * 15, "drift_step": 7200})
+    seen = set()
+    for _ in range(1500):
+        k = max(flight.model.phase, 0)
+        scene = GOOD[k] if rng.random() < 0.9 else GOOD[int(rng.integers(15))]
+        scene = scene | {"relative_valid": float(rng.random() < 0.95)}
+        for name, share in (("abort", 2e-4), ("retreat", 0.01), ("contact", 0.3), ("go_2", 0.8)):
+            scene[name] = float(rng.random() < share)
+        scene["mass"] = 85.9 if rng.random() < 2e-3 else 95.0
+        seen.add(flight.sample(scene))
+        if seen >= {14} or flight["phase"] == 10:
+            flight.model = mission.Manager(flight.model.p)
+            flight.unit = fmu("mission_manager", flight.p, GOOD[0], flight.unit.time)
+            seen.discard(14)
+    assert seen >= {0, 1, 2, 3, 4, 5, 6, 12, 13}
+
+
+# ---- parameters ----
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"R_2": 100}, "R_2 = 100: must be below R_1"),
+        ({"L_3": 20}, "L_3 = 20: must be below R_2"),
+        ({"L_end": 3}, "L_end = 3: must be below L_3"),
+        ({"L_end": 0}, "L_end = 0: must be > 0"),
+        ({"p_T": (1, 1e-4, 0)}, "must be a unit vector"),
+        *(({name: 0}, f"{name} = 0: must be > 0") for name in (
+            "sample_period", "v_final", "v_mate", "v_back", "v_retreat", "v_drift", "drift_step",
+            "F_retreat")),
+        *(({name: -1}, f"{name} = -1: must be >= 0") for name in (
+            "tol_1", "angle_2", "nav_far", "attempts", "mass_dry", "reserve", "ramp_mate")),
+        ({"dwell": [0] * 14 + [-1]}, "dwell[15] = -1: must be >= 0"),
+        ({"drift_step": 0.1}, "must not be below drift_time / 1e5"),
+    ],
+)  # fmt: skip
+def test_refused(change, words, tmp_path):
+    assert words in refusal("mission_manager", change, tmp_path)

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Reference of the carried frame: attitude as a matrix C_DN, derivatives by complex steps.
+
+    W = w_H + s (w_T - w_H) + steer(n x a),   n = -X_D,  a = grasp axis;   rho_ref = L n
+
+A complex number x + i h dx carries a derivative through every formula, so none is derived by hand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from .attitude import Array, cross
+
+H = 1e-30
+
+
+@dataclass
+class Steering:
+    spin_time: float = 60.0
+    k_steer: float = 0.02
+    w_steer: float = 0.005
+
+
+def length(x: Array) -> Array:
+    """Norm that is analytic in its argument."""
+    return np.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
+
+
+def along(x: Array, dx: Array) -> Array:
+    return x + 1j * H * dx
+
+
+def slope(x: Array) -> Array:
+    return np.imag(x) / H
+
+
+def start(rho_N: Array, C_SN: Array) -> Array:
+    """C_DN: X towards the target, Z next to the Z axis of S, or to its Y axis."""
+    X = -rho_N / np.linalg.norm(rho_N)
+    z = C_SN[2] if np.linalg.norm(np.cross(C_SN[2], X)) >= 0.1 else C_SN[1]
+    Z = (np.eye(3) - np.outer(X, X)) @ z
+    Z = Z / np.linalg.norm(Z)
+    return np.array((X, np.cross(Z, X), Z))
+
+
+def steer(p: Steering, c: Array) -> Array:
+    size = length(c)
+    return p.k_steer * c if p.k_steer * np.real(size) <= p.w_steer else p.w_steer * c / size
+
+
+def spin(x: Array) -> Array:
+    """Fifth-order step, clipped; of a complex argument too."""
+    if not 0 <= np.real(x) <= 1:
+        return 0.0 * x + float(np.real(x) > 1)
+    return x**3 * (10 + x * (6 * x - 15))
+
+
+def turning(
+    p: Steering, C_DN: Array, since: float, H_turn: Array, T_turn: Array, a: Array
+) -> tuple[Array, Array]:
+    """W and dW; H_turn, T_turn: rows w and dw in N axes."""
+    (w_H, dw_H), (w_T, dw_T) = H_turn, T_turn
+    n = -C_DN[0]
+    c = np.cross(n, a)
+    if np.linalg.norm(c) < 1e-6 and n @ a < 0:
+        c = 1e-6 * C_DN[2]
+    s = spin(since / p.spin_time)
+    W = w_H + s * (w_T - w_H) + steer(p, c)
+    # everything moves a complex step on: n with D, a with T
+    dc = slope(cross(along(n, np.cross(W, n)), along(a, np.cross(w_T, a))))
+    s1 = spin(along(since, 1.0) / p.spin_time)
+    w_H1, w_T1 = along(w_H, dw_H), along(w_T, dw_T)
+    return W, slope(w_H1 + s1 * (w_T1 - w_H1) + steer(p, along(c, dc)))
+
+
+def reference(C_DN: Array, W: Array, dW: Array, L: Array) -> dict[str, Array]:
+    """L: distance with its two derivatives."""
+    n = -C_DN[0]
+    dn = np.cross(W, n)
+    ddn = slope(cross(along(W, dW), along(n, dn)))
+    return {
+        "rho_ref_N": L[0] * n,
+        "drho_ref_N": L[1] * n + L[0] * dn,
+        "ddrho_ref_N": L[2] * n + 2 * L[1] * dn + L[0] * ddn,
+        "omega_DN_D": C_DN @ W,
+        "alpha_DN_D": C_DN @ dW,
+    }
+
+
+def carried_on(C_DN: Array, W: Array, dW: Array, period: float) -> Array:
+    """rot(phi): Rodrigues parameters phi/4."""
+    phi = C_DN @ (W + dW * period / 2) * period
+    return Rotation.from_mrp(phi / 4).as_matrix().T @ C_DN

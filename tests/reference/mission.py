@@ -1,0 +1,344 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Reference of the mission: phases, range profile, retreat; selection between laws.
+
+Written as a reader would tell it: each phase is a line of `PHASES`, conditions are closures over
+the geometry of the sample, polynomials are numpy polynomials and their derivatives, the drift after
+a retreat is the matrix exponential of the Clohessy-Wiltshire equations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import inf, nan
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from scipy.linalg import expm
+
+from .attitude import Array, angle_between, cross, dcm, quaternion_of_dcm
+
+STEP = Polynomial([0, 0, 0, 10, -15, 6])
+"""From rest to rest in 0..1."""
+
+PARAMETERS = {
+    "mu": 3.986004415e14, "p_T": (1.0, 0, 0), "line_angle": -np.pi / 2,
+    "R_1": 100, "R_2": 20, "L_3": 3, "L_end": 1.48,
+    "tol_1": 5, "v_1": 0.03, "tol_2": 1, "v_2": 0.03, "angle_2": 0.06,
+    "tol_3": 0.05, "v_3": 0.01, "angle_3": 0.0524, "rate_3": 0.005,
+    "v_final": 0.1, "v_mate": 0.03, "ramp_mate": 10, "v_back": 0.05,
+    "capture_time": 20, "settle_rate": 2e-4,
+    "v_retreat": 0.1, "v_drift": 0.05, "F_retreat": 0.9, "R_safe": 200,
+    "dwell": (30, 60, 30, 30, 30, 10, 20, 0, 0, 0, 0, 10, 0, 0, 0),
+    "time_out": (7200, 3600, 3600, 3600, 3600, 1200, 1800, 120, 0, 1200, 0, 300, 0, 0, 0),
+    "attempts": 2, "mass_dry": 85, "reserve": 1, "nav_far": 10, "nav_near": 2,
+    "d_abort": (0.2, 0.1), "angle_abort": 0.2618, "error_dwell": 3,
+    "v_0": (0.6, 0.06), "v_slope": (0.01, 0.0185), "speed_dwell": 5,
+    "drift_time": 86400, "drift_step": 120, "sample_period": 0.1,
+}  # fmt: skip
+
+FORCE = (1, 1, 2, 2, 3, 3, 3, 3, 0, 4, 4, 3, 5, 0, 0)
+TORQUE = (1, 1, 2, 2, 3, 3, 3, 3, 0, 4, 4, 3, nan, nan, nan)
+NEXT = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, nan, 6, 13, 0, nan)
+NEAR, BEFORE = (5, 6, 7, 11), (0, 1, 2, 3, 4, 5, 6, 7, 11)
+
+
+@dataclass
+class Seen:
+    """The relative state of one sample in the frames of the conditions."""
+
+    C_HN: Array
+    w: float
+    rho: Array
+    """H axes; drho as seen in H."""
+    drho: Array
+    C_SN: Array
+    R: float
+    l: float  # noqa: E741
+    d: float
+    los: float
+    v_rel: float
+    pointing: float
+    w_rel: float
+
+
+def seen(p: dict, u: dict) -> Seen:
+    r, v = np.array(u["r_TN_N"]), np.array(u["v_TN_N"])
+    rho, drho = u["r_SN_N"] - r, u["v_SN_N"] - v
+    h = cross(r, v) if p["mu"] else np.array((0, 0, 1.0))
+    C_HN = np.eye(3)
+    if p["mu"]:
+        z, x = h / np.linalg.norm(h), r / np.linalg.norm(r)
+        C_HN = np.array((x, cross(z, x), z))
+    w = np.linalg.norm(h) / (r @ r) if p["mu"] else 0.0
+    C_TN, C_SN = dcm(u["q_TN"]), dcm(u["q_SN"])
+    a = C_TN.T @ p["p_T"]
+    w_T, w_S = C_TN.T @ u["omega_TN_T"], C_SN.T @ u["omega_SN_S"]
+    return Seen(
+        C_HN, w, C_HN @ rho, C_HN @ (drho - cross(w * C_HN[2], rho)), C_SN,
+        np.linalg.norm(rho), rho @ a, np.linalg.norm(cross(rho, a)), angle_between(rho, a),
+        np.linalg.norm(drho - cross(w_T, rho)), angle_between(C_SN[0], -a),
+        np.linalg.norm(w_S - w_T),
+    )  # fmt: skip
+
+
+# ---- range profile ----
+def moved(start: float, end: float, T: float, tau: float) -> tuple[float, float, float]:
+    if tau >= T:
+        return end, 0.0, 0.0
+    return tuple(
+        (start if k == 0 else 0) + (end - start) * STEP.deriv(k)(tau / T) / T**k for k in range(3)
+    )
+
+
+def profile(p: dict, kind: int, start: float, tau: float) -> tuple[float, float, float]:
+    """L, dL, ddL of the profile that began with phase `kind`, tau seconds ago at the distance
+    `start`.
+    """
+    T = duration(p, kind, start)
+    if kind == 0:
+        return p["R_2"], 0.0, 0.0
+    if kind == 7:
+        ramp, v = p["ramp_mate"], p["v_mate"]
+        rate = STEP.integ()
+        if tau < ramp:
+            x = tau / ramp
+            L = p["L_3"] - v * ramp * rate(x), -v * STEP(x), -v / ramp * STEP.deriv()(x)
+        else:
+            L = p["L_3"] - v * ramp * rate(1) - v * (tau - ramp), -v, 0.0
+        return L if L[0] > p["L_end"] else (p["L_end"], 0.0, 0.0)
+    return moved(start, p["L_3"], T, tau)
+
+
+def duration(p: dict, kind: int, start: float) -> float:
+    way = 1.875 * abs(start - p["L_3"])
+    return {5: way / p["v_final"], 11: max(way / p["v_back"], 1.0)}.get(kind, 0.0)
+
+
+# ---- retreat ----
+def hill_matrix(n: float) -> Array:
+    """d/dt of (position, velocity) relative to a circular orbit."""
+    A = np.zeros((6, 6))
+    A[:3, 3:] = np.eye(3)
+    A[3, 0], A[3, 4], A[4, 3], A[5, 2] = 3 * n * n, 2 * n, -2 * n, -n * n
+    return A
+
+
+def clearance(p: dict, n: float, rho: Array, v: Array) -> float:
+    count = int(np.floor(p["drift_time"] / p["drift_step"] * (1 + 1e-12)))
+    over = expm(hill_matrix(n) * p["drift_step"])
+    state, least = np.concatenate((rho, v)), inf
+    for _ in range(count):
+        state = over @ state
+        least = min(least, np.linalg.norm(state[:3]))
+    return least
+
+
+def escape(p: dict, g: Seen) -> tuple[Array, float]:
+    """dv_N and the clearance of the better sign."""
+    out = g.rho / np.linalg.norm(g.rho)
+    ways = [p["v_retreat"] * out + np.array((0, s * p["v_drift"], 0)) for s in (1, -1)]
+    clear = [clearance(p, g.w, g.rho, v) for v in ways]
+    best = 0 if clear[0] >= clear[1] else 1
+    return g.C_HN.T @ (ways[best] - g.drho), clear[best]
+
+
+# ---- the manager ----
+def later(t: float, mark: float) -> bool:
+    """t has reached the mark, in the sense of all comparisons of times."""
+    return t >= mark - 1e-9 * (1 + abs(mark))
+
+
+@dataclass
+class Manager:
+    p: dict
+    phase: int = -1
+    t_phase: float = 0.0
+    reason: int = 0
+    attempt: int = 0
+    t_valid: float = 0.0
+    valid: Seen | None = None
+    ok_since: float = nan
+    touched: float = nan
+    error_since: float = nan
+    fast_since: float = nan
+    profile: tuple = (0, 0.0, 0.0)
+    torque: int = 1
+    dv: Array = field(default_factory=lambda: np.zeros(3))
+    clear: float = -1.0
+
+    def sample(self, u: dict, t: float) -> dict[str, Array]:
+        g = seen(self.p, u)
+        if self.phase < 0:
+            self.phase, self.t_phase, self.t_valid, self.valid = 0, t, t, g
+        if u["relative_valid"]:
+            self.t_valid, self.valid = t, g
+        self._clocks(g, t)
+        self._change(u, g, t)
+        return self._outputs(u, g, t)
+
+    def _clocks(self, g: Seen, t: float) -> None:
+        p, near = self.p, self.phase in NEAR
+        d = p["d_abort"][0] + p["d_abort"][1] * max(g.l - p["L_3"], 0)
+        v = p["v_0"][near] + p["v_slope"][near] * g.R
+        wrong = near and (g.d > d or g.pointing > p["angle_abort"])
+        fast = self.phase in BEFORE and np.linalg.norm(g.drho) > v
+        self.error_since = started(self.error_since, wrong, t)
+        self.fast_since = started(self.fast_since, fast, t)
+
+    def _retreat_reason(self, u: dict, t: float) -> int:
+        p, limit = self.p, self.p["time_out"][self.phase]
+        nav = p["nav_near"] if self.phase in NEAR else p["nav_far"]
+        reasons = {
+            2: u["retreat"],
+            3: t > self.t_valid + nav + 1e-9 * (1 + abs(t)),
+            4: u["mass"] - p["mass_dry"] < p["reserve"],
+            5: later(t, self.error_since + p["error_dwell"]),
+            6: later(t, self.fast_since + p["speed_dwell"]),
+            7: limit > 0 and self.phase != 7 and later(t, self.t_phase + limit),
+        }
+        return next((k for k, holds in reasons.items() if holds), 0)
+
+    def _change(self, u: dict, g: Seen, t: float) -> None:
+        reason = self._retreat_reason(u, t) if self.phase in BEFORE else 0
+        if u["abort"] and self.phase not in (8, 9, 10, 14):
+            self._enter(14, 1, g, t)
+        elif reason:
+            self._enter(12, reason, g, t)
+        elif self.phase == 7:
+            self._mate(u, g, t)
+        else:
+            self.ok_since = started(self.ok_since, self._row(u, g, t), t)
+            if later(t, self.ok_since + self.p["dwell"][self.phase]):
+                self._enter(NEXT[self.phase], 0, g, t)
+
+    def _row(self, u: dict, g: Seen, t: float) -> bool:
+        p, v = self.p, bool(u["relative_valid"])
+        line = np.array((np.cos(p["line_angle"]), np.sin(p["line_angle"]), 0))
+        speed, k = np.linalg.norm(g.drho), self.phase
+        on_line = v and np.linalg.norm(g.rho - p["R_2"] * line) <= p["tol_2"] and speed <= p["v_2"]
+        over = later(t, self.t_phase + duration(p, self.profile[0], self.profile[2]))
+        on_axis = (
+            over and v and g.d <= p["tol_3"] and abs(g.l - p["L_3"]) <= p["tol_3"]
+            and g.v_rel <= p["v_3"] and g.pointing <= p["angle_3"] and g.w_rel <= p["rate_3"]
+        )  # fmt: skip
+        off = abs(g.R - p["R_1"])
+        around = g.los <= p["angle_2"] and abs(g.R - p["R_2"]) <= p["tol_2"]
+        rows = {
+            0: v and off <= p["tol_1"] and speed <= p["v_1"],
+            1: v and u["go_1"] and off <= 2 * p["tol_1"],
+            2: on_line,
+            3: on_line and u["go_2"],
+            4: v and around and g.v_rel <= p["v_2"] and g.pointing <= p["angle_abort"],
+            5: on_axis,
+            6: on_axis and u["go_3"],
+            8: u["hard"],
+            9: u["done"] and np.linalg.norm(u["omega_SN_S"]) <= p["settle_rate"],
+            11: on_axis,
+            12: not self.dv.any() and p["R_safe"] <= g.R,
+            13: u["resume"] and v,
+        }
+        return bool(rows.get(k, False))
+
+    def _mate(self, u: dict, g: Seen, t: float) -> None:
+        p, limit = self.p, self.p["time_out"][7]
+        if np.isnan(self.touched) and u["contact"]:
+            self.touched = t
+        failed = later(t, self.touched + p["capture_time"]) or (
+            limit > 0 and later(t, self.t_phase + limit)
+        )
+        if u["soft"]:
+            self._enter(8, 0, g, t)
+        elif failed and self.attempt < p["attempts"]:
+            self._enter(11, 0, g, t)
+        elif failed:
+            self._enter(12, 8, g, t)
+
+    def _enter(self, phase: int, reason: int, g: Seen, t: float) -> None:
+        self.phase, self.reason, self.t_phase = phase, reason, t
+        self.ok_since = self.touched = nan
+        self.attempt = 0 if phase == 0 else self.attempt + (phase == 7)
+        if phase in (0, 5, 6, 7, 11):
+            self.profile = phase, t, g.l
+        if TORQUE[phase] > 0:
+            self.torque = TORQUE[phase]
+        if phase == 12:
+            self.dv, self.clear = escape(self.p, self.valid)
+
+    def _burn(self, u: dict) -> Array:
+        left, period = np.linalg.norm(self.dv), self.p["sample_period"]
+        if left == 0:
+            return np.zeros(3)
+        F = min(self.p["F_retreat"], u["mass"] * left / period) * self.dv / left
+        self.dv = self.dv - F * period / u["mass"]
+        if np.linalg.norm(self.dv) < 1e-12:
+            self.dv = np.zeros(3)
+        return F
+
+    def _outputs(self, u: dict, g: Seen, t: float) -> dict[str, Array]:
+        p, k = self.p, self.phase
+        force = FORCE[k]
+        torque = self.torque if k >= 12 else TORQUE[k]
+        F = self._burn(u) if k == 12 else np.zeros(3)
+        psi = p["line_angle"]
+        turn = np.array(
+            ((np.cos(psi), np.sin(psi), 0), (-np.sin(psi), np.cos(psi), 0), (0, 0, 1.0))
+        )
+        hidden = k in (12, 13) and p["R_2"] > g.R
+        names = ("far", "close", "sync", "stack")
+        return {
+            "phase": k, "t_phase": self.t_phase, "reason": self.reason, "attempt": self.attempt,
+            "select_force": force, "select_torque": torque,
+            **{f"active_{name}": float(i in (force, torque)) for i, name in enumerate(names, 1)},
+            **dict(zip(("L_ref", "dL_ref", "ddL_ref"),
+                       profile(p, self.profile[0], self.profile[2], t - self.profile[1]),
+                       strict=True)),
+            "q_VN": quaternion_of_dcm(turn @ g.C_HN), "omega_VN_V": np.array((0, 0, g.w)),
+            "approaching": float(5 <= k <= 11),
+            "monitor_valid": float(8 <= k <= 10 or (bool(u["relative_valid"]) and not hidden)),
+            "latch_enable": float(7 <= k <= 10), "release": 0.0,
+            "push": float(k == 7 and not np.isnan(self.touched)),
+            "F_retreat_S": g.C_SN @ F, "dv_left_N": self.dv, "clearance": self.clear,
+        }  # fmt: skip
+
+
+def started(since: float, holds: bool, t: float) -> float:
+    """When a condition began to hold; NaN where it does not."""
+    return (t if np.isnan(since) else since) if holds else nan
+
+
+# ---- the selector ----
+@dataclass
+class Selector:
+    """Commands as one vector of nine: force, torque, wheels."""
+
+    p: dict
+    last: tuple[int, int] | None = None
+    out: Array = field(default_factory=lambda: np.zeros(9))
+    D: Array = field(default_factory=lambda: np.zeros(9))
+
+    def wanted(self, u: dict) -> Array:
+        th, A = np.array(u["throttle"]), np.reshape(self.p["A_w"], (3, 3))
+        zero, force, torque = np.zeros(3), int(u["select_force"]), int(u["select_torque"])
+        F_1 = np.array((self.p["main_thrust"] * th[12] - self.p["brake_thrust"] * th[8:12].mean(),
+                        0, 0))  # fmt: skip
+        M_1 = np.array(((th[5] + th[7] - th[4] - th[6]) / 2, th[3] - th[1], th[0] - th[2]))
+        M_1 = M_1 * self.p["relay_torque"]
+        F = (zero, F_1, u["F_close_S"], u["F_sync_S"], zero, u["F_retreat_S"])[force]
+        M = (zero, M_1, u["M_close_S"], u["M_sync_S"], u["M_unload_S"])[torque]
+        stack = u["wheel_stack"] + np.linalg.inv(A) @ u["M_unload_S"]
+        W = (zero, zero, u["wheel_close"], u["wheel_sync"], stack)[torque]
+        return np.concatenate((F, M, W))
+
+    def sample(self, u: dict) -> dict[str, Array]:
+        now, tau = self.wanted(u), self.p["blend_time"]
+        laws = int(u["select_force"]), int(u["select_torque"])
+        self.D = self.D * (np.exp(-self.p["sample_period"] / tau) if tau else 0)
+        for part, of, kept in ((slice(0, 3), 0, (1, 2, 3)), (slice(3, 9), 1, (1, 2, 3, 4))):
+            if self.last and laws[of] != self.last[of]:
+                blends = tau > 0 and laws[of] in kept and self.last[of] in kept
+                self.D[part] = (self.out - now)[part] if blends else 0
+        self.out, self.last = now + self.D, laws
+        F, M, W = self.out[:3].copy(), self.out[3:6], self.out[6:]
+        if laws[0] == 3:
+            F[0] += u["push"] * self.p["push_force"]
+        return {"F_cmd_S": F, "M_cmd_S": M, "wheel_accel_cmd": W}
