@@ -9,9 +9,9 @@ import math
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
 
-from harness.errors import HarnessError, RefusalError
+from harness.errors import FmuError, HarnessError, RefusalError, RunError
 from harness.files.paths import is_file, is_ours
-from harness.master.isolated import silence, timed
+from harness.master.isolated import in_child, silence, timed
 from harness.master.simulation import Simulation
 from harness.system.model import Origin, System
 
@@ -39,6 +39,24 @@ def refused(
                 yield error
             except HarnessError:  # of anything else the run itself speaks
                 continue
+
+
+def unreachable(system: System, components: Iterable[str]) -> Iterator[HarnessError]:
+    """What stands in the way of components on boards: nobody answers, another interface, values
+    that are refused. Each board is asked up to its initialization, in a process of its own.
+    """
+    for name in components:
+        try:
+            in_child(_begin, _alone(system, name))
+        except (FmuError, RefusalError) as error:
+            yield error
+        except RunError:  # of what it makes of open inputs
+            continue
+
+
+def _begin(system: System) -> None:
+    with Simulation(system) as simulation:
+        simulation.initialize()
 
 
 def _alone(system: System, name: str) -> System:

@@ -14,11 +14,11 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple, Unpack
 
-from harness.errors import FmuError, HarnessError, StructureError, UsageError
+from harness.errors import FmuError, HarnessError, RefusalError, StructureError, UsageError
 from harness.files import paths
 from harness.master.changes import Changes, apply, choose_set, set_names
 from harness.master.refusals import as_typed
-from harness.master.trial import refused
+from harness.master.trial import refused, unreachable
 from harness.remote.targets import TARGETS, missing
 from harness.rules.judge import judge
 from harness.spelling import did_you_mean
@@ -127,9 +127,17 @@ def _system_errors(system: System, sets: Sequence[str]) -> Iterator[str]:
     chosen = [choose_set(system, name) if name else system for name in sets]
     for each in chosen:
         yield from graph_problems(each, interfaces)
-    for error in refused(chosen):
-        yield from str(as_typed(error, system.origin.set, f"{error.component}.")).splitlines()
+    boards = [name for name, place in system.origin.on.items() if "://" in place]
+    for error in (*refused(chosen), *unreachable(system, boards)):
+        yield from str(_told(error, system)).splitlines()
     _say_warnings(interfaces)
+
+
+def _told(error: HarnessError, system: System) -> HarnessError:
+    """Values that are refused as they were typed."""
+    if isinstance(error, RefusalError):
+        return as_typed(error, system.origin.set, f"{error.component}.")
+    return error
 
 
 def _say_warnings(interfaces: dict[str, Interface]) -> None:

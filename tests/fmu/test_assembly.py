@@ -82,6 +82,24 @@ def test_arm_follows_the_quintic_and_its_derivatives(fmu):
         assert arm == pytest.approx(quintic(t), rel=1e-12, abs=1e-18)
 
 
+@pytest.mark.parametrize("angle", [np.pi / 2, -0.7])
+def test_arm_without_a_smooth_swing_speeds_up_and_slows_down_as_much(fmu, angle):
+    """Half the angle in half the time at a constant acceleration a, then back at -a."""
+    begin, duration = 600.0, 3000.0
+    unit = fmu("assembly", {"swing_smooth": 0, "swing_angle": angle})
+    a = angle / (duration / 2) ** 2
+    for t in (300.0, 900.0, 2000.0, 2200.0, 2900.0, 3500.0, 3600.0, 4000.0):
+        unit.step(t - unit.time)
+        gone = min(max(t - begin, 0), duration)
+        left = duration - gone
+        first = gone <= duration / 2
+        wanted = (a / 2 * gone**2, a * gone) if first else (angle - a / 2 * left**2, a * left)
+        assert unit.get("arm_angle") == pytest.approx(wanted[0], rel=1e-12, abs=1e-15)
+        assert unit.get("arm_rate") == pytest.approx(wanted[1], rel=1e-12, abs=1e-15)
+        if 0 < gone < duration:
+            assert unit.get("arm_accel") == pytest.approx(a if first else -a, rel=1e-12)
+
+
 # ---- torques
 
 

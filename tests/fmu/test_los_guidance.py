@@ -255,6 +255,20 @@ def test_held_panel_axis_is_the_one_before_the_guard(fmu):
     assert deviation(dcm_of_quaternion(unit.get("q_DN"))[1], before) < 1e-9
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("axis", np.eye(3).tolist(), ids="xyz")
+def test_a_first_sample_inside_the_guard_has_some_panel_axis(fmu, axis, sign):
+    """Sun and target lie along one axis of N: there is no earlier axis to hold, and the one that is
+    chosen has to be normal to the line of sight.
+    """
+    sight = sign * np.array(axis)
+    found = guided(fmu, seen_at(100 * sight), {"sun_N": sight, "guard_angle": np.radians(5)})
+    assert found["attitude_guard"] == 1
+    C = dcm_of_quaternion(found["q_DN"])
+    assert deviation(C @ C.T, np.eye(3)) < 1e-12
+    assert deviation(C[0], sight) < 1e-12
+
+
 # ---- flags, refusals ----
 
 

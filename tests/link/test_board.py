@@ -3,15 +3,20 @@
 
 from __future__ import annotations
 
+import ctypes
 import random
+import socket
 import struct
+import threading
+from contextlib import ExitStack
 
 import pytest
 
 from harness.files.paths import fmus
+from harness.master.serve import _READ, _WRITE, StandIn, _Board, _Slot, _Software
 from harness.system.interface import read_interface
 from tests.fmu.driver import Kind, Unit
-from tests.link.conftest import answering
+from tests.link.conftest import PATIENCE, answering
 from tests.link.frames import (
     ANSWER,
     CODE,
@@ -123,6 +128,67 @@ def test_an_old_request_is_dropped(peer, kind):
     peer.ask("step", stepping(STEP, STEP))
     peer.send(sealed(old))
     assert peer.ask("step", stepping(2 * STEP, STEP)).status == 0
+
+
+@pytest.mark.parametrize("ahead", [-1, 2, 1 << 31])
+def test_a_request_out_of_its_order_is_not_answered(peer, kind, ahead):
+    """Neither the one before the last nor one after the next, with whatever it asks."""
+    begin(peer)
+    payload = exchange(kind, (7158140.0, 21.0, 0), 0)
+    last = peer.ask("exchange", payload)
+    peer.send(sealed(Frame(CODE["exchange"], (last.sequence + ahead) % 2**32, payload)))
+    answer = peer.ask("step", stepping(STEP, STEP))
+    assert (answer.status, answer.sequence) == (0, last.sequence + 1)
+
+
+def test_a_repeated_request_is_answered_by_its_own_component_or_not_at_all():
+    """The board keeps one answer: that of another component is never sent in place of it."""
+    names = ("adaptive_controller", "pid_controller")
+    with ExitStack() as use:
+        boards = [use.enter_context(StandIn(fmus()[name])) for name in names]
+        ours, theirs = map(use.enter_context, socket.socketpair())
+        use.callback(answering_together(boards, theirs).join, PATIENCE)
+        use.callback(ours.shutdown, socket.SHUT_RDWR)
+        ours.settimeout(PATIENCE)
+        peer = Peer(ours)
+        first = Frame(CODE["describe"], 100)
+        second = first._replace(component=1)
+        new = first._replace(sequence=101, code=CODE["reset"])
+        for frame in (first, second, second, first, new):  # the answer to the fourth is lost
+            peer.send(sealed(frame))
+        answers = [peer.receive() for _ in range(4)]
+    assert [(answer.component, answer.sequence) for answer in answers] == [
+        (0, 100),
+        (1, 100),
+        (1, 100),
+        (0, 101),
+    ]
+    assert answers[1] == answers[2]
+    assert b"pid_controller" in answers[1].data
+
+
+def answering_together(boards, connection):
+    """The thread in which one board with the FMUs of several answers."""
+
+    def answer():
+        serve = boards[0]._serve
+        software = (_Software * len(boards))(*(board._software for board in boards))
+        board = _Board(
+            target=b"test",
+            software=ctypes.cast(software, ctypes.POINTER(_Software)),
+            slot=ctypes.cast((_Slot * len(boards))(), ctypes.POINTER(_Slot)),
+            count=len(boards),
+            read=_READ(lambda _port, to, most: connection.recv_into(view(to, most))),
+            write=_WRITE(lambda _port, data, count: not connection.sendall(view(data, count))),
+        )
+        serve(ctypes.byref(board))
+
+    def view(address, count):
+        return (ctypes.c_char * count).from_address(address)
+
+    worker = threading.Thread(target=answer, daemon=True)
+    worker.start()
+    return worker
 
 
 def test_a_late_description_does_not_open_the_session_anew(peer):

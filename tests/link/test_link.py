@@ -22,10 +22,11 @@ import pytest
 from fmpy.fmi2 import fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 
 from harness import Simulation, load, run
-from harness.errors import FmuError, RunError, UsageError
+from harness.errors import FmuError, RunError, StructureError, UsageError
 from harness.files.paths import fmus, link_library
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
+from harness.studies.check import check
 from harness.system.schedule import Verb
 from tests.harness.foreign_fmu import Model, build, u, y
 from tests.link.conftest import PATIENCE, Listener, flown_twice_from
@@ -268,6 +269,30 @@ def test_a_board_that_babbles_is_as_silent_as_one_that_says_nothing(words):
             flown(f"tcp://127.0.0.1:{port}?timeout=0.05&retries=2")
         worker.join(PATIENCE)
     assert "no answer to 'describe' within 0.05 s, asked 3 times" in str(caught.value)
+
+
+def checked(place, **changes):
+    """What `check` says of the system with its controller there."""
+    with pytest.raises(StructureError) as caught:
+        check(SYSTEM, on={"controller": place}, **changes)
+    return caught.value.problems
+
+
+def test_check_asks_the_board(board):
+    with board() as found:
+        place = found.place
+        assert str(check(SYSTEM, on={"controller": place})).startswith(f"{SYSTEM}: fine (")
+        (said,) = checked(place, set=["controller.Gamma_m=-1"])
+    assert said == "--set controller.Gamma_m=-1: must be >= 0"
+    (said,) = checked(place)
+    assert said.startswith("controller: adaptive_controller.fmu cannot be loaded: ")
+    assert said.endswith("nobody answers (Connection refused)")
+
+
+def test_check_finds_the_wrong_board():
+    with Listener(fmus()["pid_controller"]) as found:
+        (said,) = checked(found.place)
+    assert "another interface: it holds pid_controller {" in said
 
 
 # ---- the wrong peer

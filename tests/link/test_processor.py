@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 from harness import Simulation, load
 from harness.cli.app import app
 from harness.errors import FmuError, UsageError
-from harness.files.paths import fmus
+from harness.files.paths import fmus, link_library
 from harness.master.changes import apply
 from harness.remote import targets
 from harness.remote.targets import TARGETS, find_target, missing
@@ -133,6 +133,53 @@ def test_an_emulator_that_dies_is_one_error():
         with pytest.raises(Exception, match="cortex-m7: the connection has ended") as caught:
             simulation.advance(to=12)
     assert str(caught.value).isprintable()  # its last words are one line, without an end
+
+
+NO_FORK = """
+#define _GNU_SOURCE
+#include <errno.h>
+#include <unistd.h>
+pid_t fork(void) { return errno = EAGAIN, -1; }
+"""
+
+INSTANTIATE = """
+import ctypes, sys
+from fmpy.fmi2 import fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+logger = fmi2CallbackLoggerTYPE(lambda _a, _b, _c, _d, text: print(text.decode()))
+calls = fmi2CallbackFunctions(logger=logger)
+instantiate = ctypes.CDLL(sys.argv[1]).fmi2Instantiate
+instantiate.restype = ctypes.c_void_p
+assert instantiate(b"x", 1, b"guid", sys.argv[2].encode(), ctypes.byref(calls), 0, 0) is None
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="exchanges fork by the loader of Linux")
+@pytest.mark.parametrize(
+    ("argument", "said"),
+    [
+        (sys.executable, "fork (Resource temporarily unavailable)"),
+        ("/no/emulator", "/no/emulator (No such file or directory)"),
+    ],
+)
+def test_an_emulator_that_cannot_be_started_leaves_nothing(tmp_path, argument, said):
+    """No keeper could be made, or it would have nothing to start: one line, at once."""
+    (tmp_path / "no_fork.c").write_text(NO_FORK)
+    library = tmp_path / "no_fork.so"
+    build = ["gcc", "-shared", "-fPIC", str(tmp_path / "no_fork.c"), "-o", str(library)]
+    subprocess.run(build, check=True)
+    settings = f"guid=guid\nvia=emulator\ntarget=none\ntimeout=20\nargument={argument}\n"
+    (tmp_path / "link.txt").write_text(settings)
+    (tmp_path / "tmp").mkdir()
+    done = subprocess.run(
+        [sys.executable, "-c", INSTANTIATE, str(link_library()), str(tmp_path)],
+        env={**os.environ, "TMPDIR": str(tmp_path / "tmp"), "LD_PRELOAD": str(library)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    started = "fmi2Instantiate: none: the emulator cannot be started: "
+    assert done.stdout == f"{started}{said}\n"
+    assert list((tmp_path / "tmp").iterdir()) == []
 
 
 def test_missing_tools_are_named_with_their_packages(monkeypatch):

@@ -44,6 +44,13 @@ static void name_paths(Paths *p, const Stream *s)
     snprintf(p->lock, LONG_PATH, "%s/lock", s->folder);
 }
 
+/* what is left of the folder when nobody uses it any more; not 0 if that fails */
+static int remove_folder(const Paths *p, const char *folder)
+{
+    unlink(p->to_board), unlink(p->from_board), unlink(p->life), unlink(p->log), unlink(p->lock);
+    return rmdir(folder);
+}
+
 static bool gave_up(Stream *s, const char *doing)
 {
     int reason = errno;
@@ -145,8 +152,7 @@ static void keep(const Paths *p, const char *folder, char *const command[])
     close(alive[1]);
     wait_for_the_end(own, alive[0], p);
     if (emulator > 0) kill(emulator, SIGKILL), waitpid(emulator, NULL, 0);
-    unlink(p->to_board), unlink(p->from_board), unlink(p->life), unlink(p->log), unlink(p->lock);
-    _exit(rmdir(folder));
+    _exit(remove_folder(p, folder));
 }
 
 /* ---- the folder */
@@ -216,7 +222,10 @@ bool start_processor(Stream *s, const Config *c)
     bool first;
     if (!make_folder(s, c, &first)) return gave_up(s, s->folder);
     name_paths(&p, s);
-    if (first ? !begin(s, &p, c) : !wait_for_keeper(s, &p, now_s() + c->timeout)) return false;
+    if (first ? !begin(s, &p, c) : !wait_for_keeper(s, &p, now_s() + c->timeout)) {
+        if (first && s->keeper <= 0) remove_folder(&p, s->folder); /* nobody else does */
+        return false;
+    }
     if (write(s->life, "j", 1) != 1 || !open_pipes(s, &p, now_s() + c->timeout)) return false;
     if (*c->group) s->lock = open(p.lock, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
     return true;
