@@ -50,6 +50,7 @@ class Child:
     def __init__(self, function: Callable[..., Any], *arguments: Any) -> None:
         note = memory.block(place.SIZE)
         self._note = memory.array(note, (place.SIZE,), "uint8")
+        self._code: int | None = None
         self._messages, theirs = multiprocessing.Pipe(duplex=False)
         self._terminal, terminal = multiprocessing.Pipe(duplex=False)
         self._lines, self._words = 0, deque[str](maxlen=LAST_WORDS)
@@ -72,6 +73,8 @@ class Child:
 
     def __exit__(self, *_: object) -> None:
         self.kill()
+        self._code = self.process.exitcode
+        self.process.close()  # at once, not when an error that knows of it is forgotten
         self._messages.close()
         self._terminal.close()
 
@@ -138,7 +141,7 @@ class Child:
 
     def end(self) -> str:
         """In what way the process has ended."""
-        code = self.process.exitcode
+        code = self._code if self._code is not None else self.process.exitcode
         if code is not None and code < 0:
             name = signal.Signals(-code).name if -code in set(signal.Signals) else f"signal {-code}"
             text = f"crashed ({name}, {signal.strsignal(-code) or 'unknown'})".lower()
