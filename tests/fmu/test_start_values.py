@@ -12,7 +12,17 @@ from math import radians, sqrt
 import numpy as np
 import pytest
 
-from ..reference import assembly, carried, guidance, mission, paper_case, ppc, relay, theta_d
+from ..reference import (
+    assembly,
+    carried,
+    docking,
+    guidance,
+    mission,
+    paper_case,
+    ppc,
+    relay,
+    theta_d,
+)
 from ..reference.transposition import Cluster, Planning, Tracking
 from .assembly_cases import PANELS
 from .driver import archive, flat
@@ -137,6 +147,8 @@ PLANTS = {
     | {"use_gravity_gradient": 1, "use_aero": 1, "max_step": 0.5},
     "propulsion": THRUSTERS | {name: getattr(RELAY, name) for name in ("T0", "Tl", "T2up", "T2dn")},
     "ideal_propulsion": {"max_step": 0.1},
+    "docking_mechanism": docking.PARAMETERS
+    | {"q_TN": AHEAD, "q_SN": (0, 0, 0, 1), "r_SN_N": (3, 0, 0)},
 }
 GUIDANCES = {
     "sync_guidance": asdict(guidance.Parameters())

@@ -1,0 +1,137 @@
+/* docking_rows.h - the docking mechanism as parameters: bodies, ports, contact, latch and their
+ * rules. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef DOCKING_ROWS_H
+#define DOCKING_ROWS_H
+
+#include "docking_port.h"
+#include "rigid_body.h"
+
+typedef struct {
+    double mass_S, mass_T;
+    mat3 J_S, J_T;
+    vec3 p_PS_S, p_QT_T;
+    quat q_PS, q_QT;
+    Port port;
+    double latch_depth, latch_offset, latch_angle, latch_speed, latch_rate, latch_dwell, trip_force;
+    double hard_distance, hard_angle, hard_speed, hard_rate, break_force, break_moment;
+    double latency, max_step;
+} DockingParameters;
+
+#define DOCKING_START                                                       \
+    {.mass_S = 100,                                                         \
+     .J_S = {{{200, 0, 0}, {0, 250, 0}, {0, 0, 150}}},                      \
+     .mass_T = 150,                                                         \
+     .J_T = {{{100, 0, 0}, {0, 150, 0}, {0, 0, 90}}},                       \
+     .p_PS_S = {1.1, 0, 0},                                                 \
+     .q_PS = {1, 0, 0, 0},                                                  \
+     .p_QT_T = {0.6, 0, 0},                                                 \
+     .q_QT = {1, 0, 0, 0},                                                  \
+     .port = {.mouth_radius = 0.08,                                         \
+              .floor_radius = 0.01,                                         \
+              .cone_depth = 0.12,                                           \
+              .face_radius = 0.15,                                          \
+              .depth_max = 0.02,                                            \
+              .k_contact = 1e5,                                             \
+              .n_contact = 1.5,                                             \
+              .damping_contact = 40,                                        \
+              .friction = 0.1,                                              \
+              .friction_speed = 1e-3,                                       \
+              .soft = {.k = 100, .c = 120, .k_rot = 40, .c_rot = 60},       \
+              .hard = {.k = 20000, .c = 110, .k_rot = 20000, .c_rot = 140}, \
+              .draw_delay = 10,                                             \
+              .draw_time = 20,                                              \
+              .k_sep = 60,                                                  \
+              .stroke_sep = 0.05},                                          \
+     .latch_depth = 0.11,                                                   \
+     .latch_offset = 0.02,                                                  \
+     .latch_angle = 0.0873,                                                 \
+     .latch_speed = 0.06,                                                   \
+     .latch_rate = 0.035,                                                   \
+     .latch_dwell = 0.1,                                                    \
+     .trip_force = 3,                                                       \
+     .hard_distance = 0.002,                                                \
+     .hard_angle = 0.01,                                                    \
+     .hard_speed = 0.002,                                                   \
+     .hard_rate = 0.002,                                                    \
+     .break_force = 200,                                                    \
+     .break_moment = 100,                                                   \
+     .max_step = 1e-3}
+
+#define PORT_POSITIVE(member, unit, text)    POSITIVE_AS(#member, port.member, unit, text)
+#define PORT_NONNEGATIVE(member, unit, text) NONNEGATIVE_AS(#member, port.member, unit, text)
+#define LATCH_ROWS(latch, whose)                                                                \
+    POSITIVE_AS("k_" #latch, port.latch.k, "N/m", whose ": stiffness"),                         \
+        NONNEGATIVE_AS("c_" #latch, port.latch.c, "N.s/m", whose ": damping"),                  \
+        POSITIVE_AS("k_rot_" #latch, port.latch.k_rot, "N.m/rad", whose ": angular stiffness"), \
+        NONNEGATIVE_AS("c_rot_" #latch, port.latch.c_rot, "N.m.s/rad", whose ": angular damping")
+
+#define DOCKING_PARAMETERS                                                                         \
+    POSITIVE(mass_S, "kg", "mass of the servicer as predicted"),                                   \
+        MATRIX(J_S, "kg.m2",                                                                       \
+               "inertia of the servicer about its centre of mass, wheels locked, its axes"),       \
+        POSITIVE(mass_T, "kg", "mass of the target as predicted"),                                 \
+        MATRIX(J_T, "kg.m2", "inertia of the target about its centre of mass, its axes"),          \
+        PARAMETER(p_PS_S, "m",                                                                     \
+                  "tip of the probe from the centre of mass of the servicer, its axes"),           \
+        PARAMETER(q_PS, "1", "attitude of the probe relative to the servicer: +X out of it"),      \
+        PARAMETER(p_QT_T, "m",                                                                     \
+                  "centre of the mouth from the centre of mass of the target, its axes"),          \
+        PARAMETER(q_QT, "1", "attitude of the drogue relative to the target: +X out of it"),       \
+        PORT_POSITIVE(mouth_radius, "m", "radius of the cone at its mouth"),                       \
+        PORT_POSITIVE(floor_radius, "m", "radius of the cone at its floor"),                       \
+        PORT_POSITIVE(cone_depth, "m", "depth of the cone"),                                       \
+        PORT_POSITIVE(face_radius, "m", "radius of the face around the mouth"),                    \
+        PORT_POSITIVE(depth_max, "m", "no contact where the tip is deeper in the material"),       \
+        PORT_POSITIVE(k_contact, "1", "contact: stiffness, N per metre to the power n_contact"),   \
+        PORT_POSITIVE(n_contact, "1", "contact: exponent of the depth"),                           \
+        PORT_NONNEGATIVE(damping_contact, "s/m",                                                   \
+                         "contact: damping, as part of the elastic force"),                        \
+        PORT_NONNEGATIVE(friction, "1", "contact: coefficient of friction"),                       \
+        PORT_NONNEGATIVE(friction_speed, "m/s", "contact: slip below which friction fades"),       \
+        POSITIVE(latch_depth, "m", "window of the latch: least depth of the tip below the mouth"), \
+        NONNEGATIVE(latch_offset, "m", "window of the latch: largest offset from the axis"),       \
+        NONNEGATIVE(latch_angle, "rad", "window of the latch: largest misalignment"),              \
+        NONNEGATIVE(latch_speed, "m/s", "window of the latch: largest speed of the tip"),          \
+        NONNEGATIVE(latch_rate, "rad/s", "window of the latch: largest relative rate"),            \
+        NONNEGATIVE(latch_dwell, "s", "time inside the window until the latch may catch"),         \
+        NONNEGATIVE(trip_force, "N", "normal force that trips the catch"),                         \
+        LATCH_ROWS(soft, "soft capture"),                                                          \
+        PORT_POSITIVE(draw_delay, "s", "time from soft capture until the probe is drawn in"),      \
+        PORT_POSITIVE(draw_time, "s", "time in which the probe is drawn in"),                      \
+        NONNEGATIVE(hard_distance, "m",                                                            \
+                    "hard capture: largest distance of the tip from its seat"),                    \
+        NONNEGATIVE(hard_angle, "rad", "hard capture: largest rotation from rest"),                \
+        NONNEGATIVE(hard_speed, "m/s", "hard capture: largest speed of the tip"),                  \
+        NONNEGATIVE(hard_rate, "rad/s", "hard capture: largest relative rate"),                    \
+        LATCH_ROWS(hard, "hard capture"),                                                          \
+        NONNEGATIVE(break_force, "N", "the latch breaks at a larger mean force of a step"),        \
+        NONNEGATIVE(break_moment, "N.m", "the latch breaks at a larger mean couple of a step"),    \
+        PORT_POSITIVE(k_sep, "N/m", "stiffness of the separation spring"),                         \
+        PORT_NONNEGATIVE(stroke_sep, "m", "stroke of the separation spring"),                      \
+        SWITCH(latency, "1: the load is that of the step after the next communication point"),     \
+        GRID(max_step, "longest internal step of the prediction")
+
+static inline void check_turned(Problems *problems, const char *name, quat q)
+{
+    double n = q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z;
+    if (n == 0) refuse(problems, name, n, "must not be of norm 0");
+}
+
+static inline void check_docking(Problems *problems, const DockingParameters *p)
+{
+    const Port *c = &p->port;
+    check_inertia(problems, "J_S", p->J_S);
+    check_inertia(problems, "J_T", p->J_T);
+    check_turned(problems, "q_PS", p->q_PS);
+    check_turned(problems, "q_QT", p->q_QT);
+    if (c->mouth_radius <= c->floor_radius)
+        refuse(problems, "mouth_radius", c->mouth_radius, "must be above floor_radius");
+    if (c->face_radius < c->mouth_radius)
+        refuse(problems, "face_radius", c->face_radius, "must not be below mouth_radius");
+    if (p->latch_depth > c->cone_depth + c->depth_max)
+        refuse(problems, "latch_depth", p->latch_depth, "must not be above cone_depth + depth_max");
+    if (p->latch_angle > 1.5) refuse(problems, "latch_angle", p->latch_angle, "must be <= 1.5");
+}
+
+#endif

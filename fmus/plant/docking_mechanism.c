@@ -1,0 +1,287 @@
+/* docking_mechanism.c - probe-drogue mechanism between servicer and target: contact, soft and hard
+ * capture, release, break; the load of each step is that of the predicted motion of both bodies.
+ *
+ *   free (0), contact (1)   a point in a cone with a floor, in a flat face: Hunt-Crossley, Coulomb
+ *   soft (2), hard (3)      spring-damper in six degrees of freedom to a rest point and attitude
+ *   released (4)            contact and separation spring;         broken (5): contact
+ *
+ *   I = integral F_N,  A_S = integral d_S x F_N + M_N,  A_T = -integral d_T x F_N + M_N
+ *   F = I/h,   M_S = A_S/h - g/2,   M_T = A_T/h - g/2,   g = (A_S + A_T)/h + m x F
+ *
+ * A force that is held from t on makes a spring gain energy, (1 + theta^2/2) a step. The mechanism
+ * therefore integrates both bodies over the step under its own load alone (gravity, thrust and
+ * wheels move them by less than 1e-6 m), and gives out the mean wrench: 1 - theta^4/24. Force and
+ * reaction act at one point, the tip; g puts the mean force on one line of action, so that total
+ * momenta balance. Events happen at samples: once per call, at its start, before the step. It is
+ * the one plant for which two steps of h differ from one of 2 h. latency = 1: outputs are for the
+ * step after the next communication point, for masters that hand them on a step late (Jacobi).
+ * Equations: docs/models.md I. Sources: Hunt & Crossley 1975 (contact). */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#include "body_rows.h"
+#include "docking_events.h"
+#include "rk4.h"
+#include "small_rotation.h"
+#include "two_bodies.h"
+
+typedef DockingParameters Parameters;
+typedef struct {
+    Body T, S;
+    double latch_enable, release;
+} Input;
+typedef struct {
+    Capture now;
+    Wrench wrench; /* in force */
+    double missed, peak;
+} State;
+typedef struct {
+    vec3 F_contact_S, M_contact_S, F_T, M_T, tip_Q, dtip_Q;
+    quat q_PQ;
+    vec3 omega_PQ_Q;
+    double misalignment, offset, phase, contact, soft, hard, broken, missed;
+    double normal_force, contact_force_peak, load_force, load_moment;
+    double energy_elastic, energy_dissipated, energy_drive;
+} Output;
+MODEL_STRUCT;
+
+static const Model start = {
+    .p = DOCKING_START,
+    .u = {.T = {.q = {1, 0, 0, 0}}, .S = {.r = {3, 0, 0}, .q = {0, 0, 0, 1}}},
+};
+
+static const Variable variables[] = {
+    DOCKING_PARAMETERS,
+
+    BODY_INPUTS("T", T, "target"),
+    BODY_INPUTS("S", S, "servicer"),
+    SWITCH_INPUT(latch_enable, "1: the latch is armed"),
+    SWITCH_INPUT(release, "1: let go"),
+
+    OUTPUT(F_contact_S, "N", "force on the servicer, its axes"),
+    OUTPUT(M_contact_S, "N.m", "torque on the servicer about its centre of mass, its axes"),
+    OUTPUT(F_T, "N", "force on the target, its axes"),
+    OUTPUT(M_T, "N.m", "torque on the target about its centre of mass, its axes"),
+    OUTPUT(tip_Q, "m", "tip of the probe from the centre of the mouth, drogue axes"),
+    OUTPUT(dtip_Q, "m/s", "its derivative as seen in the drogue"),
+    OUTPUT(q_PQ, "1", "attitude of the probe relative to the drogue, scalar first"),
+    OUTPUT(omega_PQ_Q, "rad/s",
+           "angular velocity of the probe relative to the drogue, drogue axes"),
+    ANGLE_OUTPUT(misalignment, "angle between the axes of probe and drogue, 0 when mated"),
+    NONNEGATIVE_OUTPUT(offset, "m", "distance of the tip from the axis of the drogue"),
+    OUTPUT(phase, "1", "0 free, 1 contact, 2 soft capture, 3 hard capture, 4 released, 5 broken"),
+    FLAG(contact, "1: contact"),
+    FLAG(soft, "1: soft capture"),
+    FLAG(hard, "1: hard capture"),
+    FLAG(broken, "1: broken"),
+    FLAG(missed, "1: the tip has been deeper in the material than depth_max"),
+    NONNEGATIVE_OUTPUT(normal_force, "N", "sum of the normal forces of contact at the sample"),
+    NONNEGATIVE_OUTPUT(contact_force_peak, "N", "largest normal force inside a step so far"),
+    NONNEGATIVE_OUTPUT(load_force, "N", "size of the mean force of the step"),
+    NONNEGATIVE_OUTPUT(load_moment, "N.m", "size of the mean couple of the step"),
+    NONNEGATIVE_OUTPUT(energy_elastic, "J", "energy stored at the end of the step"),
+    OUTPUT(energy_dissipated, "J", "energy lost so far, at the end of the step"),
+    OUTPUT(energy_drive, "J", "energy put in by drive and latches so far, at the end of the step"),
+};
+
+static void check(const Parameters *p, Problems *problems) { check_docking(problems, p); }
+
+/* ---- relative motion of the ports ---- */
+static quat probe(const Parameters *p, quat q_SN) { return product(q_SN, canonical(p->q_PS)); }
+static quat drogue(const Parameters *p, quat q_TN) { return product(q_TN, canonical(p->q_QT)); }
+
+static PortState port_state(const Parameters *p, const TwoBodies *x)
+{
+    mat3 C_SN = dcm_of_quat(x->q_S), C_TN = dcm_of_quat(x->q_T);
+    quat q_QN = drogue(p, x->q_T);
+    mat3 C_QN = dcm_of_quat(q_QN);
+    vec3 d_S = tmul(C_SN, p->p_PS_S), d_T = add(x->rho, d_S);
+    vec3 w_S = tmul(C_SN, x->w_S), w_T = tmul(C_TN, x->w_T);
+    return (PortState){.d_S = d_S,
+                       .d_T = d_T,
+                       .e = mul(C_QN, sub(d_T, tmul(C_TN, p->p_QT_T))),
+                       .u = mul(C_QN, sum3(x->drho, cross(w_S, d_S), neg(cross(w_T, d_T)))),
+                       .w = mul(C_QN, sub(w_S, w_T)),
+                       .C_QN = C_QN,
+                       .q_PQ = canonical(product(conjugate(q_QN), probe(p, x->q_S)))};
+}
+
+/* an orbit radius costs seven digits: positions are subtracted first */
+static TwoBodies bodies(const Input *u)
+{
+    return (TwoBodies){sub(u->S.r, u->T.r), sub(u->S.v, u->T.v), canonical(u->S.q),
+                       u->S.omega,          canonical(u->T.q),   u->T.omega};
+}
+
+/* ---- prediction ---- */
+typedef struct {
+    TwoBodies body;
+    vec3 I, A_S, A_T, couple; /* integrals of F_N, of both torques and of M_N */
+    double dissipated, drive;
+} Motion;
+typedef struct {
+    const Parameters *p;
+    const Catch *at;
+    TwoMasses m;
+} Context;
+
+static void derivative(const Context *c, double t, const Motion *x, Motion *dx)
+{
+    PortState s = port_state(c->p, &x->body);
+    PortLoad load = port_load(&c->p->port, c->at, &s, t);
+    vec3 F_N = tmul(s.C_QN, load.F), M_N = tmul(s.C_QN, load.M);
+    Wrench on = {F_N, add(cross(s.d_S, F_N), M_N), neg(add(cross(s.d_T, F_N), M_N))};
+    *dx = (Motion){two_bodies_derivative(&c->m, &x->body, on),
+                   on.F,
+                   on.M_S,
+                   on.M_T,
+                   M_N,
+                   load.P_diss,
+                   load.P_drive};
+}
+
+RK4(predict, derivative, Context, Motion)
+
+typedef struct {
+    TwoMasses m;
+    Wrench on;
+} HeldLoad;
+
+static void held_derivative(const HeldLoad *c, double t, const TwoBodies *x, TwoBodies *dx)
+{
+    (void)t;
+    *dx = two_bodies_derivative(&c->m, x, c->on);
+}
+
+RK4(carry, held_derivative, HeldLoad, TwoBodies)
+
+/* what the sample shows at an inner instant */
+static void look(const Parameters *p, State *x, const PortState *s, double t)
+{
+    PortLoad load = port_load(&p->port, &x->now.at, s, t);
+    x->now.F_inner = larger(x->now.F_inner, load.normal);
+    x->peak = larger(x->peak, load.normal);
+    if (load.too_deep) x->missed = 1;
+}
+
+/* one force, one line of action: m is the mean of r_S - r_T while F is held */
+static Wrench balanced(const TwoMasses *m, const TwoBodies *b, const Motion *end, double h)
+{
+    Wrench w = {scale(1 / h, end->I), scale(1 / h, end->A_S), scale(1 / h, end->A_T)};
+    vec3 mean = sum3(b->rho, scale(h / 2, b->drho), scale(h * h / (6 * m->m_red), w.F));
+    vec3 half = scale(0.5, sum3(w.M_S, w.M_T, cross(mean, w.F)));
+    return (Wrench){w.F, sub(w.M_S, half), sub(w.M_T, half)};
+}
+
+/* C(q_m): mean attitude of the step */
+static mat3 mean_attitude(quat q, vec3 w_begin, vec3 w_end, double h)
+{
+    vec3 a = scale(h / 6, add(scale(2, w_begin), w_end));
+    return dcm_of_quat(product(q, rotation(a)));
+}
+
+static void publish_loads(const TwoBodies *b, const TwoBodies *end, const Wrench *w, double h,
+                          Output *y)
+{
+    mat3 C_SN = mean_attitude(b->q_S, b->w_S, end->w_S, h),
+         C_TN = mean_attitude(b->q_T, b->w_T, end->w_T, h);
+    y->F_contact_S = mul(C_SN, w->F);
+    y->M_contact_S = mul(C_SN, w->M_S);
+    y->F_T = neg(mul(C_TN, w->F));
+    y->M_T = mul(C_TN, w->M_T);
+}
+
+static void act(const Parameters *p, State *x, TwoBodies b, double t, double h, Output *y)
+{
+    const Context c = {p, &x->now.at, two_masses(p->mass_S, p->J_S, p->mass_T, p->J_T)};
+    if (p->latency) {
+        const HeldLoad before = {c.m, x->wrench};
+        carry(&before, t, h, &b);
+        normalise(&b);
+        t += h;
+    }
+    Motion x_t = {.body = b};
+    double n = ceiling_of(h / p->max_step - 1e-9), dt = h / n;
+    x->now.F_inner = 0;
+    for (double i = 0; i < n; i++) {
+        predict(&c, t + i * dt, dt, &x_t);
+        normalise(&x_t.body);
+        PortState s = port_state(p, &x_t.body);
+        look(p, x, &s, t + (i + 1) * dt);
+    }
+    PortState s = port_state(p, &x_t.body);
+    y->energy_elastic = port_load(&p->port, &x->now.at, &s, t + h).U;
+    x->wrench = balanced(&c.m, &b, &x_t, h);
+    x->now.load_force = norm(x->wrench.F);
+    x->now.load_moment = norm(scale(1 / h, x_t.couple));
+    x->now.dissipated += x_t.dissipated;
+    x->now.drive += x_t.drive;
+    publish_loads(&b, &x_t.body, &x->wrench, h, y);
+}
+
+/* ---- outputs ---- */
+static void publish_pose(const PortState *s, Output *y)
+{
+    y->tip_Q = s->e;
+    y->dtip_Q = s->u;
+    y->q_PQ = s->q_PQ;
+    y->omega_PQ_Q = s->w;
+    y->misalignment = misalignment(s);
+    y->offset = offset(s->e);
+}
+
+static void publish(const State *x, Output *y)
+{
+    double phase = x->now.at.phase;
+    y->phase = phase;
+    y->contact = phase == CONTACT;
+    y->soft = phase == SOFT;
+    y->hard = phase == HARD;
+    y->broken = phase == BROKEN;
+    y->missed = x->missed;
+    y->contact_force_peak = x->peak;
+    y->load_force = x->now.load_force;
+    y->load_moment = x->now.load_moment;
+    y->energy_dissipated = x->now.dissipated;
+    y->energy_drive = x->now.drive;
+}
+
+static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    TwoBodies b = bodies(u);
+    PortState s = port_state(p, &b);
+    *x = (State){.now.at = {.phase = FREE, .t_phase = t, .q_R = {1, 0, 0, 0}}};
+    publish_pose(&s, y);
+    publish(x, y);
+}
+
+static void rest(State *x, Output *y)
+{
+    vec3 none = vec(0, 0, 0);
+    x->wrench = (Wrench){none, none, none};
+    x->now.F_inner = x->now.load_force = x->now.load_moment = 0;
+    y->F_contact_S = y->M_contact_S = y->F_T = y->M_T = none;
+    y->energy_elastic = 0;
+}
+
+/* beyond this distance from the mouth nothing can act within two steps */
+static int is_far(const State *x, const PortState *s, double h)
+{
+    int idle = x->now.at.phase == FREE || x->now.at.phase == BROKEN;
+    return idle && norm(s->e) > 1 + 4 * h * norm(s->u);
+}
+
+static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
+{
+    TwoBodies b = bodies(u);
+    PortState s = port_state(p, &b);
+    events(p, u->latch_enable > 0, u->release > 0, &x->now, &s, t);
+    PortLoad now = port_load(&p->port, &x->now.at, &s, t);
+    if (now.too_deep) x->missed = 1;
+    y->normal_force = now.normal;
+    publish_pose(&s, y);
+    if (is_far(x, &s, h)) rest(x, y);
+    else act(p, x, b, t, h, y);
+    publish(x, y);
+}
+
+FMU_MODEL("docking_mechanism", "Probe-drogue mechanism: contact, soft and hard capture, release, "
+                               "with the mean load of the predicted motion");
