@@ -151,6 +151,10 @@ PLANTS = {
     | {"q_TN": AHEAD, "q_SN": (0, 0, 0, 1), "r_SN_N": (3, 0, 0)},
 }
 GUIDANCES = {
+    "stack_guidance": {"J_stack": np.diag((300, 550, 390)), "A_w": paper_case.A_W}
+    | {"wheel_accel_max": 0.01, "wheel_speed_max": 0.3, "torque_share": 0.5, "duration_min": 60}
+    | {"unload_on": 0.7, "unload_off": 0.1, "k_unload": 0.02, "M_unload_max": 0.05}
+    | {"q_TN": AHEAD, "q_SN": AHEAD, "active": 1},
     "sync_guidance": asdict(guidance.Parameters())
     | asdict(carried.Steering())
     | {"J_T": paper_case.J_T, "active": 1, "L_ref": 4}

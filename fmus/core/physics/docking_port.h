@@ -3,7 +3,7 @@
  *
  * P: probe port on S, Q: drogue port on T, e: tip of the probe in Q. Forces and couples are those
  * on S, Q axes; the force acts at the tip. Hunt & Crossley 1975 with regularised Coulomb friction.
- * Equations: docs/models.md I.2 to I.4 */
+ * Equations: docs/models.md I.1 to I.3 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef DOCKING_PORT_H
 #define DOCKING_PORT_H

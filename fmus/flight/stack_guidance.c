@@ -1,0 +1,200 @@
+/* stack_guidance.c - detumbling of the docked stack: the rate dies along a smooth profile about the
+ * axis it has at the start, as fast as a share of the wheels' torque allows; wheels are unloaded.
+ *
+ *   T = max(duration_min, 1.875 max_i |(J w_0)_i| / max(lim_i - g_i, 0.1 lim_i))
+ *       lim_i = torque_share wheel_accel_max A_w,ii,   g = |w_0 x (J w_0 + A_w Omega)|
+ *   x = (t - t_0)/T in 0..1,   s = 1 - (10 x^3 - 15 x^4 + 6 x^5),   e = w_0/|w_0|
+ *   theta = |w_0| T (x - 5 x^4/2 + 3 x^5 - x^6),   q_DN = q_0 [cos(theta/2), e sin(theta/2)]
+ *   omega_DN_D = s w_0,   alpha_DN_D = -30 x^2 (1 - x)^2 w_0/T
+ *   M_unload_S = clip(-k_unload A_w (Omega - wheel_speed_ref)) while unloading
+ *
+ * J: inertia of the stack. The axis is fixed in N and in D, so rate and acceleration are the exact
+ * derivatives. The orbit is left alone: the reference position is the present one. M_unload_S is a
+ * torque of thrusters that the wheels take up at the same time. Equations: docs/models.md I.6 */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#include "body_rows.h"
+#include "reference_rows.h"
+#include "rigid_body.h"
+#include "time_grid.h"
+
+typedef struct {
+    mat3 J_stack, A_w;
+    double wheel_accel_max, wheel_speed_max, torque_share, duration_min;
+    double unload_on, unload_off, k_unload, M_unload_max;
+    vec3 wheel_speed_ref;
+    double sample_period;
+} Parameters;
+typedef struct {
+    Body T, S;
+    vec3 wheel_speed;
+    double active;
+} Input;
+typedef struct {
+    double begun, t_0;
+    quat q_0;
+    vec3 w_0;
+    double duration, unloading;
+} State;
+typedef struct {
+    Reference ref;
+    vec3 M_unload_S;
+    double duration, progress, done, unloading;
+    vec3 momentum_S;
+} Output;
+MODEL_STRUCT;
+
+static const Model start = {
+    .p = {.J_stack = {{{300, 0, 0}, {0, 550, 0}, {0, 0, 390}}},
+          .A_w = {{{12, 0, 0}, {0, 15, 0}, {0, 0, 10}}},
+          .wheel_accel_max = 0.01,
+          .wheel_speed_max = 0.3,
+          .torque_share = 0.5,
+          .duration_min = 60,
+          .unload_on = 0.7,
+          .unload_off = 0.1,
+          .k_unload = 0.02,
+          .M_unload_max = 0.05},
+    .u = {.T = {.q = {1, 0, 0, 0}}, .S = {.q = {1, 0, 0, 0}}, .active = 1},
+};
+
+static const Variable variables[] = {
+    MATRIX(J_stack, "kg.m2", "inertia of the stack about its centre of mass, servicer axes"),
+    MATRIX(A_w, "kg.m2", "wheel inertia matrix: wheel speeds to wheel momentum in body axes"),
+    POSITIVE(wheel_accel_max, "rad/s2", "largest wheel acceleration, per wheel"),
+    POSITIVE(wheel_speed_max, "rad/s", "largest wheel speed, per wheel"),
+    POSITIVE(torque_share, "1", "part of the wheels' torque that the profile may take"),
+    POSITIVE(duration_min, "s", "shortest duration of the profile"),
+    NONNEGATIVE(unload_on, "1", "unloading begins at this part of wheel_speed_max"),
+    NONNEGATIVE(unload_off, "1", "unloading ends at this part of wheel_speed_max"),
+    NONNEGATIVE(k_unload, "1/s", "rate of unloading"),
+    NONNEGATIVE(M_unload_max, "N.m", "largest torque of unloading, per body axis"),
+    PARAMETER(wheel_speed_ref, "rad/s", "wheel speeds that unloading leads to"),
+    SAMPLE_PERIOD,
+
+    BODY_INPUTS("T", T, "target"),
+    BODY_INPUTS("S", S, "servicer"),
+    INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body"),
+    OPTIONAL_SWITCH(active, ACTIVE_TEXT),
+
+    REFERENCE_ROWS(OUTPUT_ROW, y, ref),
+    OUTPUT(M_unload_S, "N.m", "torque of thrusters that unloads the wheels, servicer axes"),
+    NONNEGATIVE_OUTPUT(duration, "s", "duration of the profile"),
+    NONNEGATIVE_OUTPUT(progress, "1", "part of the profile that is over"),
+    FLAG(done, "1: the profile is over"),
+    FLAG(unloading, "1: the wheels are unloaded"),
+    OUTPUT(momentum_S, "N.m.s", "angular momentum of stack and wheels, servicer axes"),
+};
+
+static void check(const Parameters *p, Problems *problems)
+{
+    check_inertia(problems, "J_stack", p->J_stack);
+    check_positive_definite(problems, "A_w", p->A_w);
+    if (p->unload_off > p->unload_on)
+        refuse(problems, "unload_off", p->unload_off, "must not be above unload_on");
+}
+
+static vec3 momentum(const Parameters *p, vec3 w, vec3 wheel_speed)
+{
+    return add(mul(p->J_stack, w), mul(p->A_w, wheel_speed));
+}
+
+/* ---- profile ---- */
+/* the torque has its peak of 1.875 J w_0/T in the middle, gyroscopic terms are largest at the
+ * start: their sum bounds it */
+static double duration_of_axis(const Parameters *p, double spin, double gyroscopic, double A)
+{
+    double lim = p->torque_share * p->wheel_accel_max * A;
+    return 1.875 * fabs(spin) / larger(lim - fabs(gyroscopic), 0.1 * lim);
+}
+
+static double duration(const Parameters *p, vec3 w, vec3 wheel_speed)
+{
+    vec3 spin = mul(p->J_stack, w), g = cross(w, momentum(p, w, wheel_speed));
+    double x = duration_of_axis(p, spin.x, g.x, p->A_w.row[0].x),
+           y = duration_of_axis(p, spin.y, g.y, p->A_w.row[1].y),
+           z = duration_of_axis(p, spin.z, g.z, p->A_w.row[2].z);
+    return larger(p->duration_min, larger(x, larger(y, z)));
+}
+
+static State begun(const Parameters *p, const Input *u, double t)
+{
+    return (State){.begun = 1,
+                   .t_0 = t,
+                   .q_0 = canonical(u->S.q),
+                   .w_0 = u->S.omega,
+                   .duration = duration(p, u->S.omega, u->wheel_speed)};
+}
+
+static void follow(const State *s, double x, Reference *ref)
+{
+    double rate = norm(s->w_0), gone = x * x * x * (10 + x * (-15 + 6 * x));
+    double way = x + x * x * x * x * (-2.5 + x * (3 - x));
+    SineCosine half = sine_and_cosine(rate * s->duration * way / 2);
+    vec3 e = rate < 1e-12 ? vec(0, 0, 0) : scale(half.s / rate, s->w_0);
+    ref->q = canonical(product(s->q_0, (quat){half.c, e.x, e.y, e.z}));
+    ref->omega = scale(1 - gone, s->w_0);
+    ref->alpha = scale(-30 * x * x * (1 - x) * (1 - x) / s->duration, s->w_0);
+}
+
+/* ---- unloading ---- */
+static double fullness(const Parameters *p, vec3 excess)
+{
+    double most = larger(fabs(excess.x), larger(fabs(excess.y), fabs(excess.z)));
+    return most / p->wheel_speed_max;
+}
+
+static double is_unloading(const Parameters *p, double full, double before)
+{
+    return full >= p->unload_on ? 1 : full <= p->unload_off ? 0 : before;
+}
+
+static vec3 unloading_torque(const Parameters *p, vec3 excess)
+{
+    double most = p->M_unload_max;
+    vec3 M = scale(-p->k_unload, mul(p->A_w, excess));
+    return vec(clamp(M.x, -most, most), clamp(M.y, -most, most), clamp(M.z, -most, most));
+}
+
+/* ---- one sample ---- */
+static void guide(const Parameters *p, const Input *u, const State *s, Output *y, double t)
+{
+    double x = clamp((t - s->t_0) / s->duration, 0, 1);
+    y->ref.rho = sub(u->S.r, u->T.r);
+    y->ref.drho = sub(u->S.v, u->T.v);
+    y->ref.ddrho = vec(0, 0, 0);
+    follow(s, x, &y->ref);
+    y->duration = s->duration;
+    y->progress = x;
+    y->done = x == 1;
+    y->momentum_S = momentum(p, u->S.omega, u->wheel_speed);
+}
+
+/* nothing is kept: also for a sample that is not active */
+static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    const State first = begun(p, u, t);
+    guide(p, u, &first, y, t);
+    y->M_unload_S = vec(0, 0, 0);
+    y->unloading = 0;
+    *x = (State){.begun = 0};
+}
+
+static void sample(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    vec3 excess = sub(u->wheel_speed, p->wheel_speed_ref);
+    if (!x->begun) *x = begun(p, u, t);
+    guide(p, u, x, y, t);
+    y->unloading = x->unloading = is_unloading(p, fullness(p, excess), x->unloading);
+    y->M_unload_S = x->unloading ? unloading_torque(p, excess) : vec(0, 0, 0);
+}
+
+static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
+{
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s)) {
+        if (u->active) sample(p, u, x, y, s.t);
+        else initialize(p, u, x, y, s.t);
+    }
+}
+
+FMU_MODEL("stack_guidance",
+          "Detumbling of the docked stack within the wheels' torque, unloading of the wheels");
