@@ -6,7 +6,8 @@ itself.
     point, u held
 
 The states of an FMU are those of its outputs whose start value is a parameter: `wheel_speed` starts
-at `wheel_speed_0`, `r_SN_N` at `r_0_N`. The FMU is restarted at the operating point with them
+at `wheel_speed_0`, `r_SN_N` at `r_0_N`. Outputs that do not follow that parameter (the angle of a
+panel that does not exist) are none. The FMU is restarted at the operating point with them
 moved, so nothing but FMI is needed.
 """
 
@@ -121,15 +122,17 @@ def _settings(interface: Interface, values: Mapping[str, Any]) -> dict[str, floa
 
 
 def start_parameters(interface: Interface) -> dict[str, str]:
-    """Elements of outputs that are states, and the parameters that hold their start values."""
-    found = {}
+    """Elements of outputs that are states, and the parameters that hold their start values; of two
+    outputs with the same one (body and centre of mass) the first.
+    """
+    found: dict[str, str] = {}
     for name in interface.outputs():
         vector = base(name)
         suffix = name[len(vector) :]
         kind, _, rest = vector.partition("_")
         position = kind in ("r", "v") and rest.endswith("N_N")
         start = (f"{kind}_0_N" if position else f"{vector}_0") + suffix
-        if start in interface.settable():
+        if start in interface.settable() and start not in found.values():
             found[name] = start
     return found
 
@@ -232,6 +235,7 @@ class _Differences:
         self.inputs = {name: bench.start_value(name) for name in bench.inputs}
         self.outputs = outputs
         self._check_restart()
+        self.state = {name: value for name, value in self.state.items() if self._follows(name)}
 
     def _restart(self, state: Mapping[str, float]) -> dict[str, float]:
         values = {self.bench.states[name]: value for name, value in state.items()}
@@ -248,6 +252,13 @@ class _Differences:
                     "it cannot be restarted here",
                     name,
                 )
+
+    def _follows(self, name: str) -> bool:
+        """Whether the output starts elsewhere when its start parameter is moved."""
+        value, start = self.state[name], self.bench.states[name]
+        moved = value + RELATIVE_STATE * max(1.0, _size(name, self.state))
+        found = self.bench.run({**self._restart(self.state), start: moved}, self.at, 0, self.h)
+        return bool(found[self.bench.outputs.index(name)] != value)
 
     def _after(self, state: Mapping[str, float], inputs: Mapping[str, float]) -> Array:
         return self.bench.run({**self._restart(state), **inputs}, self.at, 1, self.h)

@@ -5,7 +5,13 @@ from __future__ import annotations
 
 from harness.mission import Drawing, Figure, Mission, Overlay, Paper, Scene
 
-from . import line_of_sight_figures, navigation_claims, navigation_figures, safety_figures
+from . import (
+    flexible,
+    line_of_sight_figures,
+    navigation_claims,
+    navigation_figures,
+    safety_figures,
+)
 from .approach_figures import (
     ADAPTIVE,
     ALIGNMENT,
@@ -30,6 +36,7 @@ FURTHER = (
     *line_of_sight_figures.FIGURES,
     *navigation_figures.FIGURES,
     *safety_figures.FIGURES,
+    *flexible.FIGURES,
 )
 """Figures of what may take the place of a component: actuators, controllers, sensors, monitor."""
 
@@ -44,13 +51,13 @@ def approach(
         figures=(*COMMON, *figures, *FURTHER),
         overlays=(*OVERLAYS, *overlays),
         phases=PHASES,
-        measures=MEASURES,
+        measures=(*MEASURES, *flexible.MEASURES),
         claims=(*claims, navigation_claims.PAPER),
         gauges=GAUGES,
         scene=(Scene(PAIR, (), pair, pairs),),
         rules=(findings,),
         idle=tuple((name, RESTING) for name in (LEAST, *(rule.history for rule in RULES))),
-        notes=(notes,),
+        notes=(notes, flexible.notes),
         bands=(bands,),
         definitions=(definitions,),
     )

@@ -12,6 +12,7 @@ from harness.report.arrays import Arrays
 from harness.report.scene import Array, Body, Rows, Scene, frames, in_orbit, instants, scene
 from harness.results.result import Result
 
+from . import flexible
 from .relative_motion import SERVICER, TARGET, VELOCITIES
 
 PAIR = (SERVICER, TARGET, *VELOCITIES, "servicer.q_SN", "target.q_TN")
@@ -23,7 +24,7 @@ def pair(result: Result, arrays: Arrays) -> Scene:
     r, v = result[TARGET][rows], result[VELOCITIES[1]][rows]
     orbit = in_orbit(r)
     centre = r if orbit else np.zeros_like(r)
-    chaser, size = _servicer(result, rows, centre)
+    chaser, size = _servicer(result, rows, arrays, centre)
     client = _target(result, rows, centre, not orbit)
     return scene(
         arrays,
@@ -40,7 +41,7 @@ def pair(result: Result, arrays: Arrays) -> Scene:
     )
 
 
-def _servicer(result: Result, rows: Rows, centre: Array) -> tuple[Body, Array]:
+def _servicer(result: Result, rows: Rows, arrays: Arrays, centre: Array) -> tuple[Body, Array]:
     size, middle = bodies.edges(result, "servicer.mass_0", "servicer.J_S"), np.zeros(3)
     unit = thrusters(result)
     parts = []
@@ -48,13 +49,23 @@ def _servicer(result: Result, rows: Rows, centre: Array) -> tuple[Body, Array]:
         fitted = np.flatnonzero(unit[2] > 0)
         size, middle = bodies.hull_of(unit[0][fitted])
         parts = [bodies.nozzle(unit[0][k], unit[1][k], 0.08 * size.max()) for k in fitted]
-    parts += [bodies.box(size, middle), *bodies.wings(size)]
+    moves = flexible.moves(result)
+    parts += (
+        [bodies.box(size, middle, "shell")]
+        if moves
+        else [
+            bodies.box(size, middle),
+            *bodies.wings(size),
+        ]
+    )
     if result.holds(parameters=("guidance.rho_M",)):
         face = size[0] / 2 + middle[0]
         reach = float(result.parameter("guidance.rho_M")) - face - _target_face(result)
         parts += bodies.arm(max(reach, 0.2 * face), face, 0.04 * size.max())
     r, q = (result[name][rows] for name in (SERVICER, "servicer.q_SN"))
-    return Body("servicer", r - centre, q, parts, 0, float(np.linalg.norm(size) / 2)), size
+    links = flexible.links(result, rows, arrays) if moves else ()
+    radius = float(np.linalg.norm(size) / 2)
+    return Body("servicer", r - centre, q, parts, 0, radius, links), size
 
 
 def _target_size(result: Result) -> Array:
@@ -98,7 +109,7 @@ def pairs(results: Mapping[str, Result], arrays: Arrays) -> Scene | None:
     found, numbers = [], []
     for k, (label, result) in enumerate(moving.items()):
         own = np.minimum(np.searchsorted(result.time, time - INSTANT), len(result.time) - 1)
-        body, _ = _servicer(result, own, result[TARGET][own] if orbit else centre)
+        body, _ = _servicer(result, own, arrays, result[TARGET][own] if orbit else centre)
         found.append(body._replace(name=label, colour=k))
         apart = np.linalg.norm((result[SERVICER] - result[TARGET])[own], axis=1)
         numbers.append({"name": label, "unit": "m", "factor": 1.0, "values": arrays.keep(apart)})

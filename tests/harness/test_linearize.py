@@ -98,3 +98,43 @@ def test_an_unknown_value_is_refused_with_close_names():
 def test_differences_that_overflow_are_one_reason(fmus):
     with pytest.raises(RunError, match=r"gain.*the differences by u overflow: no linear model"):
         linearize(fmus["gain"], step=1.0, values={"k": 4.5e307})
+
+
+# ---- panels and slosh
+
+
+FLEXIBLE = {"a": 0, "mu": 0, "max_step": 0.01, "use_J2": 0}
+W, I_H, MU_D, I_2, LEVER = np.pi / 2, 1.31 + 8 * 0.75**2, 8 * 0.75, 1.31, 1.25
+
+
+@pytest.fixture(scope="module")
+def modes():
+    """Continuous eigenvalues of the default panels, undeformed at rest, no slosh."""
+    values = FLEXIBLE | {"slosh_mass_0": [0, 0, 0, 0]}
+    model = linearize(paths.fmus()["flexible_servicer"], step=0.1, values=values)
+    return np.log(np.linalg.eigvals(model.A).astype(complex)) / model.h
+
+
+@pytest.mark.parametrize(
+    "share",
+    [2 * (I_2 + MU_D * LEVER) ** 2 / (150 * I_H), 2 * MU_D**2 / (100 * I_H)],
+    ids=["antisymmetric", "symmetric"],
+)
+def test_free_modes_of_panels_are_those_of_the_closed_form(modes, share):
+    """Frequency w/sqrt(1 - share), damping ratio z w_free/w."""
+    free = W / np.sqrt(1 - share)
+    found = modes[np.argmin(np.abs(np.abs(modes) - free))]
+    assert abs(abs(found) / free - 1) < 1e-6
+    assert abs(-found.real / abs(found) / (0.003 * free / W) - 1) < 1e-3
+
+
+def test_free_mode_of_a_slosh_mass_on_the_axis_is_that_of_the_closed_form():
+    slosh = {"slosh_mass_0": [3, 0, 0, 0], "slosh_position_S": [[0.2, 0, 0]] + 3 * [[0, 0, 0]]}
+    values = FLEXIBLE | slosh | {"panel_mass": [0, 0, 0, 0]}
+    model = linearize(paths.fmus()["flexible_servicer"], step=0.1, values=values)
+    found = np.log(np.linalg.eigvals(model.A).astype(complex)) / model.h
+    free = 0.3141592653589793 / np.sqrt(1 - 3 / 100)
+    nearest = found[np.argmin(np.abs(np.abs(found) - free))]
+    assert abs(abs(nearest) / free - 1) < 1e-6
+    assert "slosh_displacement[2]" not in model.states
+    assert "slosh_displacement[1]" in model.states

@@ -58,7 +58,8 @@ function startReplay(scene, array, T) {
   const looks = ({ name, colour }) => ({
     hull: solid(name === "target" ? 0xc9a45a : 0xd9dee7), panel: solid(0x1b3a86, { roughness: 0.35, metalness: 0.3 }),
     metal: solid(0x8d97a6, { metalness: 0.4 }), arm: solid(0xf2f4f8), accent: solid(tint(colour)),
-    second: solid(0xa9b7c6),
+    second: solid(0xa9b7c6), fluid: solid(0x4fb3ff), tank: glow(0x9cc8ff, 0.16),
+    shell: solid(0xd9dee7, { transparent: true, opacity: 0.35, depthWrite: false }),
   });
   const outline = (geometry, colour) =>
     new T.LineSegments(new T.EdgesGeometry(geometry), new T.LineBasicMaterial({ color: colour, transparent: true, opacity: 0.55 }));
@@ -152,7 +153,8 @@ function startReplay(scene, array, T) {
     const links = data.links.map((link) => {
       const joint = new T.Group();
       fill(joint, link.parts, link.look ? { ...look, hull: look[link.look] } : look);
-      return { ...link, joint, angle: link.angle && array(link.angle), index: link.index || 0 };
+      return { ...link, joint, angle: link.angle && array(link.angle), slide: link.slide && array(link.slide),
+        index: link.index || 0 };
     });
     links.forEach((link) => (link.on === undefined ? shape : links[link.on].joint).add(link.joint));
     for (const axis of [0, 1, 2]) {
@@ -447,11 +449,13 @@ function startReplay(scene, array, T) {
       vector(body.r, at, body.group.position);
       quaternion(body.q, at, body.group.quaternion);
       for (const link of body.links) {
-        const n = link.angle ? link.angle.shape[1] || 1 : 1;
-        const angle = link.angle
-          ? link.angle[at.low * n + link.index] + at.part * (link.angle[at.high * n + link.index] - link.angle[at.low * n + link.index]) : 0;
-        link.joint.position.set(...link.at);
-        link.joint.quaternion.setFromAxisAngle(p.set(...link.axis), angle);
+        const value = (values) => {
+          if (!values) return 0;
+          const n = values.shape[1] || 1, low = values[at.low * n + link.index], high = values[at.high * n + link.index];
+          return low + at.part * (high - low);
+        };
+        link.joint.quaternion.setFromAxisAngle(p.set(...link.axis), value(link.angle));
+        link.joint.position.set(...link.at).addScaledVector(p, value(link.slide));
       }
       for (const { key, lines } of body.trails) {
         const on = key === frame.key && !hidden.has("trails");

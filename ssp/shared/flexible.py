@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What a servicer with panels and slosh shows: measures, figures, a note on the alarm, moving parts
+of the replay. Of a rigid servicer there is nothing of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.mission import Figure, Limits, Measure
+from harness.mission.figure import Curve, Panel, degrees
+from harness.report import bodies
+from harness.report.arrays import Arrays
+from harness.results.expressions import STEADY
+from harness.results.result import Result
+
+Array = NDArray[np.float64]
+Link = dict[str, Any]
+
+ANGLES, SLOSH = "servicer.panel_angle", "servicer.slosh_displacement"
+BEYOND, TRAVEL = "servicer.slosh_beyond_travel", "servicer.slosh_travel"
+PLACE = "servicer.r_CS_S"
+ENERGIES = tuple(f"servicer.{name}_energy" for name in ("kinetic", "elastic", "dissipated"))
+PANELS = tuple(f"servicer.panel_{n}" for n in ("mass", "hinge_S", "arm_S", "axis_S", "inertia"))
+MASSES = tuple(f"servicer.slosh_{name}" for name in ("mass_0", "position_S", "axis_S"))
+
+# ---- measures
+
+
+def _largest(values: Array) -> float:
+    return float(np.abs(values).max())
+
+
+def _residual(result: Result, _: Limits) -> float:
+    """Largest angle of a panel in the last fifth [mrad]."""
+    time = result.time
+    last = time >= time[-1] - STEADY * (time[-1] - time[0])
+    return 1e3 * _largest(result[ANGLES][last])
+
+
+MEASURES = (
+    Measure("panel angle", "mrad", (ANGLES,), lambda r, _: 1e3 * _largest(r[ANGLES])),
+    Measure("residual vibration", "mrad", (ANGLES,), _residual),
+    Measure("slosh", "m", (SLOSH,), lambda r, _: _largest(r[SLOSH])),
+    Measure("elastic energy", "J", (ENERGIES[1],), lambda r, _: float(r[ENERGIES[1]][-1])),
+)
+
+# ---- figures
+
+NUMBERS = tuple("1234")
+
+
+def _chosen(name: str, mass: str) -> Callable[[Result], Array]:
+    """Columns of the coordinates that exist."""
+
+    def history(result: Result) -> Array:
+        exist = result.parameter(mass) > 0 if result.holds(parameters=(mass,)) else slice(None)
+        return np.asarray(result[name][:, exist])
+
+    return history
+
+
+FIGURES = (
+    Figure(
+        "flexible_parts",
+        "Panels and slosh",
+        (
+            Panel(
+                "panel angle [deg]",
+                (Curve(_chosen(ANGLES, PANELS[0]), "", degrees, NUMBERS, needs=(ANGLES,)),),
+            ),
+            Panel(
+                "slosh displacement [m]",
+                (Curve(_chosen(SLOSH, MASSES[0]), "", None, NUMBERS, needs=(SLOSH,)),),
+            ),
+        ),
+    ),
+    Figure(
+        "centre_of_mass",
+        "Centre of mass of the deformed servicer",
+        (Panel("from S, body axes [m]", (Curve(PLACE),)),),
+    ),
+    Figure(
+        "flexible_energies",
+        "Energies of panels and slosh",
+        (
+            Panel("kinetic, about C [J]", (Curve(ENERGIES[0], "kinetic"),)),
+            Panel(
+                "springs and dampers [J]",
+                tuple(Curve(name, name.partition(".")[2][:-7]) for name in ENERGIES[1:]),
+                log=True,
+            ),
+        ),
+    ),
+)
+
+# ---- note
+
+
+def notes(result: Result) -> Iterator[str]:
+    """The alarm of the tank, in a line."""
+    if BEYOND not in result or not (beyond := result[BEYOND] > 0).any():
+        return
+    rows = beyond.any(axis=1)
+    share, largest = 100 * float(np.mean(rows)), _largest(result[SLOSH][rows])
+    yield (
+        f"slosh alarm: propellant is beyond servicer.slosh_travel in {share:.2g} % of the rows, "
+        f"first at {float(result.time[np.argmax(rows)]):.5g} s, up to {largest:.2g} m: the tank is "
+        f"not modelled there, the mass goes on on its spring"
+    )
+
+
+# ---- replay
+
+THIN = 0.02
+"""Least thickness of a drawn panel [m]."""
+TANK = 1.15
+"""Radius of a drawn tank as part of the travel of its mass."""
+
+
+def moves(result: Result) -> bool:
+    """Whether the servicer has panels and slosh masses that the replay can draw."""
+    return result.holds(ANGLES, SLOSH, parameters=(*PANELS, *MASSES))
+
+
+def links(result: Result, rows: Any, arrays: Arrays) -> tuple[Link, ...]:
+    """Panels that turn about their hinges, masses that slide along their lines."""
+    return (*_panels(result, rows, arrays), *_sloshes(result, rows, arrays))
+
+
+def _panels(result: Result, rows: Any, arrays: Arrays) -> Iterator[Link]:
+    mass, hinge, arm, axis, inertia = (result.parameter(name) for name in PANELS)
+    angle = arrays.keep(result[ANGLES][rows])
+    for k in np.flatnonzero(mass > 0):
+        along, about = (v[k] / np.linalg.norm(v[k]) for v in (arm, axis))
+        across = np.cross(along, about)
+        # the plate of uniform density with its three moments
+        squares = 6 * (inertia[k].sum() - 2 * inertia[k]) / mass[k]
+        edges = np.sqrt(np.maximum(squares, THIN**2))
+        frame = np.column_stack((along, about, across))
+        plate = bodies.box(np.abs(frame) @ edges, arm[k], "panel")
+        yield {
+            "at": hinge[k].tolist(),
+            "axis": about.tolist(),
+            "angle": angle,
+            "index": int(k),
+            "parts": [bodies.rod((0, 0, 0), arm[k] - along * edges[0] / 2, 0.02), plate],
+        }
+
+
+def _sloshes(result: Result, rows: Any, arrays: Arrays) -> Iterator[Link]:
+    mass, place, axis = (result.parameter(name) for name in MASSES)
+    travel = result.parameter(TRAVEL) if result.holds(parameters=(TRAVEL,)) else np.zeros(4)
+    shift = arrays.keep(result[SLOSH][rows])
+    for j in np.flatnonzero(mass > 0):
+        radius = 0.04 * float(np.cbrt(mass[j]))
+        at, along = place[j].tolist(), (axis[j] / np.linalg.norm(axis[j])).tolist()
+        if travel[j] > 0:
+            tank = bodies.ball((0, 0, 0), TANK * float(travel[j]) + radius, "tank")
+            yield {"at": at, "axis": along, "parts": [tank]}
+        slide = {"slide": shift, "index": int(j)}
+        yield {"at": at, "axis": along, **slide, "parts": [bodies.ball((0, 0, 0), radius, "fluid")]}
