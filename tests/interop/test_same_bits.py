@@ -20,7 +20,7 @@ pytestmark = pytest.mark.interop
 HERE = Path(__file__).parent
 FMUS = HERE.parents[1] / "fmus"
 FOLDERS = [FMUS / "core" / name for name in ("adapter", "maths", "models", "ports", "physics")]
-FLAGS = ["-std=c99", "-ffp-contract=off", "-fno-math-errno"]
+FLAGS = ["-std=c99", "-ffp-contract=off", "-fno-tree-slp-vectorize", "-fno-math-errno"]
 ZIG = [sys.executable, "-m", "ziglang", "cc", "-O2", "-target"]
 WINE = shutil.which("wine64") or "wine"
 PLATFORMS = {

@@ -29,6 +29,7 @@ FLAGS = (
     "-std=c99",
     "-O2",
     "-ffp-contract=off",
+    "-fno-tree-slp-vectorize",
     "-fno-math-errno",
     "-fvisibility=hidden",
     "-shared",
