@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from ..reference import (
+    arm,
     assembly,
     carried,
     docking,
@@ -23,6 +24,7 @@ from ..reference import (
     relay,
     theta_d,
 )
+from ..reference.arm_software import CONTROL, GUIDANCE
 from ..reference.transposition import Cluster, Planning, Tracking
 from .assembly_cases import PANELS
 from .driver import archive, flat
@@ -227,7 +229,15 @@ CONTROLLERS = {
 CONTROLLERS |= {
     name: CONTROLLERS[name] | {"active": 1} for name in CONTROLLERS if name.endswith("_controller")
 }
-CASES = SENSORS_AND_FILTERS | PLANTS | GUIDANCES | CONTROLLERS
+ARM = arm.DEFAULT.parameters()
+RIGID = {"friction_rate": 0.005, "joint_angle_0": arm.STOWED, "joint_lock": (1,) * 7}
+NEAR = {"r_SN_N": (7158142.6, 0, 0), "v_SN_N": (0, 7462.286, 0), "q_SN": (0, 0, 0, 1)}
+ARMS = {
+    "arm_servicer": PLANTS["servicer"] | ARM | RIGID,
+    "arm_guidance": ARM | GUIDANCE | TARGET | NEAR | {"arm_mode_cmd": -1},
+    "arm_controller": ARM | CONTROL,
+}
+CASES = ARMS | SENSORS_AND_FILTERS | PLANTS | GUIDANCES | CONTROLLERS
 
 
 @pytest.mark.parametrize("name", CASES)

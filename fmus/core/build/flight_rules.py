@@ -29,6 +29,8 @@ CALL = 8
 """Bytes of a return address."""
 
 LOOPS = (
+    (r"< joints;|= joints; \w+-- > 0", "joints of the arm, at most 7"),
+    (r"pass < ARM_JOINTS && ", "7 joints, of which every pass fixes one"),
     (r"Sample s = first_sample", "samples between two communication points: h/period, rounded up"),
     (r"; \w+ <=? [A-Z_]+( [-+*/] (\d+|[A-Z_]+))*;|; \w+ < \d+;", "a constant"),
     (r"= \d+; \w+ > 0;|= [A-Z_ 1-]+; \w+-- > 0", "a constant, downwards"),

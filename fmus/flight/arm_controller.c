@@ -1,0 +1,227 @@
+/* arm_controller.c - computed torque for an arm on a free base, in the path of the commands of the
+ * base: feed-forward of the arm's reaction, balanced about C, and brakes once the target is held.
+ *
+ *   v = ddq_ref + 2 zeta o (dq_ref - dq) + o^2 (q_ref - q),   o = omega_joint, in REST omega_rest
+ *   [F_r; M_r] = H_0m ddq_ref + b_0(w, dq) - b_0(w, 0)              reaction of the arm at S
+ *   F_ff = F_r,   M_ff = M_r + c x (F_cmd + F_ff - F_r)             where compensated, not in REST
+ *   F_sum = F_cmd + F_ff,   wheel_accel_sum = wheel_accel_cmd - A_w^-1 M_ff  (or M_sum = M_cmd + M_ff)
+ *   Q_0 = [F_sum; M_sum - A_w wheel_accel_sum - w x A_w Omega],   du_0 = H_00^-1 (Q_0 - b_0 - H_0m v)
+ *   tau = H_0m^T du_0 + H_mm v + b_m + damping dq_ref + friction dq_ref/sqrt(dq_ref^2 + r^2)
+ *
+ * Every joint error obeys e'' + 2 zeta o e' + o^2 e = 0 whatever the base is told to do, and the
+ * planned motion does not turn the base: forces at S turn a vehicle whose centre is C. Feedback
+ * stays out of the feed-forward: a joint that stands in its friction must not turn the base.
+ * Sampled. Equations: docs/models.md K.4. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#include "arm_rows.h"
+#include "time_grid.h"
+
+enum { STOWED = 0, REST = 4 }; /* of arm_guidance */
+
+typedef struct {
+    Arm arm;
+    double mass_0;
+    mat3 J_S, A_w;
+    Joints joint;
+    double omega_joint, omega_rest, zeta, T_lock, lock_rate, compensate_torque, compensate_force;
+    vec3 M_ff_max;
+    double use_wheels, base_rest, sample_period;
+} Parameters;
+typedef struct {
+    vec3 omega_SN_S, wheel_speed;
+    double joint_angle[ARM_JOINTS], joint_rate[ARM_JOINTS];
+    double joint_angle_ref[ARM_JOINTS], joint_rate_ref[ARM_JOINTS], joint_accel_ref[ARM_JOINTS];
+    double arm_mode;
+    vec3 F_cmd_S, M_cmd_S, wheel_accel_cmd;
+} Input;
+typedef struct { double resting, t_R, locked; } State;
+typedef struct {
+    double joint_torque[ARM_JOINTS], joint_lock[ARM_JOINTS];
+    vec3 F_sum_S, M_sum_S, wheel_accel_sum, F_ff_S, M_ff_S;
+    double saturated[ARM_JOINTS], joint_error;
+} Output;
+MODEL_STRUCT;
+
+static const Model start = {
+    .p = {.arm = ARM_START,
+          .mass_0 = 100,
+          .J_S = {{{200, 0, 0}, {0, 250, 0}, {0, 0, 150}}},
+          .A_w = {{{12, 0, 0}, {0, 15, 0}, {0, 0, 10}}},
+          .joint = {.friction_rate = 0.005},
+          .omega_joint = 5,
+          .omega_rest = 1.5,
+          .zeta = 1,
+          .T_lock = 2,
+          .lock_rate = 0.02,
+          .compensate_torque = 1,
+          .use_wheels = 1,
+          .base_rest = 1},
+};
+
+static const Variable variables[] = {
+    ARM_PARAMETERS,
+    POSITIVE(mass_0, "kg", "mass of the base body"),
+    MATRIX(J_S, "kg.m2", "inertia of the base body about S, wheels locked, body axes"),
+    MATRIX(A_w, "kg.m2", "wheel inertia matrix: wheel speeds to wheel momentum in body axes"),
+    JOINTS_PARAMETERS,
+    NONNEGATIVE(omega_joint, "rad/s", "bandwidth of the joints"),
+    NONNEGATIVE(omega_rest, "rad/s", "bandwidth of the joints in REST"),
+    NONNEGATIVE(zeta, "1", "damping ratio of the joints"),
+    NONNEGATIVE(T_lock, "s", "REST: the brakes close after this time"),
+    NONNEGATIVE(lock_rate, "rad/s", "REST: and below this rate of all joints"),
+    SWITCH(compensate_torque, "1: the base takes up the torque of the arm's motion"),
+    SWITCH(compensate_force, "1: the base takes up the force of the arm's motion"),
+    NONNEGATIVE(M_ff_max, "N.m", "largest feed-forward torque, per axis; 0 = no limit"),
+    SWITCH(use_wheels, "1: feed-forward torque by wheels, 0: by thrusters"),
+    SWITCH(base_rest, "1: the base gets no command in REST; 0 where a selector decides"),
+    SAMPLE_PERIOD,
+
+    INPUT(omega_SN_S, "rad/s", "angular velocity of the servicer relative to N, body axes"),
+    INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body"),
+    INPUT(joint_angle, "rad", "joint angles"),
+    INPUT(joint_rate, "rad/s", "joint rates"),
+    INPUT(joint_angle_ref, "rad", "reference of the joint angles"),
+    INPUT(joint_rate_ref, "rad/s", "reference of the joint rates"),
+    INPUT(joint_accel_ref, "rad/s2", "reference of the joint accelerations"),
+    INPUT(arm_mode, "1", "0 STOWED, 1 DEPLOY, 2 ALIGN, 3 CLOSE, 4 REST, 5 FOLD"),
+    INPUT(F_cmd_S, "N", "force that the base's controller commands, body axes"),
+    INPUT(M_cmd_S, "N.m", "torque that the base's controller commands, body axes"),
+    INPUT(wheel_accel_cmd, "rad/s2", "wheel acceleration that the base's controller commands"),
+
+    OUTPUT(joint_torque, "N.m", "torque at the joints"),
+    FLAG(joint_lock, "1: the brakes are closed; all alike"),
+    OUTPUT(F_sum_S, "N", "force command with the feed-forward, body axes"),
+    OUTPUT(M_sum_S, "N.m", "torque command with the feed-forward, body axes"),
+    OUTPUT(wheel_accel_sum, "rad/s2", "commanded wheel acceleration with the feed-forward"),
+    OUTPUT(F_ff_S, "N", "feed-forward force"),
+    OUTPUT(M_ff_S, "N.m", "feed-forward torque"),
+    FLAG(saturated, "1: the torque is cut to its limit, per joint"),
+    NONNEGATIVE_OUTPUT(joint_error, "rad", "largest error of a joint angle"),
+};
+
+static void check(const Parameters *p, Problems *problems)
+{
+    check_joints(problems, &p->joint, check_arm(problems, &p->arm));
+    check_inertia(problems, "J_S", p->J_S);
+    check_positive_definite(problems, "A_w", p->A_w);
+    check_positive_definite(problems, "J_S - A_w", minus(p->J_S, p->A_w));
+}
+
+/* ---- the command of the base: 0, 3, 4 ---- */
+static void pass_on(const Parameters *p, const Input *u, Output *y)
+{
+    int resting = u->arm_mode == REST && p->base_rest;
+    vec3 none = vec(0, 0, 0);
+    *y = (Output){.F_sum_S = resting ? none : u->F_cmd_S,
+                  .M_sum_S = resting ? none : u->M_cmd_S,
+                  .wheel_accel_sum = resting ? none : u->wheel_accel_cmd};
+}
+
+/* planned motion only, w and dq as measured */
+static Wrench reaction_of_arm(const Input *u, const Tree *t, const Matrix *H, const Column *b)
+{
+    const double still[ARM_JOINTS] = {0};
+    Column base = velocity_terms(t, u->omega_SN_S, still);
+    double r[6];
+    for (int i = 0; i < 6; i++)
+        r[i] = row_times(H->at[i] + 6, u->joint_accel_ref, t->joints) + b->at[i] - base.at[i];
+    return (Wrench){vector_at(r), vector_at(r + 3)};
+}
+
+static void feed_forward(const Parameters *p, Wrench reaction, vec3 c, Output *y)
+{
+    vec3 none = vec(0, 0, 0), F_cmd = y->F_sum_S;
+    y->F_ff_S = p->compensate_force ? reaction.F : none;
+    y->F_sum_S = add(F_cmd, y->F_ff_S);
+    if (!p->compensate_torque) return;
+    vec3 balance = cross(c, sub(y->F_sum_S, reaction.F));
+    y->M_ff_S = limited3(add(reaction.M, balance), p->M_ff_max);
+    if (p->use_wheels) y->wheel_accel_sum = sub(y->wheel_accel_sum, solve(p->A_w, y->M_ff_S));
+    else y->M_sum_S = add(y->M_sum_S, y->M_ff_S);
+}
+
+/* ---- torques: 2, 5, 6 ---- */
+static void wanted_accelerations(const Parameters *p, const Input *u, int joints,
+                                 double v[ARM_JOINTS])
+{
+    double o = u->arm_mode == REST ? p->omega_rest : p->omega_joint;
+    for (int i = 0; i < joints; i++)
+        v[i] = u->joint_accel_ref[i] + 2 * p->zeta * o * (u->joint_rate_ref[i] - u->joint_rate[i]) +
+               o * o * (u->joint_angle_ref[i] - u->joint_angle[i]);
+}
+
+/* du = [du_0; v]: what the base does under the commands while the joints do v */
+static Column motion_with(const Parameters *p, const Input *u, const Matrix *H, const Column *b,
+                          int joints, const Output *y)
+{
+    Column du = {{0}};
+    Matrix H_00 = *H;
+    vec3 w = u->omega_SN_S;
+    vec3 wheels = add(mul(p->A_w, y->wheel_accel_sum), cross(w, mul(p->A_w, u->wheel_speed)));
+    double v[ARM_JOINTS] = {0};
+
+    wanted_accelerations(p, u, joints, v);
+    set_wrench(du.at, (Wrench){y->F_sum_S, sub(y->M_sum_S, wheels)});
+    for (int i = 0; i < 6; i++) du.at[i] -= b->at[i] + row_times(H->at[i] + 6, v, joints);
+    du = solved(H_00, du, 0);
+    memcpy(du.at + 6, v, sizeof v);
+    return du;
+}
+
+static void drive_joints(const Parameters *p, const Input *u, const Matrix *H, const Column *b,
+                         int joints, Output *y)
+{
+    Column du = motion_with(p, u, H, b, joints, y);
+    for (int i = 0; i < joints; i++) {
+        double wanted = row_times(H->at[6 + i], du.at, ARM_SPEEDS) + b->at[6 + i] +
+                        friction_torque(&p->joint, i, u->joint_rate_ref[i]);
+        y->joint_torque[i] = limited(wanted, p->joint.torque_max[i]);
+        y->saturated[i] = y->joint_torque[i] != wanted;
+        y->joint_error = larger(y->joint_error, fabs(u->joint_angle_ref[i] - u->joint_angle[i]));
+    }
+}
+
+/* ---- brakes: 1 ---- */
+static void brake(const Parameters *p, const Input *u, State *x, double t)
+{
+    int resting = u->arm_mode == REST;
+    double fastest = 0;
+    int joints = (int)p->arm.joints;
+    for (int i = 0; i < joints; i++) fastest = larger(fastest, fabs(u->joint_rate[i]));
+    if (resting && !x->resting) x->t_R = t;
+    x->resting = resting;
+    x->locked =
+        resting && (x->locked || (reached(t, x->t_R + p->T_lock) && fastest <= p->lock_rate));
+}
+
+static void control(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    brake(p, u, x, t);
+    pass_on(p, u, y);
+    int locked = u->arm_mode == STOWED || x->locked;
+    for (int i = 0; i < ARM_JOINTS; i++) y->joint_lock[i] = locked;
+    if (locked) return;
+
+    Tree tree = tree_in(&p->arm, p->mass_0, p->J_S, u->joint_angle);
+    Matrix H = mass_matrix(&p->arm, &tree);
+    Column b = velocity_terms(&tree, u->omega_SN_S, u->joint_rate);
+    Composite all = whole(&tree);
+    if (u->arm_mode != REST)
+        feed_forward(p, reaction_of_arm(u, &tree, &H, &b), scale(1 / all.m, all.h), y);
+    drive_joints(p, u, &H, &b, tree.joints, y);
+}
+
+static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
+{
+    *x = (State){0, 0, 0};
+    control(p, u, x, y, t);
+}
+
+static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
+{
+    for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
+        control(p, u, x, y, s.t);
+}
+
+FMU_MODEL("arm_controller",
+          "Computed torque of an arm on a free base, feed-forward to the base, brakes");
