@@ -8,7 +8,7 @@
  * gain is z/Z, far from it 1, at rest exactly 1: the steady command passes. Price: phase lag below
  * w, some 2 Z u/(1 - u^2) rad at u = omega/w, so a notch goes above the bandwidth of the loop.
  * Frequency 0: no notch. Starts at rest. Sampled: a step reads the inputs once and holds the
- * outputs. Equations: docs/models.md L.8. */
+ * outputs. Equations: docs/models.md L.7. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "exact.h"
 #include "fmu.h"

@@ -341,7 +341,10 @@ def _base(source: Path, name: str) -> Path:
 
 
 def _over(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    merged = dict(base)
+    """One table over another; in the order of the upper one where that names all there is, so that
+    a component can be put between others (components run in their order).
+    """
+    merged = dict.fromkeys(own) | dict(base) if set(base) <= set(own) else dict(base)
     for key, value in own.items():
         under = base.get(key)
         both = isinstance(under, Mapping) and isinstance(value, Mapping)

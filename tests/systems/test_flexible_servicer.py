@@ -25,6 +25,7 @@ SYSTEMS = {
     "ppc_tracking": 20.0,
     "ppc_tracking_guarded": 10.0,
     "ppc_tracking_navigated": 10.0,
+    "ppc_tracking_notched": 10.0,
     "relay_approach": 100.0,
     "relay_approach_navigated": 20.0,
     "arch_rendezvous": 600.0,
@@ -49,6 +50,29 @@ def test_without_panels_and_slosh_every_signal_is_that_of_the_rigid_servicer(sys
     flexible_one = run(system, swap=SWAP, set=STILL | released, stop=SYSTEMS[system])
     for name in rigid.vectors:
         assert np.array_equal(flexible_one[name], rigid[name]), name
+
+
+def late(notch):
+    """ppc_tracking with panels of 3 Hz, the controller a sample late: largest attitude error of the
+    last quarter [deg], torque impulse [N m s].
+    """
+    values = {"servicer.panel_frequency": [6 * np.pi] * 4, "filter.frequency": [notch, 0.0]}
+    result = run("ppc_tracking_notched", swap=SWAP, set=values, latency={"controller": 1})
+    last = result.time >= 0.75 * result.time[-1]
+    error = np.degrees(attitude_error(result)[last].max())
+    return error, result["propulsion.torque_impulse"][-1].sum()
+
+
+def test_wings_of_3_hz_are_lost_to_a_sample_of_latency_and_a_notch_at_their_free_mode_saves_them():
+    """Free antisymmetric mode: w/sqrt(1 - 2 (I2 + mu d l)^2/(J I_h)), 4.0 Hz."""
+    I_h = 1.31 + 8 * 0.75**2
+    free = 6 * np.pi / np.sqrt(1 - 2 * (1.31 + 8 * 0.75 * 1.25) ** 2 / (60 * I_h))
+    (lost, shaken), (held, quiet) = late(0.0), late(free)
+    assert lost > 1
+    assert shaken > 1000
+    assert held < 0.01
+    assert quiet < 2 * 93  # of the rigid servicer
+    assert late(0.9 * free)[0] < 0.01
 
 
 @pytest.fixture(scope="module")
