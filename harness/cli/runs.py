@@ -117,12 +117,9 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
         how["pacer"] = Pacer(realtime)
     result = _run(wanted.system, wanted.changes, file, how, quiet, late)
     if wanted.model is not None:
-        _say_whether_equal(wanted.model, result)
+        _say_whether_equal(wanted.model, result, bool(changes or start or every))
     elif like is not None:
-        from harness.figures.plots import plot
-
-        for path in plot(result, figures_of(file.path)):
-            typer.echo(path)
+        _draw(result, figures_of(file.path))
     insist(result, changes.get("require", ()), strict)
 
 
@@ -158,10 +155,22 @@ def _wanted(system: str | None, like: str | None, changes: Any) -> Any:
     return Again(system, changes)
 
 
-def _say_whether_equal(model: Any, result: Any) -> None:
+def _draw(result: Any, folder: Path) -> None:
+    """Figures of a run, if the project knows any for its variables."""
+    from harness.figures import FIGURES
+    from harness.figures.plots import plot
+
+    if not any(figure.fits(result) for figure in FIGURES):
+        typer.echo("no figures: harness plot --var NAME draws variables of this system")
+        return
+    for path in plot(result, folder):
+        typer.echo(path)
+
+
+def _say_whether_equal(model: Any, result: Any, asked: bool) -> None:
     from harness.studies.again import agreement
 
-    equal, line = agreement(model, result)
+    equal, line = agreement(model, result, asked)
     typer.echo(line)
     if not equal:
         raise typer.Exit(1)

@@ -99,7 +99,10 @@ def start_values(
 def _state(component: str, source: Source, instant: np.datetime64) -> State:
     try:
         with _undated():
-            return source.state(instant)
+            found = source.state(instant)
+        if not (np.isfinite(found.r).all() and np.isfinite(found.v).all()):
+            raise ValueError("position and velocity at the epoch are not finite")
+        return found
     except (ValueError, IndexError) as error:
         reason = " ".join(str(error).split())
         raise UsageError(f"--start {component}: {source.path}: {reason}") from error

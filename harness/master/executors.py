@@ -115,6 +115,7 @@ class _Run(ctypes.Structure):
         ("slots", ctypes.c_size_t),
         ("table", ctypes.c_void_p),
         ("every", ctypes.c_long),
+        ("steps", ctypes.c_long),
         ("marks", ctypes.c_void_p),
     ]
 
@@ -149,6 +150,7 @@ class CExecutor:
             len(bus),
             table.ctypes.data,
             recorder.every,
+            recorder.steps,
             recorder.marks.ctypes.data,
         )
 

@@ -52,8 +52,8 @@ typedef struct {
     double start, step; /* s; macro step k goes from start + k step to start + (k + 1) step */
     double *bus;
     size_t slots;
-    double *table; /* recorded rows, row r = bus after r * every macro steps */
-    long every;
+    double *table; /* recorded rows, row r = bus after r * every macro steps, the last after all */
+    long every, steps;
     volatile int64_t *marks; /* macro steps completed, call being made: for who finds us dead */
 } Run;
 
@@ -126,9 +126,10 @@ static int due(const Call *c, long k) /* every step for most: no division then *
 
 static void record(const Run *run, long done)
 {
-    if (done % run->every == 0)
-        memcpy(run->table + (size_t)(done / run->every) * run->slots, run->bus,
-               run->slots * sizeof(double));
+    if (done % run->every == 0 || done == run->steps) {
+        size_t row = (size_t)((done + run->every - 1) / run->every);
+        memcpy(run->table + row * run->slots, run->bus, run->slots * sizeof(double));
+    }
     run->marks[0] = done;
 }
 

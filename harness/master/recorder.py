@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What is kept of a run: the bus at t = 0 and after every N-th macro step."""
+"""What is kept of a run: the bus at t = 0, after every N-th macro step, and at the end."""
 
 from __future__ import annotations
 
@@ -9,9 +9,15 @@ from numpy.typing import NDArray
 from harness.errors import UsageError
 
 
+def recorded(steps: int, every: int) -> NDArray[np.int64]:
+    """Macro steps before each row of a run: 0, every, 2 every, ..., and all of them."""
+    regular = np.arange(0, steps + 1, every)
+    return regular if steps % every == 0 else np.append(regular, steps)
+
+
 class Recorder:
-    """Table of rows x slots; row r is the bus after r * every macro steps. Thinning does not change
-    the physics.
+    """Table of rows x slots; row r is the bus after r * every macro steps, the last one after all.
+    Thinning does not change the physics.
     """
 
     def __init__(self, steps: int, slots: int, every: int = 1) -> None:
@@ -21,9 +27,9 @@ class Recorder:
         if every < 1:
             raise UsageError(f"--every must be at least 1, not {every}")
         self.steps = steps
-        self.every = min(every, steps + 1)  # more means the first row only
+        self.every = min(every, steps + 1)  # more means the first and the last row
         self.marks: NDArray[np.int64] = np.zeros(3, dtype=np.int64)
-        rows = steps // every + 1
+        rows = -(-steps // every) + 1
         try:
             self.table: NDArray[np.float64] = np.empty((rows, slots))
         except (MemoryError, ValueError, OverflowError) as error:
@@ -64,16 +70,20 @@ class Recorder:
 
     def record(self, done: int, bus: NDArray[np.float64]) -> None:
         """Note that `done` macro steps are complete and keep the bus if its row is due."""
-        if done % self.every == 0:
-            self.table[done // self.every] = bus
+        if done % self.every == 0 or done == self.steps:
+            self.table[-(-done // self.every)] = bus
         self.done = done
 
     @property
     def rows(self) -> NDArray[np.float64]:
         """Everything recorded so far, shape (rows, slots)."""
-        return self.table[: self.done // self.every + 1]
+        return self.table[: self._whole if self.done < self.steps else None]
+
+    @property
+    def _whole(self) -> int:
+        return self.done // self.every + 1
 
     @property
     def macro_steps(self) -> NDArray[np.int64]:
         """Number of macro steps before each row."""
-        return np.arange(len(self.rows)) * self.every
+        return recorded(self.steps, self.every)[: len(self.rows)]

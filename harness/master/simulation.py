@@ -25,7 +25,7 @@ from harness.master.pacer import Pacer
 from harness.master.progress import Watch, shown
 from harness.master.recorder import Recorder
 from harness.master.refusals import as_typed
-from harness.results.provenance import flown
+from harness.results.provenance import flown, now
 from harness.results.result import Result
 from harness.system.graph import Checked, Node, checked, columns, constants, rechecked
 from harness.system.model import System
@@ -78,6 +78,7 @@ class Simulation:
         """
         if executor not in EXECUTORS:
             raise UsageError(f"there is no executor {executor}, only {' and '.join(EXECUTORS)}")
+        now()  # a SOURCE_DATE_EPOCH that is none is refused before the run, not after it
         self.base = system
         self.every = every
         self.pacer = pacer
@@ -171,7 +172,7 @@ class Simulation:
             raise UsageError("a Simulation can run inside its `with` block only")
         found = rechecked(system, self.system, self.graph)
         recorder = self._recorder(found, self.every if every is None else every)
-        if self._initialised and len(self.recorder.rows) > 1 and self._unproved():
+        if self._initialised and self.step >= self.recorder.every and self._unproved():
             self._rehearse()
         self._lay_out(system, found, recorder)
         self._assemble()
@@ -215,7 +216,8 @@ class Simulation:
         If it has, every FMU whose reset was not proved is loaded anew for every run from now on.
         """
         every = self.recorder.every
-        wanted = self.recorder.rows[: max(REHEARSED // every, 1) + 1].copy()
+        regular = min(max(REHEARSED // every, 1), self.step // every) + 1
+        wanted = self.recorder.rows[:regular].copy()
         again = Recorder((len(wanted) - 1) * every, len(self.bus), every)
         self._lay_out(self.system, Checked(self.graph, self.steps), again)
         self._assemble(trial=True)

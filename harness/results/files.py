@@ -24,6 +24,7 @@ from harness.files.signals import held
 from harness.results import sidecar
 from harness.results.formats import comma_separated, matlab, netcdf, parquet
 from harness.results.result import Result
+from harness.results.soundness import sound
 from harness.system.graph import read_interfaces
 from harness.system.model import Port, System
 
@@ -162,12 +163,12 @@ def read(file: str | Path) -> Result:
     if path.suffix not in READERS:
         raise UsageError(f"{path}: only {', '.join(READERS)} can be read back")
     try:
-        return READERS[path.suffix](path)
+        return sound(READERS[path.suffix](path))
     except HarnessError:  # a library is missing
         raise
     except Exception as error:  # OSError, or what the libraries behind xarray and numpy raise
         reason = getattr(error, "strerror", None) or " ".join(str(error).split())
-        raise ResultsError(f"{path}: cannot be read ({reason})") from error
+        raise ResultsError(f"{path}: cannot be read ({reason or type(error).__name__})") from error
 
 
 WRITERS = {

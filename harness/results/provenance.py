@@ -8,8 +8,10 @@ is compared with that of another run.
 from __future__ import annotations
 
 import json
+import math
 import os
 import platform
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime
@@ -17,9 +19,13 @@ from functools import lru_cache
 from importlib.metadata import version
 from typing import Any, NamedTuple
 
+from harness.errors import UsageError
 from harness.files.command import command_line
 from harness.system.model import Swap, System
-from harness.system.values import parse
+from harness.system.values import parse, too_deep
+
+LAST_SECOND = 253402300799
+"""Of the year 9999, in seconds since 1970."""
 
 
 class Slot(NamedTuple):
@@ -114,7 +120,7 @@ def flown(system: System, executor: str, every: int, timing: str = "") -> Proven
         every=every,
         timing=timing,
         command=command_line(),
-        date=_now(),
+        date=now(),
         platform=_platform(),
     )
 
@@ -129,10 +135,18 @@ def _platform() -> str:
     return f"{platform.platform()}, Python {platform.python_version()}"
 
 
-def _now() -> str:
-    """Date and time, or that of SOURCE_DATE_EPOCH, for files that shall be the same again."""
-    given = os.environ.get("SOURCE_DATE_EPOCH", "")
-    moment = datetime.fromtimestamp(int(given), UTC) if given.isdecimal() else datetime.now(UTC)
+def now() -> str:
+    """Date and time, or that of SOURCE_DATE_EPOCH, for files that shall be the same again;
+    UsageError if that is no second of the years 1970 to 9999.
+    """
+    if not (given := os.environ.get("SOURCE_DATE_EPOCH", "")):
+        moment = datetime.now(UTC)
+    elif re.fullmatch(r"\d{1,12}", given, re.ASCII) and int(given) <= LAST_SECOND:
+        moment = datetime.fromtimestamp(int(given), UTC)
+    else:
+        raise UsageError(
+            f"SOURCE_DATE_EPOCH={given[:40]}: expected seconds since 1970, at most {LAST_SECOND}"
+        )
     return moment.strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
@@ -161,11 +175,36 @@ def from_table(given: Mapping[str, Any]) -> Provenance:
     return Provenance(**{name: _field(name, given[name]) for name in known})
 
 
+NUMBERS = ("step", "stop", "every")
+KINDS: Mapping[str, tuple[type, ...]] = {
+    "set": (str, object),
+    "swaps": (str, str, str),
+    "latency": (str, int),
+    "schedule": (str, str, int, int),
+}
+"""What stands in a row of a list; in others two texts."""
+
+
 def _field(name: str, value: Any) -> Any:
+    """A field of a file; ValueError if it is not what a run has there."""
     if name in PLAIN:
-        return value
-    row = ROWS.get(name)
+        kind: Any = int | float if name in NUMBERS else str
+        if not isinstance(value, kind) or isinstance(value, bool):
+            raise ValueError(f"{name}: expected a {_WORD[name in NUMBERS]}, got {value!r:.40}")
+        if name in NUMBERS and not (math.isfinite(value) and (name != "every" or value >= 1)):
+            raise ValueError(f"{name}: got {value!r}")
+        return int(value) if name == "every" else value
+    row, kinds = ROWS.get(name), KINDS.get(name, (str, str))
+    if not isinstance(value, list | tuple):
+        raise ValueError(f"{name}: expected a list, got {value!r:.40}")
+    for each in value:
+        fits = isinstance(each, list | tuple) and len(each) == len(kinds)
+        if not fits or not all(map(isinstance, each, kinds)) or too_deep(each):
+            raise ValueError(f"{name}: {each!r:.40} is no row of such a list")
     return tuple(row(*each) if row else tuple(each) for each in value)
+
+
+_WORD = {True: "number", False: "text"}
 
 
 def flat(provenance: Provenance) -> dict[str, str | float]:
@@ -180,10 +219,17 @@ def from_flat(given: Mapping[str, Any]) -> Provenance:
     """The inverse of flat()."""
     return from_table(
         {
-            name: _scalar(value) if name in PLAIN else json.loads(value)
+            name: _scalar(value) if name in PLAIN else _listed(name, value)
             for name, value in given.items()
         }
     )
+
+
+def _listed(name: str, value: Any) -> Any:
+    try:
+        return json.loads(value)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise ValueError(f"{name}: expected a list as JSON ({error})") from error
 
 
 def _scalar(value: Any) -> Any:

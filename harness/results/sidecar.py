@@ -73,7 +73,7 @@ def completed(result: Result, csv: Path) -> Result:
         about = tomllib.loads(place(csv).read_text(encoding="utf-8"))
     except FileNotFoundError:
         return result
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         _log.warning("%s: cannot be read (%s)", place(csv).name, error)
         return result
     if about.get("sha256") != sha256(csv):
@@ -83,18 +83,25 @@ def completed(result: Result, csv: Path) -> Result:
 
 
 def told(result: Result, about: dict[str, Any]) -> Result:
-    """A bare table with what content() said of it."""
-    origin = about.get("provenance")
+    """A bare table with what content() said of it; ValueError."""
+    origin, parameters = _table(about, "provenance"), _table(about, "parameters")
     return replace(
-        _named(result, about.get("columns", {})),
+        _named(result, _table(about, "columns")),
         system=about.get("system", result.system),
-        parameters=_parameters(result, about.get("parameters")),
-        provenance=None if origin is None else provenance.from_table(origin),
+        parameters=_parameters(result, parameters) if parameters else None,
+        provenance=provenance.from_table(origin) if origin else None,
     )
 
 
+def _table(about: dict[str, Any], name: str) -> dict[str, Any]:
+    """A table within a table, {} if it is not there."""
+    if not isinstance(found := about.get(name, {}), dict):
+        raise ValueError(f"{name}: expected a table, got {found!r:.40}")
+    return found
+
+
 def _named(result: Result, texts: dict[str, Any]) -> Result:
-    units, descriptions = (texts.get(kind, {}) for kind in ("units", "descriptions"))
+    units, descriptions = (_table(texts, kind) for kind in ("units", "descriptions"))
     return replace(
         result,
         units=tuple(units.get(name, "") for name in result.columns),
@@ -102,9 +109,11 @@ def _named(result: Result, texts: dict[str, Any]) -> Result:
     )
 
 
-def _parameters(result: Result, table: dict[str, Any] | None) -> Result | None:
-    if table is None:
-        return None
-    values = np.array([list(table["values"].values())], dtype=np.float64)
-    names, unknown = tuple(table["values"]), ("",) * len(table["values"])
+def _parameters(result: Result, table: dict[str, Any]) -> Result:
+    given = _table(table, "values")
+    for name, value in given.items():
+        if not isinstance(value, int | float):
+            raise ValueError(f"parameter {name}: expected a number, got {value!r:.40}")
+    values = np.array([list(given.values())], dtype=np.float64)
+    names, unknown = tuple(given), ("",) * len(given)
     return _named(Result(result.system, result.time[:1], names, unknown, values), table)

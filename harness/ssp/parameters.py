@@ -43,13 +43,15 @@ def read_ssv(path: Path) -> dict[str, Parameter]:
 def parameter_set(root: xml.XmlElement, further: UnitsByName | None = None) -> dict[str, Parameter]:
     """Parameters of an ssv:ParameterSet element by name; further: units known beside its own.
 
-    Raises StructureError if a value is NaN or binary.
+    Raises StructureError if a value is NaN or binary, or a parameter is given twice.
     """
     units = {**(further or {}), **units_of(root, "ssv:Units")}
     parameters, problems = {}, []
     for element in root.iterfind("ssv:Parameters/ssv:Parameter", xml.NS):
         name, value = element.get("name"), element[0]
         unit = value.get("unit")
+        if name in parameters:
+            problems.append(f"parameter {name}: is given twice")
         try:
             parameters[name] = Parameter(_scalar(value), unit, units.get(unit))
         except ValueError as error:

@@ -82,27 +82,54 @@ def _changed(flown: Provenance, system: str | Path, changes: Changes) -> Iterato
             yield f"{path.name}: is not what was flown (sha256 {now[:12]} instead of {then[:12]})"
 
 
-def agreement(model: Result, result: Result) -> tuple[bool, str]:
-    """Whether a repeated run has the bits of its model, and that in one line; a run that was
-    changed is not held against it.
+def agreement(model: Result, result: Result, asked: bool = False) -> tuple[bool, str]:
+    """Whether a repeated run has the bits of its model, and that in one line.
+
+    asked: whether the user wanted something otherwise; then a run that was changed is not held
+    against its model.
     """
     if changed := differences(result.provenance, model.provenance):
-        return True, f"bits not compared: other {', '.join(changed)}"
+        same, place = (True, "not compared") if asked else (False, "differ")
+        return same, f"bits {place}: other {', '.join(changed)}"
+    if wrong := next(_differing(model, result), None):
+        return False, f"the bits differ{wrong}"
+    return True, f"the bits agree: {len(model.time)} rows of {len(model.columns)} values"
+
+
+def _differing(model: Result, result: Result) -> Iterator[str]:
+    """Rows, names, parameters, times and values of a run that are not those of its model."""
     rows = len(model.time)
     if len(result.time) != rows and (model.complete or len(result.time) < rows):
-        return False, f"the bits differ: {len(result.time)} rows instead of {rows}"
+        yield f": {len(result.time)} rows instead of {rows}"
+        return
     if missing := [name for name in model.columns if name not in result]:
-        return False, f"the bits differ: there is no {missing[0]} any more"
+        yield f": there is no {missing[0]} any more"
+        return
+    yield from _other_parameters(model, result)
+    for row in np.flatnonzero(~_same(result.time[:rows], model.time)):
+        now, then = float(result.time[row]), float(model.time[row])
+        yield f": row {row} is at {now!r} s instead of {then!r} s"
     ours = np.stack([result[name][:rows] for name in model.columns], axis=1)
     other = np.argwhere(~_same(ours, model.values))
-    if not len(other):
-        return True, f"the bits agree: {rows} rows of {len(model.columns)} values"
-    row, column = other[0]
-    return False, (
-        f"the bits differ in {len(other)} of {ours.size} values, first at {model.time[row]:g} s: "
-        f"{model.columns[column]} {float(ours[row, column])!r} instead of "
-        f"{float(model.values[row, column])!r}"
-    )
+    for row, column in other[:1]:
+        yield (
+            f" in {len(other)} of {ours.size} values, first at {model.time[row]:g} s: "
+            f"{model.columns[column]} {float(ours[row, column])!r} instead of "
+            f"{float(model.values[row, column])!r}"
+        )
+
+
+def _other_parameters(model: Result, result: Result) -> Iterator[str]:
+    """Parameters of the run that are not those of its model, as far as that one knows them."""
+    if model.parameters is None or result.parameters is None:
+        return
+    known = dict(zip(model.parameters.columns, model.parameters.values[0], strict=True))
+    now = dict(zip(result.parameters.columns, result.parameters.values[0], strict=True))
+    for name in [*known, *(now.keys() - known.keys())]:
+        if name not in known or name not in now:
+            yield f": parameter {name} is in one of them only"
+        elif not _same(now[name][None], known[name][None]).all():
+            yield f": parameter {name} is {float(now[name])!r} instead of {float(known[name])!r}"
 
 
 def _same(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -9,6 +9,7 @@ the cache, so that a long list goes on where it was interrupted.
 from __future__ import annotations
 
 import json
+import math
 import subprocess
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -59,6 +60,8 @@ def measure(  # noqa: PLR0913 - every one is an option of the command line
     [Hz]: of the processors; said: hears every row as it comes. Raises UsageError, FmuError,
     RunError.
     """
+    if clock is not None and not 0 < clock < math.inf:
+        raise UsageError(f"--clock {clock:g}: expected a frequency above 0 [Hz]")
     chosen = [find_target(name) for name in targets]
     rows = []
     for flight in _flights(list(_places(fmus, place))):

@@ -138,13 +138,14 @@ def _uneven_samples(graph: Graph, macro_step: float) -> Iterator[str]:
             continue
         step = every[component] * macro_step
         ratio = period / step
-        if ratio < 1 - 1e-9 or abs(ratio - round(ratio)) > 1e-9 * ratio:
+        if ratio < 1 - 1e-9 or (ratio < 1e9 and abs(ratio - round(ratio)) > 1e-9 * ratio):
             yield _uneven(slot.name, component, period, step, macro_step)
 
 
 def _uneven(name: str, component: str, period: float, step: float, macro_step: float) -> str:
     """What comes of samples between communication points, and what to do about it."""
-    common = math.gcd(round(1e9 * period), round(1e9 * step)) / 1e9
+    countable = max(period, step) < 1e15  # in nanoseconds
+    common = math.gcd(round(1e9 * period), round(1e9 * step)) / 1e9 if countable else 0.0
     finer = f"--step {common * macro_step / step:.12g} or " if common > step / 100 else ""
     nearest = step * max(1, round(period / step))
     return (

@@ -16,7 +16,7 @@ from harness.spelling import did_you_mean
 from harness.system.interface import Interface
 from harness.system.model import Parameter, Parameters
 from harness.system.names import base, elements_of
-from harness.system.values import Value, assign, coerce, leaves, parse, parse_text
+from harness.system.values import Value, assign, coerce, leaves, parse, parse_text, too_deep
 
 SHARED = "shared"
 
@@ -27,13 +27,16 @@ LONGEST = 16 * 1024**2
 def read_toml(path: Path) -> dict[str, Any]:
     """Content of a TOML file; StructureError if it is not one, UsageError if it is not there."""
     try:
-        return tomllib.loads(contents(path, LONGEST).decode())
+        table = tomllib.loads(contents(path, LONGEST).decode())
     except RecursionError as error:
         raise StructureError([f"{path}: not a readable TOML file (nested too deep)"]) from error
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error.strerror})") from error
     except ValueError as error:  # not TOML, not UTF-8, or a number of thousands of digits
         raise StructureError([f"{path}: not a readable TOML file ({error})"]) from error
+    if too_deep(table):
+        raise StructureError([f"{path}: not a readable TOML file (nested too deep)"])
+    return table
 
 
 class Assignments:

@@ -35,7 +35,25 @@ def parse(text: str) -> Value:
         value: Value = tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):  # no TOML, a number of thousands of digits, deep nesting
         return text
-    return value
+    return text if too_deep(value) else value
+
+
+DEEPEST = 50
+"""Tables and lists within each other."""
+
+
+def too_deep(value: Any) -> bool:
+    """Whether more tables and lists stand within each other than is worth following."""
+    nodes, levels = [value], 0
+    while nodes and levels <= DEEPEST:
+        levels += 1
+        parts = (n.values() if isinstance(n, Mapping) else n for n in nodes if _holds(n))
+        nodes = [each for part in parts for each in part if _holds(each)]
+    return bool(nodes)
+
+
+def _holds(value: Any) -> bool:
+    return isinstance(value, list | tuple | Mapping)
 
 
 def plain(value: Any) -> Any:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import erfa
 import numpy as np
@@ -466,6 +467,29 @@ def test_an_instant_outside_of_the_file_is_one_line(out, tmp_path):
     with load("sync_approach") as system, pytest.raises(UsageError, match="target") as refused:
         start_values(system, {"target": path}, "2030-01-01T00:00:00")
     assert "\n" not in str(refused.value)
+
+
+def test_a_start_that_is_not_finite_is_said_of_its_file(out, tmp_path, capsys):
+    path = convert(out, tmp_path / "target.oem", "target", EPOCH)
+    head, _, rows = path.read_text(encoding="utf-8").partition("META_STOP\n")
+    first, *rest = rows.splitlines()
+    for number in ("nan", "inf", "1e400"):
+        place = " ".join([first.split()[0], number, *first.split()[2:]])
+        path.write_text("\n".join([f"{head}META_STOP", place, *rest]) + "\n", encoding="utf-8")
+        start = ["--start", f"target={path}", "--stop", "1", "-o", str(tmp_path / "again.nc")]
+        assert main(["run", "sync_approach", *start]) == 2
+        line = (
+            f"harness: --start target: {path}: position and velocity at the epoch are not finite\n"
+        )
+        assert capsys.readouterr().err == line
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="needs /dev/zero")
+def test_a_start_without_end_is_not_read_to_its_end(monkeypatch, capsys):
+    monkeypatch.setattr("harness.exchange.start.LONGEST", 10**6)
+    assert main(["run", "sync_approach", "--start", "target=/dev/zero"]) == 2
+    reason = "/dev/zero: cannot be read (longer than the limit of 1000000 bytes)"
+    assert capsys.readouterr().err == f"harness: --start target: {reason}\n"
 
 
 def test_start_on_the_command_line(out, tmp_path, capsys):

@@ -81,6 +81,11 @@ def test_external_and_inline_sets_later_ones_win(fly):
     ]
 
 
+def test_a_parameter_that_is_given_twice_in_one_set_is_refused(fly):
+    with pytest.raises(StructureError, match="parameter k: is given twice"):
+        fly(pair(bindings=inline(ssv("k=5", "k=7"))))
+
+
 def test_a_set_may_lie_inside_the_fmu(fly, fmus, tmp_path):
     inside = tmp_path / "stuffed.fmu"
     inside.write_bytes(fmus["gain"].read_bytes())

@@ -65,13 +65,35 @@ def test_a_run_repeats_to_the_bit(make):
     assert same_bits(run(system), run(system))
 
 
-def test_recording_every_nth_step_keeps_exactly_those_rows(make):
+@pytest.mark.parametrize("executor", ["c", "python"])
+@pytest.mark.parametrize("in_process", [False, True])
+@pytest.mark.parametrize(
+    ("every", "rows"),
+    [(4, [0, 4, 8, 10]), (5, [0, 5, 10]), (7, [0, 7, 10]), (11, [0, 10]), (2**62, [0, 10])],
+)
+def test_recording_every_nth_step_keeps_those_rows_and_the_last(
+    make, executor, in_process, every, rows
+):
     system = make({"gain": "gain", "counter": "counter"}, ["counter.n > gain.u"], stop=10.0)
-    for executor in ("c", "python"):
-        full, thin = run(system, executor=executor), run(system, executor=executor, every=4)
-        assert thin.time.tolist() == [0, 4, 8]
-        assert thin.values.tobytes() == full.values[::4].tobytes()
-        assert thin.complete
+    how = {"executor": executor, "in_process": in_process}
+    full, thin = run(system, **how), run(system, every=every, **how)
+    assert thin.time.tolist() == rows
+    assert thin.values.tobytes() == full.values[rows].tobytes()
+    assert thin.complete
+
+
+@pytest.mark.parametrize("executor", ["c", "python"])
+def test_a_thinned_run_that_is_stopped_or_taken_back_has_no_last_row(make, executor):
+    system = make({"counter": "counter"}, stop=10.0)
+    with Simulation(system, executor=executor, every=4) as simulation:
+        simulation.advance(to=9)
+        assert simulation.result().time.tolist() == [0, 4, 8]
+        assert not simulation.result().complete
+        simulation.advance()
+        assert simulation.result().time.tolist() == [0, 4, 8, 10]
+        assert simulation.fly()["counter.n"].tolist() == [0, 4, 8, 10]
+        assert simulation.fly(every=10**6)["counter.n"].tolist() == [0, 10]
+        assert simulation.fly()["counter.n"].tolist() == [0, 4, 8, 10]
 
 
 def test_columns_are_all_outputs_in_order_with_units(make):

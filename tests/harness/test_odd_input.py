@@ -322,6 +322,24 @@ def test_a_toml_file_has_a_limit(folder, monkeypatch, capsys):
     )
 
 
+@pytest.mark.parametrize(
+    "text", [".".join(["a"] * 3000) + " = 1", "x = " + "[" * 60 + "]" * 60, "[" + "a." * 60 + "b]"]
+)
+def test_a_toml_file_that_is_nested_too_deep_is_refused(folder, text, capsys):
+    (folder / "deep.toml").write_text(text)
+    for command in (["campaign", "deep.toml"], ["run", "demo.ssp", "--params", "deep.toml"]):
+        assert outcome(*command) in (1, 2)
+    assert main(["run", "demo.ssp", "--params", "deep.toml"]) == 1
+    reason = "not a readable TOML file (nested too deep)"
+    assert capsys.readouterr().err == f"harness: deep.toml: {reason}\n"
+
+
+def test_a_value_that_is_nested_too_deep_is_a_text(folder):
+    for text in ("{" + "a." * 3000 + "b = 1}", "[" * 60 + "]" * 60):
+        assert parse(text) == text
+        assert outcome("run", "demo.ssp", "-q", "-o", "out/x.csv", "--set", f"twice.k={text}") == 2
+
+
 def test_a_text_for_a_number_of_a_linear_model_is_called_one(folder, fmus, capsys):
     (folder / "gain.fmu").write_bytes(fmus["gain"].read_bytes())
     assert main(["linearize", "gain.fmu", "-o", "x.npz", "--set", "k=[1,2"]) == 2

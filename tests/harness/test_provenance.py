@@ -75,6 +75,16 @@ def test_the_date_is_that_of_the_source_if_it_is_given(monkeypatch):
     assert run("sync_approach", stop=0.1).provenance.date == "1970-01-02T00:00:00Z"
 
 
+@pytest.mark.parametrize("given", ["253402300800", "9" * 30, "9" * 5000, "-1", "x", "1.5", "٣"])
+def test_a_date_that_is_none_is_refused_before_the_run(given, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", given)
+    out = tmp_path / "out.nc"
+    assert main(["run", "sync_approach", "--stop", "1", "-o", str(out)]) == 2
+    line = f"harness: SOURCE_DATE_EPOCH={given[:40]}: expected seconds since 1970, at most 2534"
+    assert capsys.readouterr().err.startswith(line)
+    assert not out.exists()
+
+
 def test_a_parameter_file_is_kept_with_its_hash(tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text("[servicer]\nmass_0 = 111\n", encoding="utf-8")
@@ -155,6 +165,55 @@ def test_a_sign_of_zero_is_a_bit_and_a_nan_is_a_nan(changed):
     values = values.copy()
     values[2, 2] = -0.0
     assert not agreement(zero, replace(changed, values=values))[0]
+
+
+def test_other_times_parameters_and_schedules_are_other_bits(changed):
+    """As of a file that somebody has changed by hand."""
+    time = changed.time.copy()
+    time[4] = np.nextafter(time[4], 1)
+    fixed = changed.parameters.values.copy()
+    column = changed.parameters.columns.index("servicer.mass_0")
+    fixed[0, column] = 121.0
+    heavier = replace(changed.parameters, values=fixed)
+    schedule = (changed.provenance.schedule[0]._replace(every=2), *changed.provenance.schedule[1:])
+    for forged, line in (
+        ({"time": time}, "the bits differ: row 4 is at 0.8 s instead of 0.8000000000000002 s"),
+        (
+            {"parameters": heavier},
+            "the bits differ: parameter servicer.mass_0 is 120.0 instead of 121.0",
+        ),
+        (
+            {"parameters": replace(heavier, columns=(*heavier.columns[:-1], "a.b"))},
+            "the bits differ: parameter servicer.mass_0 is 120.0 instead of 121.0",
+        ),
+        (
+            {"parameters": replace(changed.parameters, columns=("a.b", *heavier.columns[1:]))},
+            "the bits differ: parameter a.b is in one of them only",
+        ),
+        (
+            {"provenance": replace(changed.provenance, schedule=schedule)},
+            "bits differ: other schedule",
+        ),
+        ({"provenance": replace(changed.provenance, step=0.2)}, "bits differ: other step"),
+    ):
+        assert agreement(replace(changed, **forged), changed) == (False, line)
+    assert agreement(changed, changed)[0]
+
+
+def test_a_forged_file_ends_with_status_1(changed, tmp_path, capsys):
+    time = changed.time.copy()
+    time[-1] += 1e-9
+    path, out = tmp_path / "out.nc", str(tmp_path / "again.nc")
+    ResultFile(path).write(replace(changed, time=time))
+    assert main(["run", "--like", str(path), "-q", "-o", out]) == 1
+    assert "the bits differ: row 10 is at 2.0 s" in capsys.readouterr().out
+
+
+def test_a_thinned_run_is_repeated_with_its_last_row(tmp_path, capsys):
+    path = run("sync_approach", stop=1.0, every=3).save(tmp_path / "out.nc")
+    assert read(path).time.tolist() == [0.0, 0.30000000000000004, 0.6000000000000001, 0.9, 1.0]
+    assert main(["run", "--like", str(path), "-o", str(tmp_path / "again.nc")]) == 0
+    assert "the bits agree: 5 rows" in capsys.readouterr().out
 
 
 def test_a_run_that_is_changed_on_the_way_is_not_held_against_its_model(changed, tmp_path, capsys):

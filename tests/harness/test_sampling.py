@@ -25,6 +25,13 @@ def test_a_sample_period_that_is_no_multiple_of_the_step_is_noted(caplog, period
     assert any(message.startswith(note) for message in caplog.messages) == noted
 
 
+@pytest.mark.parametrize("period", ["1e308", "1e300", "1e16", "1e10", "4.9e-324"])
+@pytest.mark.parametrize("step", [0.1, 1e-6])
+def test_no_sample_period_is_too_long_or_too_short_to_be_told(period, step):
+    with load("sync_approach") as system:
+        checked(apply(system, set=[f"controller.sample_period={period}"], step=step, stop=1.0))
+
+
 def test_it_is_said_once_per_run(caplog):
     run("sync_approach", set=["controller.sample_period=0.25"], stop=1.0)
     assert len(caplog.messages) == 1

@@ -87,6 +87,12 @@ def test_fmus_of_a_system_fly_together_and_once(monkeypatch):
     assert len(flown) == 4  # two systems here and there; the second time nothing
 
 
+@pytest.mark.parametrize("clock", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_clock_that_does_not_tick_is_refused(clock):
+    with pytest.raises(UsageError, match=r"--clock .*: expected a frequency above 0"):
+        measure(["adaptive_controller"], ["cortex-m7"], clock=clock)
+
+
 @needs("cortex-m7")
 def test_a_difference_is_said_with_its_place(monkeypatch):
     wrong = target._flown

@@ -6,6 +6,7 @@ variables()), and what their texts cannot hold.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,8 @@ def flat_columns(
     columns, blocks, units, descriptions = [], [np.empty((len(time), 0))], [], []
     for name, (values, about) in histories.items():
         given = about.get(ELEMENTS)
+        if len(values) != len(time):
+            raise ValueError(f"{name}: {len(values)} rows instead of {len(time)}")
         names = from_lines(given) if given else element_names(name, values.shape[1:])
         columns += names
         blocks.append(values.reshape(len(values), -1))
@@ -32,6 +35,14 @@ def flat_columns(
     return Result(
         system, time, tuple(columns), tuple(units), np.hstack(blocks), tuple(descriptions)
     )
+
+
+def numbers(name: str, values: Any) -> NDArray[np.float64]:
+    """An array of a file as doubles; ValueError if it holds something else."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "biuf":
+        raise ValueError(f"{name}: expected numbers, got {array.dtype}")
+    return array.astype(np.float64, copy=False)
 
 
 def refuse_nul(result: Result) -> None:

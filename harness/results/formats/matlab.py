@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+import os
 import re
+import struct
+import zlib
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -12,9 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.results.formats.columns import flat_columns, refuse_nul
+from harness.results.formats.columns import flat_columns, numbers, refuse_nul
 from harness.results.provenance import flat, from_flat
 from harness.results.result import Result
+from harness.results.soundness import refuse_size
 from harness.results.variables import ELEMENTS, element_names, in_lines, variables
 
 
@@ -52,20 +56,60 @@ def read(path: Path) -> Result:
     """Read the file; every struct that is not RESERVED is a component."""
     import scipy.io
 
+    refuse_size(unpacked(path))
     with path.open("rb") as file:
         content = scipy.io.loadmat(file, simplify_cells=True)
-    time = np.atleast_1d(np.asarray(content["time"], dtype=np.float64))
+    if missing := {"time", "system"} - content.keys():
+        raise ValueError(f"it does not hold {' and '.join(sorted(missing))}")
+    time = np.atleast_1d(numbers("time", content["time"]))
     histories = {n: v for n, v in content.items() if n not in RESERVED and isinstance(v, dict)}
     system = str(content["system"])
-    fixed, origin = content.get("parameters") or {}, content.get("provenance")
-    parameters = _told(system, time[:1], fixed, content, "parameter_") if len(fixed) else None
+    fixed, origin = (_struct(content, name) for name in ("parameters", "provenance"))
+    parameters = _told(system, time[:1], fixed, content, "parameter_") if fixed else None
     return replace(
         _told(system, time, histories, content, ""),
         complete=bool(content.get("complete", 1)),
         message=_text(content.get("message", "")),
         parameters=parameters,
-        provenance=None if origin is None else from_flat(origin),
+        provenance=from_flat(origin) if origin else None,
     )
+
+
+def unpacked(path: Path) -> int:
+    """Bytes of the variables of a .mat, without keeping them."""
+    total = 0
+    with path.open("rb") as file:
+        file.seek(128)
+        while len(tag := file.read(8)) == 8:
+            kind, size = struct.unpack("<II", tag)
+            if kind != COMPRESSED:
+                total += size
+                file.seek(size, os.SEEK_CUR)
+                continue
+            total += _inflated(file.read(size))
+    return total
+
+
+COMPRESSED = 15
+"""Type miCOMPRESSED of an element (MAT-File Format, level 5)."""
+
+
+def _inflated(data: bytes) -> int:
+    inflate, size = zlib.decompressobj(), 0
+    while data and not inflate.eof:
+        size += len(inflate.decompress(data, 1 << 20))
+        data = inflate.unconsumed_tail
+    return size
+
+
+def _struct(content: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """A struct of a .mat; {} if there is none, or an empty array in its place."""
+    found = content.get(name, {})
+    if isinstance(found, dict):
+        return found
+    if np.size(found):
+        raise ValueError(f"{name}: expected a struct, got {type(found).__name__}")
+    return {}
 
 
 def _told(
@@ -77,15 +121,17 @@ def _told(
 ) -> Result:
     """Structs of components with what is told about their fields."""
     found: dict[str, tuple[NDArray[np.float64], dict[str, str]]] = {}
-    units, descriptions, columns = (content.get(prefix + kind, {}) for kind in TOLD)
+    units, descriptions, columns = (_struct(content, prefix + kind) for kind in TOLD)
     for component, fields in structs.items():
+        if not isinstance(fields, dict):
+            raise ValueError(f"{component}: expected a struct, got {type(fields).__name__}")
         for field, values in fields.items():
-            array = np.asarray(values, dtype=np.float64).reshape(len(time), -1)
+            array = numbers(f"{component}.{field}", values).reshape(len(time), -1)
             name = f"{component}.{field}"
             about = {
-                "units": _text(units.get(component, {}).get(field, "")),
-                "long_name": _text(descriptions.get(component, {}).get(field, "")),
-                ELEMENTS: _text(columns.get(component, {}).get(field, "")),
+                "units": _text(_struct(units, component).get(field, "")),
+                "long_name": _text(_struct(descriptions, component).get(field, "")),
+                ELEMENTS: _text(_struct(columns, component).get(field, "")),
             }
             found[name] = (array if about[ELEMENTS] or array.shape[1] > 1 else array[:, 0], about)
     return flat_columns(system, time, found)

@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.results.formats.columns import flat_columns, refuse_nul
+from harness.results.formats.columns import flat_columns, numbers, refuse_nul
 from harness.results.provenance import Provenance, from_flat
 from harness.results.result import Result
+from harness.results.soundness import refuse_size
 from harness.results.variables import PROVENANCE, attributes, variables
 
 PACKED = 1000
@@ -76,11 +77,12 @@ def read(path: Path) -> Result:
     histories, fixed = {}, {}
     with netCDF4.Dataset(path) as file:
         file.set_auto_mask(False)
+        refuse_size(sum(8 * v.size for v in file.variables.values()), path.stat().st_size)
         about = {name: file.getncattr(name) for name in file.ncattrs()}
-        time = file["time"][...]
+        time = numbers("time", file["time"][...])
         for name, variable in file.variables.items():
-            data, notes = np.asarray(variable[...]), vars(variable)
-            if "time" in variable.dimensions and name != "time":
+            data, notes = numbers(name, variable[...]), vars(variable)
+            if variable.dimensions[:1] == ("time",) and name != "time":
                 histories[name] = (data, notes)
             elif name != "time":
                 fixed[name] = (data[None], notes)

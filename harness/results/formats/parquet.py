@@ -11,7 +11,9 @@ import numpy as np
 
 from harness.files.libraries import library
 from harness.results import sidecar
+from harness.results.formats.columns import numbers
 from harness.results.result import Result
+from harness.results.soundness import refuse_size
 
 ABOUT = b"servicing-fmus"
 """Key of the metadata of a .parquet with what is no column."""
@@ -33,16 +35,21 @@ def write(result: Result, path: Path) -> None:
 
 def read(path: Path) -> Result:
     """Read the file; ValueError if it does not begin with a column named time."""
+    parquet = library("pyarrow.parquet", "exchange")
     with path.open("rb") as file:
-        table = library("pyarrow.parquet", "exchange").read_table(file)
+        about = parquet.read_metadata(file)
+        refuse_size(8 * about.num_rows * about.num_columns)
+        table = parquet.read_table(file)
     names = tuple(table.column_names)
     if names[:1] != ("time",):
         raise ValueError("it does not begin with a column named time")
-    values = np.column_stack([table.column(i).to_numpy() for i in range(len(names))])
+    values = np.column_stack([numbers(n, table.column(i)) for i, n in enumerate(names)])
     units = ("",) * (len(names) - 1)
     result = Result(path.stem, values[:, 0], names[1:], units, np.ascontiguousarray(values[:, 1:]))
     about = json.loads((table.schema.metadata or {}).get(ABOUT, b"null"))
     if about is None:
         return result
+    if not isinstance(about, dict):
+        raise ValueError("what stands in its metadata is no table")
     complete, message = about.get("complete", True), about.get("message", "")
     return replace(sidecar.told(result, about), complete=complete, message=message)

@@ -11,6 +11,7 @@ from typing import Any
 from harness.errors import UsageError
 from harness.files.signals import held
 from harness.master.changes import Changes
+from harness.master.recorder import recorded
 from harness.ssp.library import find_system
 from harness.studies.campaign.clusters import Workers, checked, prepare
 from harness.studies.campaign.credentials import Files
@@ -132,9 +133,9 @@ def _task(plan: Plan, found: Layout) -> Task:
         texts["success"] = plan.success
     keep = plan.keep
     kept = tuple(dict.fromkeys((*keep.get("histories", ()), *keep.get("bands", ()))))
-    recorded = found.steps // plan.every + 1
-    stride = max(1, -(-recorded // int(keep.get("rows", ROWS))))
-    rows = -(-recorded // stride)
+    steps = recorded(found.steps, plan.every)
+    stride = max(1, -(-len(steps) // int(keep.get("rows", ROWS))))
+    rows = tuple(recorded(len(steps) - 1, stride).tolist())
     return Task(
         plan.digest,
         plan.system,
@@ -143,8 +144,8 @@ def _task(plan: Plan, found: Layout) -> Task:
         texts,
         found.columns,
         kept,
-        stride,
         rows,
+        tuple(steps[list(rows)].tolist()),
         plan.patience,
         max(1, PIECE_STEPS // found.steps),
     )

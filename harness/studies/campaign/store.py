@@ -93,13 +93,12 @@ class Store:
             about = {"role": "metric", **labels.of_metric(name, plan, kinds)}
             self._array(name, np.float64, (n,), ("run",), block, about=about)
         if task.kept:
-            rows = np.arange(task.rows, dtype=np.float64) * task.stride * plan.every
-            time = found.start + rows * found.step
+            time = found.start + np.array(task.steps, dtype=np.float64) * found.step
             self._fill("time", time, ("time",), np.float64, labels.TIME)
         for name in task.kept:
             width = len(_elements(name, task.columns))
             label = self._history(plan, name)
-            shape = (n, task.rows, width)
+            shape = (n, len(task.rows), width)
             axes = ("run", "time", f"{name}_element")
             about = {"role": "history", **labels.of_variable(name, kinds)}
             self._array(label, np.float64, shape, axes, block, about=about)

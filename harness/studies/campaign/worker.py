@@ -37,8 +37,8 @@ _log = logging.getLogger("harness")
 class Task:
     """What all runs of a campaign have in common, as plain data.
 
-    metrics: texts by name; kept: variables whose histories are wanted, in rows that are `stride`
-    recorded rows apart, `rows` of them; patience: how long an FMU that is not ours may take for one
+    metrics: texts by name; kept: variables whose histories are wanted, in recorded rows of these
+    numbers, after so many macro steps; patience: how long an FMU that is not ours may take for one
     call [s]; piece: runs that a worker is given at once.
     """
 
@@ -49,8 +49,8 @@ class Task:
     metrics: dict[str, str]
     columns: tuple[str, ...]
     kept: tuple[str, ...] = ()
-    stride: int = 1
-    rows: int = 0
+    rows: tuple[int, ...] = ()
+    steps: tuple[int, ...] = ()
     patience: float = 60.0
     piece: int = 1
 
@@ -148,7 +148,8 @@ def _last(task: Task, result: Result) -> Array:
 
 
 def _thinned(task: Task, history: Array) -> Array:
-    rows = history.reshape(len(history), -1)[:: task.stride][: task.rows]
-    full = np.full((task.rows, rows.shape[1]), np.nan)
-    full[: len(rows)] = rows
+    flat = history.reshape(len(history), -1)
+    rows = [row for row in task.rows if row < len(flat)]
+    full = np.full((len(task.rows), flat.shape[1]), np.nan)
+    full[: len(rows)] = flat[rows]
     return full
