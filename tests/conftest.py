@@ -109,3 +109,12 @@ def pytest_sessionfinish(session):
             for (name, v, what), outcomes in sorted(OUTCOMES.items())
         ]
         path.write_text(HEAD + "\n".join(lines) + "\n", encoding="utf-8")
+
+
+def pytest_terminal_summary(terminalreporter):
+    """One line for every attempt of tests/harness/test_attempts.py."""
+    reports = [r for kind in ("passed", "failed") for r in terminalreporter.stats.get(kind, [])]
+    for report in reports:
+        for name, line in getattr(report, "user_properties", ()):
+            if name == "attempt" and report.when == "call":
+                terminalreporter.write_line(f"{report.outcome}: {line}")
