@@ -156,12 +156,11 @@ def _wanted(system: str | None, like: str | None, changes: Any) -> Any:
 
 
 def _draw(result: Any, folder: Path) -> None:
-    """Figures of a run, if the project knows any for its variables."""
-    from harness.figures import FIGURES
+    """Figures of a run, if anything changes in it."""
     from harness.figures.plots import plot
 
-    if not any(figure.fits(result) for figure in FIGURES):
-        typer.echo("no figures: harness plot --var NAME draws variables of this system")
+    if (result.values == result.values[0]).all():
+        typer.echo("no figures: nothing that the result holds changes")
         return
     for path in plot(result, folder):
         typer.echo(path)

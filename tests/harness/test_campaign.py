@@ -23,10 +23,12 @@ from scipy import stats
 from harness import campaign, run
 from harness.cli.app import main
 from harness.cli.campaigns import pictures
+from harness.cli.runs import _draw
 from harness.errors import HarnessError, ResultsError, StructureError, UsageError
 from harness.mission.library import campaigns
 from harness.results.files import read
 from harness.results.quantities import with_unit
+from harness.results.result import Result
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from harness.studies.campaign import draws, engine, metrics, summary
@@ -532,10 +534,14 @@ def test_the_command_shows_the_summary_and_repeats_a_run(system, tmp_path, capsy
     assert next(line for line in out.splitlines() if command in line)
     arguments = ["run", "demo.ssp", "--like", f"few.zarr#{worst}", "-o", "again.csv"]
     assert main(arguments) == 0
-    again = capsys.readouterr()
-    assert again.err == ""
-    assert "no figures: harness plot --var NAME" in again.out  # none fits the demo
+    assert "again_figures" in capsys.readouterr().out
     assert read(tmp_path / "again.csv")["twice.y"][-1] == ends[worst]
+
+
+def test_a_run_in_which_nothing_changes_has_no_figures_and_is_no_failure(tmp_path, capsys):
+    still = Result("s", np.arange(3.0), ("a.x",), ("m",), np.ones((3, 1)))
+    _draw(still, tmp_path / "figures")
+    assert capsys.readouterr().out == "no figures: nothing that the result holds changes\n"
 
 
 @pytest.mark.parametrize(
