@@ -183,10 +183,11 @@ static void publish_loads(const TwoBodies *b, const TwoBodies *end, const Wrench
 {
     mat3 C_SN = mean_attitude(b->q_S, b->w_S, end->w_S, h),
          C_TN = mean_attitude(b->q_T, b->w_T, end->w_T, h);
-    y->F_contact_S = mul(C_SN, w->F);
-    y->M_contact_S = mul(C_SN, w->M_S);
-    y->F_T = neg(mul(C_TN, w->F));
-    y->M_T = mul(C_TN, w->M_T);
+    vec3 none = vec(0, 0, 0); /* no load has no sign, predicted or not */
+    y->F_contact_S = add(none, mul(C_SN, w->F));
+    y->M_contact_S = add(none, mul(C_SN, w->M_S));
+    y->F_T = sub(none, mul(C_TN, w->F));
+    y->M_T = add(none, mul(C_TN, w->M_T));
 }
 
 static void act(const Parameters *p, State *x, TwoBodies b, double t, double h, Output *y)

@@ -138,7 +138,8 @@ class Fmu:
         """Parameters that make plants integrate and software sample on the grid k * period,
         whatever the master does.
         """
-        return self.settings(**dict.fromkeys(GRIDS, period))
+        switches = {v.row for v in self.about.variables if (v.low, v.high) == (0, 1)}
+        return self.settings(**dict.fromkeys([g for g in GRIDS if g not in switches], period))
 
 
 def excitation(variables, k: int) -> dict[str, float]:

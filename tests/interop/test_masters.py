@@ -12,10 +12,14 @@ import pytest
 from harness import load
 from harness.files import paths
 from harness.master.simulation import Simulation
+from harness.ssp.writer import write_ssp
+from tests.systems import docking_case
 
 pytestmark = pytest.mark.interop
 
-SYSTEMS = sorted(paths.systems())
+DOCKING = "docking"
+"""Contact and capture of a pair, with the latency that a Jacobi master asks for."""
+SYSTEMS = [*sorted(paths.systems()), DOCKING]
 MACRO_STEPS = 1000
 CHECKED = (1, 2, 3, 10, 100, 500, 1000)
 """Macro steps after which all outputs are compared."""
@@ -32,9 +36,12 @@ def require(module):
 
 
 @pytest.fixture(scope="module", params=SYSTEMS)
-def ours(request):
-    """Name of the system, macro step, rows of our Jacobi run by column name."""
-    with load(request.param) as system:
+def ours(request, tmp_path_factory):
+    """Path of the .ssp, macro step, rows of our Jacobi run by column name."""
+    path = paths.systems().get(request.param) or tmp_path_factory.mktemp("ssp") / "docking.ssp"
+    if request.param == DOCKING:
+        write_ssp(docking_case.capture_a_step_late(), path)
+    with load(path) as system:
         h = system.experiment.step
         experiment = replace(
             system.experiment, stop=system.experiment.start + MACRO_STEPS * h, algorithm="jacobi"
@@ -42,7 +49,9 @@ def ours(request):
         with Simulation(replace(system, experiment=experiment)) as simulation:
             simulation.advance()
             result = simulation.result()
-    return request.param, h, result
+    if request.param == DOCKING:
+        assert {1, 2} <= set(result["mechanism.phase"])
+    return path, h, result
 
 
 def same_bits(theirs, result, k):
@@ -63,9 +72,9 @@ def test_libcosim_gives_our_bits(ours):
     from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
     from libcosimpy.CosimObserver import CosimObserver
 
-    name, _, result = ours
+    path, _, result = ours
     log_output_level(CosimLogLevel.ERROR)
-    execution = CosimExecution.from_ssp_file(str(paths.systems()[name]))
+    execution = CosimExecution.from_ssp_file(str(path))
     observer = CosimObserver.create_last_value()
     execution.add_observer(observer=observer)
     execution.real_time_simulation_enabled(enabled=False)
@@ -91,8 +100,8 @@ def libcosim_outputs(execution, observer, slaves):
 @pytest.mark.tool("ecos", "ecospy")
 def test_ecos_gives_our_bits(ours):
     ecospy = require("ecospy")
-    name, h, result = ours
-    with ecospy.EcosSimulation(h, ssp_path=str(paths.systems()[name])) as simulation:
+    path, h, result = ours
+    with ecospy.EcosSimulation(h, ssp_path=str(path)) as simulation:
         assert simulation.init(parameter_set="default")
         done = 0
         for k in CHECKED:

@@ -111,3 +111,17 @@ def energy(result):
         result[f"mechanism.energy_{kind}"] for kind in ("elastic", "dissipated", "drive")
     )
     return kinetic(result) + stored + lost - driven
+
+
+CLOSING = """[parameters.servicer]
+r_0_N = [1.71, 0.006, -0.004]
+v_0_N = [-0.04, -0.0085, -0.0068]
+sigma_SN_0 = [0.02, 0.01, 1]
+omega_SN_S_0 = [0.004, -0.004, -0.005]
+"""
+
+
+def capture_a_step_late():
+    """System of a capture within 10 s, for a master that hands every output on a step late."""
+    text = TOML.replace("[parameters.servicer]\n", CLOSING)
+    return system_of(tomllib.loads(text + "[parameters.mechanism]\nlatency = 1\n"), paths.fmus())

@@ -20,6 +20,9 @@ PRINTS = {
     r"unchanged: True\n",
     "compare_controllers.py": r"(?s).*ppc_controller: at most \d{3} N along an axis\n"
     r"theta_d_controller: at most \d{3} N along an axis\n",
+    "stiff_contact.py": r"theta +held +held, a step late +extrapolated +predicted mean +latency 1 "
+    r"+closed form\n(?:.*\n)* 0\.50 +1\.125000 +1\.32\d{4} +1\.000000(?: +0\.997439){3}\n"
+    r"(?:.*\n)* 1\.90 +2\.805000 +3\.\d{6} +1\.0000\d\d(?: +0\.5756\d\d){3}\n",
     "own_controller.py": r"(?s).*position error after 5 min: at most \d\.\d mm\n",
 }
 """What the scripts print, by name; my_controller.py is run by the interoperability tests."""
