@@ -270,8 +270,17 @@ static int is_far(const State *x, const PortState *s, double h)
     return idle && norm(s->e) > 1 + 4 * h * norm(s->u);
 }
 
+/* masters add up their times: a step that stands for whole internal steps is exactly that long */
+static double exact_step(double h, double max_step)
+{
+    double whole = grid_number(h, max_step);
+    return whole > 0 ? whole * max_step : h; /* NaN: between two */
+}
+
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
+    t = grid_time(t, p->max_step).t;
+    h = exact_step(h, p->max_step);
     TwoBodies b = bodies(u);
     PortState s = port_state(p, &b);
     events(p, u->latch_enable > 0, u->release > 0, &x->now, &s, t);
