@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Measures of the capture by arm."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.mission import Measure
+from harness.results.result import Result
+
+MODE, TIP = "arm_guidance.arm_mode", "arm_guidance.position_error"
+PLACE, ATTITUDE = "controller.e1_H", "controller.epsilon"
+DEPLOY, ALIGN, CLOSE, REST = 1, 2, 3, 4
+
+
+def during(result: Result, *modes: int) -> NDArray[np.bool_]:
+    """Rows in these modes of the arm."""
+    return np.isin(result[MODE], modes)
+
+
+def late(result: Result) -> NDArray[np.bool_]:
+    """Rows in the second half of the motion of CLOSE."""
+    closing, half = during(result, CLOSE), result.parameter("arm_guidance.T_close") / 2
+    since = result.time - (result.time[closing][0] if closing.any() else np.inf)
+    return closing & (since >= half) & (since <= 2 * half)
+
+
+def largest(values: NDArray[np.float64]) -> float:
+    """NaN where there are none."""
+    return float(values.max()) if len(values) else float("nan")
+
+
+def rms(values: NDArray[np.float64]) -> float:
+    """Root of the mean square, NaN where there are none."""
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+
+
+def turned(result: Result) -> NDArray[np.float64]:
+    """Attitude error of the base [rad]."""
+    return np.asarray(4 * np.arctan(np.linalg.norm(result[ATTITUDE], axis=1)))
+
+
+def off(result: Result) -> NDArray[np.float64]:
+    """Position error of the base [m]."""
+    return np.asarray(np.linalg.norm(result[PLACE], axis=1))
+
+
+def first(result: Result, name: str, value: float) -> float:
+    """When a variable first has a value or more [s]."""
+    rows = np.flatnonzero(result[name] >= value)
+    return float(result.time[rows[0]]) if len(rows) else float("nan")
+
+
+MEASURES = (
+    Measure(
+        "tip error, aligning and closing",
+        "mm",
+        (MODE, TIP),
+        lambda r, _: 1e3 * largest(r[TIP][during(r, ALIGN, CLOSE)]),
+    ),
+    Measure(
+        "tip error, late",
+        "mm rms",
+        (MODE, TIP),
+        lambda r, _: 1e3 * rms(r[TIP][late(r)]),
+        ("arm_guidance.T_close",),
+    ),
+    Measure(
+        "base attitude, deploying",
+        "deg",
+        (MODE, ATTITUDE),
+        lambda r, _: float(np.degrees(largest(turned(r)[during(r, DEPLOY)]))),
+    ),
+    Measure(
+        "base position, deploying",
+        "mm",
+        (MODE, PLACE),
+        lambda r, _: 1e3 * largest(off(r)[during(r, DEPLOY)]),
+    ),
+    Measure("grip", "s", ("arm_guidance.grip",), lambda r, _: first(r, "arm_guidance.grip", 1)),
+    Measure("hard capture", "s", ("mechanism.hard",), lambda r, _: first(r, "mechanism.hard", 1)),
+    Measure(
+        "load of the gripper",
+        "N",
+        ("mechanism.load_force",),
+        lambda r, _: largest(r["mechanism.load_force"]),
+    ),
+)

@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What the capture by arm hands the engine: that of an approach, and the arm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from harness.mission import Gauge
+from harness.mission.figure import DEGREES
+
+from ..shared.approach import approach
+from .figures import FIGURES
+from .measures import MEASURES
+
+APPROACH = approach(FIGURES)
+MISSION = replace(
+    APPROACH,
+    measures=(*MEASURES, *APPROACH.measures),
+    gauges=(
+        Gauge("arm mode", "", "arm_guidance.arm_mode"),
+        Gauge("tip error", "mm", "arm_guidance.position_error", factor=1e3),
+        Gauge("misalignment", "deg", "arm_guidance.misalignment", factor=DEGREES),
+    ),
+)

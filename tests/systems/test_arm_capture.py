@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""arm_capture: the figures of an independent flight of the same laws, within its bands."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from harness import run
+from ssp.arm_capture.measures import (
+    ALIGN,
+    CLOSE,
+    DEPLOY,
+    REST,
+    during,
+    first,
+    late,
+    off,
+    rms,
+    turned,
+)
+
+TIP, ANGLE = "arm_guidance.position_error", "arm_guidance.angle_error"
+
+
+@pytest.fixture(scope="module")
+def nominal():
+    return run("arm_capture")
+
+
+def clean(*changes):
+    return run("arm_capture", params="clean", set=list(changes))
+
+
+def test_modes_come_in_order_and_the_target_is_captured(nominal):
+    mode, phase = nominal["arm_guidance.arm_mode"], nominal["mechanism.phase"]
+    assert list(mode[np.flatnonzero(np.diff(mode, prepend=-1))]) == [0, DEPLOY, ALIGN, CLOSE, REST]
+    assert list(phase[np.flatnonzero(np.diff(phase, prepend=-1))]) == [0, 2, 3]
+
+
+def test_gripper_closes_locks_and_draws_in_when_it_should(nominal):
+    """Grip 146.34 s, lock 2 s later, hard capture 161.34 s; rows show what a step has left."""
+    grip = first(nominal, "arm_guidance.grip", 1)
+    assert grip == pytest.approx(146.34, abs=0.1)
+    at = nominal.time == grip
+    miss = np.linalg.norm(nominal["arm_guidance.tip_Q"][at] - (-0.05, 0, 0))
+    assert miss == pytest.approx(5.2e-3, rel=0.05)
+    assert nominal["arm_guidance.tip_speed"][at] == pytest.approx(4.0e-3, rel=0.05)
+    braked = (nominal["arm_controller.joint_lock"][:, 0] == 1) & during(nominal, REST)
+    assert nominal.time[braked][0] == pytest.approx(148.34, abs=0.1)
+    assert first(nominal, "mechanism.hard", 1) == pytest.approx(161.34, abs=0.5)
+
+
+def test_tip_follows_the_tumbling_fixture(nominal):
+    tip, rows = nominal[TIP], late(nominal)
+    assert tip[during(nominal, ALIGN, CLOSE)].max() == pytest.approx(0.040e-3, rel=0.05)
+    assert rms(tip[rows]) <= 0.05e-3
+    assert np.degrees(rms(nominal[ANGLE][rows])) <= 2e-4
+    assert rms(off(nominal)[rows]) == pytest.approx(2.54e-3, rel=0.1)
+    assert np.degrees(rms(turned(nominal)[rows])) == pytest.approx(0.072, rel=0.1)
+    assert nominal["arm_controller.joint_error"][during(nominal, DEPLOY)].max() < 1e-6
+
+
+def test_pair_turns_as_one_after_hard_capture(nominal):
+    """What the latch leaves of their relative motion has died out at the end."""
+    held = nominal["mechanism.phase"] == 3
+    rates = [
+        np.linalg.norm(nominal[name][held][-1])
+        for name in ("servicer.omega_SN_S", "target.omega_TN_T")
+    ]
+    assert rates[0] == pytest.approx(rates[1], rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("changes", "attitude"),
+    [((), 0.039), (("arm_controller.compensate_torque=0",), 0.511)],
+)
+def test_deployment_turns_the_base_by_what_the_feed_forward_leaves(changes, attitude):
+    result = clean(*changes)
+    rows = during(result, DEPLOY)
+    assert np.degrees(turned(result)[rows].max()) == pytest.approx(attitude, rel=0.05)
+    assert off(result)[rows].max() == pytest.approx(14.6e-3, rel=0.05)
+
+
+def test_both_executors_have_the_same_bits():
+    results = [run("arm_capture", stop=1.0, executor=name) for name in ("c", "python")]
+    for name in ("servicer.r_EN_N", "arm_controller.joint_torque", "mechanism.phase"):
+        assert np.array_equal(results[0][name], results[1][name])
+
+
+@pytest.mark.parametrize(("name", "most"), [("fast", 0.3e-3), ("friction", 4e-3)])
+def test_tip_error_of_the_sets_stays_in_its_band(name, most):
+    result = run("arm_capture", params=name)
+    assert result[TIP][during(result, ALIGN, CLOSE)].max() <= most
+    assert first(result, "mechanism.hard", 1) < 175
