@@ -13,13 +13,13 @@ from harness.master.isolated import PATIENCE, guarded, simulate
 from harness.master.pacer import Pacer, timely
 from harness.master.simulation import Simulation
 from harness.results.files import read
-from harness.results.result import Result
 from harness.ssp.library import load
 from harness.system.graph import say_warnings, say_warnings_of
 from harness.system.interface import read_interface
 from harness.system.model import System
 from harness.system.swap import find_fmu
 from harness.system.values import plain
+from harness.views import Result
 
 if TYPE_CHECKING:
     from harness.mission import Limits

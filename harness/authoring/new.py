@@ -18,14 +18,12 @@ from harness.authoring import skeleton
 from harness.errors import UsageError
 from harness.files import paths
 from harness.files.output import written
+from harness.mission.conventions import Example
+from harness.mission.library import everything
 from harness.ssp.library import of_component
 from harness.studies.show import Signal, show
 
 LANGUAGES = {"c": ".c", "python": ".py"}
-DEFAULT_PLACE = "sync_approach.controller"
-
-EXAMPLE_INPUTS = {"r_TN_N", "v_TN_N", "r_SN_N", "v_SN_N", "q_SN", "rho_ref_N", "drho_ref_N"}
-EXAMPLE_OUTPUTS = {"F_cmd_S", "M_cmd_S", "wheel_accel_cmd"}
 
 NAME = re.compile(r"[\w.]+(\[\d+\])?", re.ASCII)
 
@@ -43,23 +41,27 @@ class Created(NamedTuple):
 
 
 def new_controller(
-    name: str, language: str = "c", place: str = DEFAULT_PLACE, folder: str | Path = "."
+    name: str, language: str = "c", place: str | None = None, folder: str | Path = "."
 ) -> Created:
     """Create `folder`/NAME with a controller that takes the place of SYSTEM.component.
 
-    language: c or python. Nothing that exists is overwritten. Raises UsageError, and what show()
-    raises for the place.
+    language: c or python; place: None: that of the first example. Nothing that exists is
+    overwritten. Raises UsageError, and what show() raises for the place.
     """
     _refuse_name(name)
     if language not in LANGUAGES:
         raise UsageError(f"--language {language}: there are only {' and '.join(LANGUAGES)}")
+    place = place or next((e.place for e in everything().examples), "")
     system, component = _split(place)
     ports = _ports(place)
     target = Path(folder) / name
     if target.exists() or target.is_symlink():
         raise UsageError(f"{target}: is there already; choose another name")
+    fitting = next((e for e in everything().examples if _fits(e, ports)), None)
     text = (
-        _example(name, language) if _is_wrench(ports) else _skeleton(name, language, place, ports)
+        _skeleton(name, language, place, ports)
+        if fitting is None
+        else _example(name, language, fitting)
     )
     source = target / f"{name}{LANGUAGES[language]}"
     commands = (
@@ -87,7 +89,7 @@ def _split(place: str) -> tuple[str, str]:
     """System and component of a place as they were written."""
     found = of_component(place)
     if found is None or not found[1]:
-        raise UsageError(f"--for {place}: expected SYSTEM.component, as in {DEFAULT_PLACE}")
+        raise UsageError(f"--for {place}: expected SYSTEM.component")
     return place.removesuffix(f".{found[1]}"), found[1]
 
 
@@ -112,18 +114,20 @@ def _with_start(port: Signal, system: str) -> Signal:
     return port._replace(default=default)
 
 
-def _is_wrench(ports: Sequence[Signal]) -> bool:
-    """Whether the example has the inputs that it needs and all outputs that are read."""
+def _fits(example: Example, ports: Sequence[Signal]) -> bool:
+    """Whether an example has the inputs that it needs and all outputs that are read."""
     inputs = {s.name for s in ports if s.causality == "input"}
-    return inputs >= EXAMPLE_INPUTS and {s.name for s in ports} - inputs <= EXAMPLE_OUTPUTS
+    return inputs >= example.inputs and {s.name for s in ports} - inputs <= example.outputs
 
 
-def _example(name: str, language: str) -> str:
+def _example(name: str, language: str, example: Example) -> str:
     folder = paths.examples()
     if folder is None:
         raise UsageError("the examples of the project are not there: install it anew")
-    text = (folder / f"my_controller{LANGUAGES[language]}").read_text(encoding="utf-8")
-    return text.replace("my_controller", name).replace("MyController", skeleton.class_name(name))
+    file = folder / example.file.with_suffix(LANGUAGES[language])
+    stem = example.file.name
+    text = file.read_text(encoding="utf-8").replace(stem, name)
+    return text.replace(skeleton.class_name(stem), skeleton.class_name(name))
 
 
 def _skeleton(name: str, language: str, place: str, ports: Sequence[Signal]) -> str:

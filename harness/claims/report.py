@@ -18,7 +18,7 @@ from harness.claims import safety
 from harness.claims.case import listed, unlike
 from harness.errors import ResultsError
 from harness.mission import Claim, Judgement, Paper, Verdict
-from harness.mission.library import of_result
+from harness.mission.library import missing, of_result
 from harness.results.requirements import Finding, findings
 from harness.results.result import Result
 
@@ -74,7 +74,8 @@ def lines(result: Result, width: int = WIDTH) -> tuple[list[Line], bool]:
             f"{result.system}: there are no claims of a paper about such a result{hint}"
         )
     sections = (_section(result, each, width) for each in found)
-    parts = (_requirements(wanted, width), *sections, _safety(result, width))
+    note = missing(result)
+    parts = (_wrapped(note, width), _requirements(wanted, width), *sections, _safety(result, width))
     text = _flown(result, width)
     for part in filter(None, parts):
         text += [Line(""), *part]

@@ -14,6 +14,7 @@ from harness.cli.options import (
     Format,
     FormatOption,
     Look,
+    MissionOption,
     ReportArgument,
     RequireOption,
     ShownArgument,
@@ -142,6 +143,14 @@ def plan_command(
         raise typer.Exit(1)
 
 
+def _take(mission: Path | None) -> None:
+    """Take the mission of a folder that the user has named, for every result."""
+    if mission is not None:
+        from harness.mission.library import use
+
+        use(mission, always=True)
+
+
 @app.command()
 def plot(  # noqa: PLR0913, PLR0917 - one argument per option
     file: FileArgument,
@@ -154,6 +163,7 @@ def plot(  # noqa: PLR0913, PLR0917 - one argument per option
     ending: FormatOption = Format.PNG,
     style: StyleOption = Look.SCREEN,
     wide: Annotated[bool, typer.Option("--wide", help="paper: all figures 7 in wide")] = False,
+    mission: MissionOption = None,
 ) -> None:
     """Draw the figures of a run.
 
@@ -165,6 +175,7 @@ def plot(  # noqa: PLR0913, PLR0917 - one argument per option
 
     names = re.findall(r"(?:\[[^]]*\]|[^,])+", variables or "")
     look = style_of(style.value, wide)
+    _take(mission)
     result = read(file)  # before its name makes that of a folder
     folder = output or figures_of(file)
     for path in draw(result, folder, ending.value, look, [name.strip() for name in names]):
@@ -179,6 +190,7 @@ def report(
     ] = None,
     require: RequireOption = None,
     strict: StrictOption = False,
+    mission: MissionOption = None,
 ) -> None:
     """Judge a run by its requirements and the claims of its paper.
 
@@ -189,6 +201,7 @@ def report(
     from harness.results.requirements import demanding
 
     wanted = require or []
+    _take(mission)
     if output is not None and file.is_dir():
         _page(file, output)
         return
@@ -216,7 +229,8 @@ def convert_command(
         ),
     ],
     body: Annotated[
-        str | None, typer.Option(metavar="COMPONENT", help="whose ephemeris (default: servicer)")
+        str | None,
+        typer.Option(metavar="COMPONENT", help="component (default: the first body)"),
     ] = None,
     epoch: Annotated[
         str, typer.Option(metavar="DATE", help="UTC of t = 0")

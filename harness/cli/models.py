@@ -21,21 +21,31 @@ app = typer.Typer()
 
 @app.command("new")
 def new_command(
-    kind: Annotated[str, typer.Argument(metavar="controller", help="what to create")],
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="controller or mission")],
     name: Annotated[
         str | None, typer.Argument(metavar="NAME", help="its name, and that of its folder")
     ] = None,
     language: Annotated[Language, typer.Option(help="to write it in")] = Language.C,
-    place: PlaceOption = "sync_approach.controller",
+    place: PlaceOption = None,
+    base: Annotated[
+        str | None, typer.Option("--from", metavar="SYSTEM", help="what a mission extends")
+    ] = None,
 ) -> None:
-    """Create a controller of your own.
+    """Create a controller or a mission of your own.
 
-    A folder NAME with a source that flies as it is, and the two commands that build and fly it.
+    A folder NAME that runs as it is, and the commands for it.
     """
+    from harness.authoring.mission import new_mission
     from harness.authoring.new import new_controller
 
-    if kind != "controller" or name is None:
-        raise UsageError(f"new {kind}: write harness new controller NAME")
+    if kind not in ("controller", "mission") or name is None:
+        raise UsageError(f"new {kind}: write harness new controller NAME, or new mission NAME")
+    if kind == "mission":
+        folder = new_mission(name, base)
+        typer.echo(printable(f"{folder}: edit system.toml and mission.py, then"))
+        typer.echo(printable(f"    harness run {folder} -o {folder}.nc"))
+        typer.echo(printable(f"    harness report {folder}.nc --mission {folder} -o {folder}.html"))
+        return
     created = new_controller(name, language.value, place)
     typer.echo(printable(f"{created.source}: edit control(), then"))
     for command in created.commands:

@@ -177,8 +177,16 @@ ShownArgument = Annotated[
         autocompletion=_completed_shown,
     ),
 ]
+MissionOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--mission",
+        metavar="FOLDER",
+        help="folder of the mission whose figures and claims are taken",
+    ),
+]
 PlaceOption = Annotated[
-    str,
+    str | None,
     typer.Option(
         "--for",
         metavar="SYSTEM.COMPONENT",

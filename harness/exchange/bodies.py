@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +10,8 @@ from numpy.typing import NDArray
 
 from harness.errors import ResultsError, UsageError
 from harness.exchange.instants import after, epoch_of
+from harness.mission.conventions import Bodies
+from harness.mission.library import everything, of_result
 from harness.results.result import Result
 from harness.spelling import did_you_mean
 
@@ -18,8 +19,6 @@ Array = NDArray[np.float64]
 
 EPOCH = "2000-01-01T12:00:00"
 """Instant of t = 0, unless the user names another: J2000."""
-USUAL = ("servicer", "target", "robot")
-"""Components that are bodies in the systems of the project."""
 EARTH_RADIUS = 6.3e6
 """Least distance of an orbit about the Earth from N [m]."""
 
@@ -40,11 +39,13 @@ def bodies(result: Result, name: str | None = None) -> list[Body]:
     """The usual bodies of a result, or the named one; ResultsError or UsageError if there is none
     that moves about the Earth.
     """
-    known = {match[1]: match[2] for n in result.vectors if (match := POSITION.fullmatch(n))}
+    names = names_of(result)
+    known = {c: n for n in names for c in n.found(result)}
+    usual = [c for n in names for c in n.components if c in known]
     if name is not None and name not in known:
         close = did_you_mean(name, known) or (f", only {', '.join(known)}" if known else "")
         raise UsageError(f"--body {name}: {result.system} has no such body{close}")
-    found = [_body(result, n, known[n]) for n in ([name] if name else USUAL) if n in known]
+    found = [_body(result, c, known[c]) for c in ([name] if name else usual)]
     if not found:
         raise ResultsError(f"{result.system}: the result holds no body with position and velocity")
     for body in found:
@@ -53,17 +54,20 @@ def bodies(result: Result, name: str | None = None) -> list[Body]:
     return found
 
 
-POSITION = re.compile(r"(\w+)\.r_([A-Z])N_N")
+def names_of(result: Result) -> tuple[Bodies, ...]:
+    """The names of bodies in the mission of a result, else in all that are at hand."""
+    return of_result(result).bodies or everything().bodies
 
 
-def _body(result: Result, name: str, letter: str) -> Body:
-    velocity, attitude = f"{name}.v_{letter}N_N", f"{name}.q_{letter}N"
+def _body(result: Result, name: str, names: Bodies) -> Body:
+    letter = names.found(result)[name]
+    position, velocity, attitude = (
+        f"{name}.{text.format(letter)}" for text in (names.position, names.velocity, names.attitude)
+    )
     if velocity not in result:
         raise ResultsError(f"{name}: the result does not hold its velocity {velocity}")
     held = attitude in result
-    return Body(
-        name, result[f"{name}.r_{letter}N_N"], result[velocity], result[attitude] if held else None
-    )
+    return Body(name, result[position], result[velocity], result[attitude] if held else None)
 
 
 def instants(result: Result, epoch: str) -> NDArray[np.datetime64]:

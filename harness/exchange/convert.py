@@ -10,7 +10,7 @@ from harness.errors import UsageError
 from harness.exchange.bodies import EPOCH
 from harness.exchange.ccsds import write_aem, write_oem
 from harness.exchange.czml import write_czml
-from harness.results.files import WRITERS, read
+from harness.results.files import WRITERS, read, save
 from harness.results.result import Result
 
 Export = Callable[[Result, Path, str | None, str], None]
@@ -24,7 +24,7 @@ def convert(
 ) -> Path:
     """Write a result into another file by its ending; returns where it is.
 
-    body: component whose ephemeris is wanted (default: servicer, for CZML all); epoch: t = 0 in
+    body: component whose ephemeris is wanted (default: the first, for CZML all); epoch: t = 0 in
     UTC. Raises UsageError, ResultsError, HarnessError if a library is missing.
     """
     path = Path(target)
@@ -35,6 +35,6 @@ def convert(
         )
     result = read(source)
     if path.suffix in WRITERS:
-        return result.save(path)
+        return save(result, path)
     EXPORTS[path.suffix](result, path, body, epoch)
     return path

@@ -29,6 +29,8 @@ from harness.files.paths import contents
 from harness.files.temporary import PrivateFolder
 from harness.master.changes import Changes
 from harness.master.simulation import Simulation
+from harness.mission.conventions import Bodies
+from harness.mission.library import everything, mission
 from harness.results.result import Result
 from harness.spelling import did_you_mean
 from harness.system.model import System
@@ -80,18 +82,19 @@ def start_values(
     HarnessError if a library of the extra `exchange` is missing.
     """
     parameters = Simulation(system, **changes).parameters()
+    names = _names(system)
     for component in files:
-        _check(component, system, parameters)
+        _check(component, system, parameters, names)
     sources = {component: _source(component, Path(file)) for component, file in files.items()}
     instant = max(s.first for s in sources.values()) if epoch is None else epoch_of(epoch)
     states = {component: _state(component, s, instant) for component, s in sources.items()}
-    states |= _beside(parameters, states)
+    states |= _beside(parameters, states, names)
     values: dict[str, Any] = {}
     for component, state in states.items():
         values |= {
-            f"{component}.a": 0.0,  # then r_0_N and v_0_N count
-            f"{component}.r_0_N": state.r.tolist(),
-            f"{component}.v_0_N": state.v.tolist(),
+            f"{component}.{names.semi_major_axis}": 0.0,  # then position and velocity count
+            f"{component}.{names.start[0]}": state.r.tolist(),
+            f"{component}.{names.start[1]}": state.v.tolist(),
         }
     return Start(values, tuple(_notes(sources, instant)))
 
@@ -125,33 +128,41 @@ def _notes(sources: Mapping[str, Source], instant: np.datetime64) -> list[str]:
     return [f"t = 0 is {text} UTC", *axes]
 
 
-def _check(component: str, system: System, parameters: Result) -> None:
+def _names(system: System) -> Bodies:
+    """The names of bodies in the mission of a system, else in any that is at hand."""
+    own = mission(system.mission) if system.mission else None
+    found = (own.bodies if own else ()) or everything().bodies
+    if not found:
+        raise UsageError(f"--start: no mission says how the bodies of {system.name} start")
+    return found[0]
+
+
+def _check(component: str, system: System, parameters: Result, names: Bodies) -> None:
     known = [c.name for c in system.components]
     if component not in known:
         raise UsageError(
             f"--start {component}: {system.name} has no such component"
             f"{did_you_mean(component, known)}"
         )
-    for name in ("a", "mu", "r_0_N", "v_0_N"):
+    for name in (names.semi_major_axis, names.field, *names.start):
         if f"{component}.{name}" not in parameters:
             raise UsageError(f"--start {component}: it has no parameter {name}")
 
 
-def _beside(parameters: Result, states: Mapping[str, State]) -> dict[str, State]:
+def _beside(parameters: Result, states: Mapping[str, State], names: Bodies) -> dict[str, State]:
     """Bodies that start in the Hill frame of a target for which a file is given."""
-    target = next((c for c in states if f"{c}.rho_0_H" not in parameters), None)
+    target = next((c for c in states if f"{c}.{names.beside[0]}" not in parameters), None)
     if target is None:
         return {}
-    others = {name.partition(".")[0] for name in parameters.vectors if name.endswith(".rho_0_H")}
+    ending = f".{names.beside[0]}"
+    others = {name.removesuffix(ending) for name in parameters.vectors if name.endswith(ending)}
     return {
-        component: _in_hill_frame(states[target], *_relative(parameters, component))
+        component: _in_hill_frame(
+            states[target], *(parameters[f"{component}.{name}"][0] for name in names.beside)
+        )
         for component in sorted(others - states.keys())
-        if parameters[f"{component}.a"][0] > 0
+        if parameters[f"{component}.{names.semi_major_axis}"][0] > 0
     }
-
-
-def _relative(parameters: Result, component: str) -> tuple[Array, Array]:
-    return parameters[f"{component}.rho_0_H"][0], parameters[f"{component}.drho_0_H"][0]
 
 
 def _in_hill_frame(orbit: State, rho: Array, drho: Array) -> State:

@@ -7,9 +7,20 @@ engine asks library.of_result() what the mission of a result offers, and knows n
 
 from __future__ import annotations
 
-from harness.mission.claim import Band, Case, Claim, Condition, Judgement, Paper, Verdict
+from harness.mission.claim import (
+    Band,
+    Case,
+    Claim,
+    Condition,
+    Judgement,
+    Paper,
+    Verdict,
+    at_least,
+    at_most,
+)
 from harness.mission.figure import Curve, Drawing, Figure, Level, Overlay, Panel, Phase
 from harness.mission.gauge import Gauge
+from harness.mission.library import inherit
 from harness.mission.measure import Limits, Measure
 from harness.mission.mission import Mission, Plan, Scene
 from harness.mission.rule import RuleFinding
@@ -36,4 +47,7 @@ __all__ = [
     "RuleFinding",
     "Scene",
     "Verdict",
+    "at_least",
+    "at_most",
+    "inherit",
 ]

@@ -22,6 +22,7 @@ from typing import NamedTuple
 from harness.errors import UsageError
 from harness.mission.mission import Mission, together
 from harness.results.result import Result
+from harness.spelling import did_you_mean
 
 GROUP = "harness.missions"
 FILE = "mission.py"
@@ -151,6 +152,15 @@ def _failure(folder: Path, error: Exception) -> str:
         trace = trace.tb_next
     where = f"{file}, line {line}" if line else f"{file}"
     return f"{where}: {type(error).__name__}: {' '.join(str(error).split())}"
+
+
+def inherit(name: str, own: Mission) -> Mission:
+    """A mission's own figures, measures and so on before those of another one; UsageError if that
+    is not at hand.
+    """
+    if (other := mission(name)) is None:
+        raise UsageError(f"the mission {name} is not at hand{did_you_mean(name, places())}")
+    return together((own, other))
 
 
 def of_result(result: Result) -> Mission:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, fields
 from typing import Any, NamedTuple, Protocol
 
 from harness.mission.claim import Paper
+from harness.mission.conventions import Bodies, Example
 from harness.mission.figure import Drawing, Figure, Overlay, Phase
 from harness.mission.gauge import Gauge
 from harness.mission.measure import Limits, Measure
@@ -60,7 +61,8 @@ class Mission:
     `harness plan` answers, from a system and the changes of run(); bands: the limits that runs are
     held against where the user names none, definitions: lines below the table that explain its
     columns; idle: variables with the value from which on nothing is in force; validations: numbers
-    by others that the mission answers.
+    by others that the mission answers; bodies: names by which bodies in orbit are known; examples:
+    sources of what may take the place of a component.
     """
 
     figures: tuple[Figure | Drawing, ...] = ()
@@ -77,6 +79,8 @@ class Mission:
     definitions: tuple[Callable[[Limits], Iterator[str]], ...] = ()
     idle: tuple[tuple[str, float], ...] = ()
     validations: tuple[Validation, ...] = ()
+    bodies: tuple[Bodies, ...] = ()
+    examples: tuple[Example, ...] = ()
 
     def limits(self, given: Limits, results: Mapping[str, Result]) -> Limits:
         """The limits with the bands that these results suggest."""

@@ -183,3 +183,14 @@ READERS = {
     ".mat": matlab.read,
     ".parquet": parquet.read,
 }
+
+
+def save(result: Result, path: str | Path) -> Path:
+    """Write to .nc, .csv or .mat, an incomplete result to NAME.partial beside; UsageError,
+    ResultsError. Returns where it is.
+    """
+    file = ResultFile(Path(path))
+    if not result.complete:
+        return Path(file.keep(result))
+    file.write(result)
+    return Path(path)

@@ -109,7 +109,7 @@ def _check(tree: ast.expr) -> None:
     negation = isinstance(tree, ast.UnaryOp) and isinstance(tree.op, ast.Not | ast.Invert)
     joined = isinstance(tree, ast.BinOp) and isinstance(tree.op, ast.BitAnd | ast.BitOr)
     if not (isinstance(tree, ast.Compare | ast.BoolOp) or negation or joined):
-        raise ValueError("is no condition, as guidance.range >= 4 m is one")
+        raise ValueError("is no condition, as `component.variable >= 4 m` is one")
     for node in ast.walk(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, Quantity):
             unit(node.value.unit)

@@ -1,16 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A result in a notebook: a short text, a table with units, xarray and pandas, figures, files.
 
-What draws, reports and writes stands above results and knows them, so it is looked up by name when
-somebody asks for it.
+What draws, writes and reports stands above results and is attached there: harness.views.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from html import escape
-from importlib import import_module
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from harness.results.variables import attributes, variables
 
@@ -30,6 +28,9 @@ class Views:
     message: Any
     parameters: Any
     provenance: Any
+    plot: ClassVar[Callable[..., Any]]
+    save: ClassVar[Callable[..., Any]]
+    report: ClassVar[Callable[..., Any]]
 
     def __repr__(self) -> str:
         return f"<Result {self._summary()}>"
@@ -75,27 +76,6 @@ class Views:
         units = dict(zip(self.columns, self.units, strict=True))
         frame.attrs = {"system": self.system, "units": units}
         return frame
-
-    def plot(self, *names: str) -> Any:
-        """A matplotlib Figure of variables, of the figure of that name, or of the first figure that
-        the result has; UsageError, ResultsError.
-        """
-        return import_module("harness.figures.plots").shown(self, names)
-
-    def save(self, path: str | Path) -> Path:
-        """Write to .nc, .csv or .mat, an incomplete result to NAME.partial beside; UsageError,
-        ResultsError. Returns where it is.
-        """
-        file = import_module("harness.results.files").ResultFile(Path(path))
-        if not self.complete:
-            return Path(file.keep(self))
-        file.write(self)
-        return Path(path)
-
-    def report(self, path: str | Path) -> Path:
-        """Write a page of HTML with plots, verdicts and a replay in space; HarnessError."""
-        page: Path = import_module("harness.report.html").write(self, path)
-        return page
 
 
 def _row(name: str, _axes: Any, values: Any, about: dict[str, str]) -> str:

@@ -5,10 +5,10 @@ itself.
     x(t+h) = A x(t) + B u(t),   y(t+h) = C x(t+h) + D u(t)       deviations from the operating
     point, u held
 
-The states of an FMU are those of its outputs whose start value is a parameter: `wheel_speed` starts
-at `wheel_speed_0`, `r_SN_N` at `r_0_N`. Outputs that do not follow that parameter (the angle of a
-panel that does not exist) are none. The FMU is restarted at the operating point with them
-moved, so nothing but FMI is needed.
+The states of an FMU are those of its outputs whose start value is a parameter: `x` starts at
+`x_0`, a position at the parameter that a mission names. Outputs that do not follow that parameter
+(the angle of a panel that does not exist) are none. The FMU is restarted at the operating point
+with them moved, so nothing but FMI is needed.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from harness.files.archive import unpack
 from harness.files.temporary import PrivateFolder
 from harness.master import messages, place
 from harness.master.refusals import as_typed, refusals
+from harness.mission.library import everything
 from harness.system.interface import Interface, read_interface
 from harness.system.names import base, index
 from harness.system.values import assign, coerce, parse
@@ -240,7 +241,8 @@ class _Differences:
     def _restart(self, state: Mapping[str, float]) -> dict[str, float]:
         values = {self.bench.states[name]: value for name, value in state.items()}
         # plants with a Cartesian start use it when the semi-major axis is zero
-        return values | ({"a": 0.0} if "r_0_N[1]" in values else {})
+        cartesian = (n for n in everything().bodies if f"{n.start[0]}[1]" in values)
+        return values | {names.semi_major_axis: 0.0 for names in cartesian}
 
     def _check_restart(self) -> None:
         again = self.bench.run(self._restart(self.state), self.at, 0, self.h)

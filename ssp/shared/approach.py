@@ -22,6 +22,7 @@ from .approach_figures import (
     WHEEL_SPEEDS,
 )
 from .approach_scene import PAIR, pair, pairs
+from .conventions import BODIES, CONTROLLER
 from .gauges import GAUGES
 from .measures import MEASURES, bands, definitions
 from .notes import notes
@@ -60,4 +61,6 @@ def approach(
         notes=(notes, flexible.notes),
         bands=(bands,),
         definitions=(definitions,),
+        bodies=(BODIES,),
+        examples=(CONTROLLER,),
     )

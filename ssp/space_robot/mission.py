@@ -6,6 +6,7 @@ from __future__ import annotations
 from harness.mission import Gauge, Mission, Phase, Scene
 from harness.mission.figure import DEGREES, scaled
 
+from ..shared.conventions import BODIES
 from .claims import PAPERS
 from .figures import FIGURES, OVERLAYS
 from .measures import MEASURES
@@ -41,5 +42,6 @@ MISSION = Mission(
         Gauge("pitch", "deg", PITCH, factor=DEGREES),
         Gauge("pitch rate", "deg/s", RATE, factor=DEGREES),
     ),
+    bodies=(BODIES,),
     scene=(Scene(ROBOT, LINKS, robot),),
 )

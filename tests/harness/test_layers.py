@@ -18,6 +18,7 @@ LAYERS = (
     ("__init__", "__main__"),
     ("cli",),
     ("api",),
+    ("views",),
     ("authoring", "report"),
     ("studies", "exchange", "exports", "figures", "claims"),
     ("master",),

@@ -70,7 +70,7 @@ def test_variables_and_figures_are_drawn(result):
     with pytest.raises(UsageError, match=r"guidance\.rang"):
         result.plot("guidance.rang")
     bare = Result("x", np.zeros(1), ("a.b",), ("m",), np.zeros((1, 1)))
-    with pytest.raises(ResultsError, match="no known figure: name some"):
+    with pytest.raises(ResultsError, match="name some variables"):
         bare.plot()
 
 

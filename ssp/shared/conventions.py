@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Names of bodies on the wires, and the example of a controller that fits every approach."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from harness.mission.conventions import Bodies, Example
+
+BODIES = Bodies(
+    position="r_{}N_N",
+    velocity="v_{}N_N",
+    attitude="q_{}N",
+    components=("servicer", "target", "robot"),
+    start=("r_0_N", "v_0_N"),
+    semi_major_axis="a",
+    field="mu",
+    beside=("rho_0_H", "drho_0_H"),
+)
+CONTROLLER = Example(
+    place="sync_approach.controller",
+    inputs=frozenset(("r_TN_N", "v_TN_N", "r_SN_N", "v_SN_N", "q_SN", "rho_ref_N", "drho_ref_N")),
+    outputs=frozenset(("F_cmd_S", "M_cmd_S", "wheel_accel_cmd")),
+    file=Path("my_controller"),
+)

@@ -1,0 +1,223 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Missions are folders: of the project, of users, of packages; the engine knows none of them, and
+Python comes from nowhere else.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import harness
+from harness import export, read, run
+from harness.cli import main
+from harness.errors import UsageError
+from harness.files import paths
+from harness.mission import library
+
+PACKAGE = Path(harness.__file__).parent
+MISSIONS = PACKAGE.parent / "ssp"
+
+CONVENTIONS = {"sample_period", "latency", "seed", "stream", "status"}
+"""Words of signals that are the engine's own: what every FMU may have, and options of a run."""
+WORDS = {"target", "assembly"}
+"""FMUs whose names are words of the language or of XML, told apart by what they are part of."""
+
+
+def names_of_missions():
+    """Systems, FMUs, and signals that are no plain words."""
+    systems = {p.name for p in MISSIONS.iterdir() if (p / "system.toml").is_file()}
+    signals = set()
+    for fmu in paths.fmus().values():
+        with zipfile.ZipFile(fmu) as archive:
+            root = ET.fromstring(archive.read("modelDescription.xml"))
+        names = (v.get("name").partition("[")[0] for v in root.iter("ScalarVariable"))
+        signals |= {n for n in names if not n.startswith("der(") and ("_" in n or not n.islower())}
+    return systems | set(paths.fmus()) - WORDS, {s for s in signals if len(s) > 2} - CONVENTIONS
+
+
+def texts_of(file):
+    """All texts and all names of modules in a file, but for the docstrings."""
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    said = {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in said:
+            yield node.lineno, node.value
+        elif isinstance(node, ast.ImportFrom):
+            yield node.lineno, node.module or ""
+        elif isinstance(node, ast.Import):
+            yield from ((node.lineno, alias.name) for alias in node.names)
+
+
+def test_the_engine_names_no_system_no_fmu_and_no_signal():
+    named, signals = names_of_missions()
+    components = "guidance|controller|monitor|propulsion|servicer|target|robot|assembly|allocation"
+    found = []
+    for file in sorted(PACKAGE.rglob("*.py")):
+        for line, text in texts_of(file):
+            words = set(re.findall(r"[A-Za-z_]\w*", text))
+            hits = words & (named | signals) | set(
+                re.findall(rf"\\b(?:{components})\\.[a-z]\\w*", text)
+            )
+            if hits:
+                found.append(f"{file.relative_to(PACKAGE)}:{line}: {', '.join(sorted(hits))}")
+    assert not found, "\n".join(found)
+
+
+def test_the_engine_imports_no_mission():
+    for file in PACKAGE.rglob("*.py"):
+        assert not any("servicing.ssp" in text for _, text in texts_of(file)), file
+
+
+# ---- a mission of a user
+
+
+@pytest.fixture
+def alone(monkeypatch, tmp_path):
+    """An empty folder, and a library that knows only what is installed."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(library, "_named", {})
+    monkeypatch.setattr(library, "_chosen", [])
+    return tmp_path
+
+
+def test_a_new_mission_runs_plots_and_reports_at_once(alone, capsys):
+    assert main(["new", "mission", "mine"]) == 0
+    assert main(["run", "mine", "--stop", "20", "-o", "mine.nc", "--quiet"]) == 0
+    assert main(["report", "mine.nc", "--mission", "mine"]) == 1  # 20 s are too few for the paper
+    out = capsys.readouterr().out
+    assert "Claims of mine" in out
+    assert "the run reaches its end" in out
+    assert main(["plot", "mine.nc", "--mission", "mine", "-o", "figures"]) == 0
+    assert (alone / "figures" / "own.png").is_file()
+    assert main(["report", "mine.nc", "--mission", "mine", "-o", "mine.html"]) == 0
+    page = (alone / "mine.html").read_text(encoding="utf-8")
+    assert "A figure of my own" in page
+    assert "my largest" in page
+
+
+def test_a_mission_that_is_not_at_hand_leaves_the_general_figures_and_says_so(
+    alone, capsys, caplog
+):
+    assert main(["new", "mission", "mine"]) == 0
+    run("mine", stop=5.0).save("mine.nc")
+    library._named.clear()
+    assert main(["report", "mine.nc"]) == 0
+    assert "the mission mine is not at hand" in " ".join(capsys.readouterr().out.split())
+    assert main(["plot", "mine.nc", "-o", "figures"]) == 0
+    assert "name its folder with --mission" in caplog.text
+    assert "servicer" in capsys.readouterr().out
+
+
+def test_a_mission_that_exists_is_not_overwritten(alone):
+    assert main(["new", "mission", "mine"]) == 0
+    assert main(["new", "mission", "mine"]) == 2
+    assert main(["new", "mission", "sync_approach"]) == 2
+    assert main(["new", "mission", "a b"]) == 2
+
+
+def test_what_is_wrong_with_the_python_of_a_mission_is_one_line_with_its_place(alone, capsys):
+    assert main(["new", "mission", "mine"]) == 0
+    run("mine", stop=1.0).save("mine.nc")
+    file = alone / "mine" / "mission.py"
+    file.write_text(file.read_text(encoding="utf-8").replace('"my largest"', "my_largest"))
+    library._loaded.cache_clear()
+    for name in [n for n in sys.modules if n.startswith("mission_mine")]:
+        del sys.modules[name]
+    capsys.readouterr()
+    assert main(["plot", "mine.nc", "--mission", "mine"]) == 2
+    err = capsys.readouterr().err
+    assert re.fullmatch(
+        r"harness: .*mine/mission\.py, line \d+: NameError: name 'my_largest' is not defined.*\n",
+        err,
+    )
+
+
+def test_a_system_of_fmus_by_path_and_by_name_needs_no_other_mission(alone):
+    folder = alone / "plain"
+    folder.mkdir()
+    (folder / "copied.fmu").write_bytes(paths.fmus()["target"].read_bytes())
+    (folder / "system.toml").write_text(
+        """[experiment]
+stop = 10.0
+step = 1.0
+[components]
+body = "copied.fmu"
+[open]
+"body.F_T" = [0, 0, 0]
+"body.M_T" = [0, 0, 0]
+"""
+    )
+    result = run(folder)
+    assert result.provenance.mission == "plain"
+    assert result.complete
+    assert result.system == "plain"
+
+
+# ---- a mission of a package
+
+
+def test_a_package_offers_its_mission_by_an_entry_point(alone, monkeypatch):
+    """A package that stands on the path as an installed one does, flown in a process of its own."""
+    package = alone / "site" / "offered"
+    package.mkdir(parents=True)
+    info = alone / "site" / "offered-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: offered\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[harness.missions]\noffered = offered\n")
+    (package / "__init__.py").write_text("")
+    (package / "mission.py").write_text(
+        "from harness.mission import Measure, Mission\n"
+        "MISSION = Mission(measures=(Measure('rows', '', (), lambda r, _: len(r.time)),))\n"
+    )
+    (package / "system.toml").write_text('extends = "sync_approach"\n')
+    script = (
+        "from harness import run; from harness.mission.library import of_result\n"
+        "result = run('offered', stop=1.0)\n"
+        "print(result.provenance.mission, [m.name for m in of_result(result).measures])"
+    )
+    monkeypatch.setenv("PYTHONPATH", f"{alone / 'site'}")
+    done = subprocess.run(
+        [sys.executable, "-c", script], check=True, capture_output=True, text=True
+    )
+    assert done.stdout == "offered ['rows']\n"
+
+
+# ---- no Python from data
+
+
+def test_python_inside_an_archive_or_beside_a_result_is_never_run(alone):
+    """A .ssp with a mission.py and a results file that names a folder: neither is taken."""
+    evil = "import pathlib; pathlib.Path('was-run').write_text('')\n"
+    (alone / "bait").mkdir()
+    (alone / "bait" / "mission.py").write_text(evil)
+    (alone / "mission.py").write_text(evil)
+    archive = alone / "sync.ssp"
+    export("sync_approach", archive)
+    with zipfile.ZipFile(archive, "a") as file:
+        file.writestr("mission.py", evil)
+        file.writestr("resources/mission.py", evil)
+    result = run(archive, stop=1.0)
+    for name in ("bait", str(alone / "bait"), "../bait", "os"):
+        known = result.provenance
+        forged = replace(result, provenance=replace(known, mission=name))
+        forged.save("forged.nc")
+        assert library.missing(read("forged.nc"))
+        assert main(["report", "forged.nc"]) in {0, 1}
+        assert main(["plot", "forged.nc", "-o", "figures"]) == 0
+    assert not list(alone.rglob("was-run"))
+
+
+def test_a_mission_is_named_by_its_folder(alone):
+    with pytest.raises(UsageError, match="no such folder of a mission"):
+        library.use(alone / "nowhere")
+    with pytest.raises(UsageError, match="holds neither"):
+        library.use(alone)
