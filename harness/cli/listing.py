@@ -8,8 +8,7 @@ from pathlib import Path
 from harness.errors import UsageError
 from harness.files import paths
 from harness.master.changes import set_names
-from harness.ssp import reader
-from harness.ssp.library import find_system
+from harness.ssp.library import find_system, load
 from harness.system.interface import read_interface
 from harness.system.model import Experiment, System
 
@@ -36,7 +35,7 @@ def text(name: str | None = None) -> str:
 
 
 def _system_lines(path: Path) -> list[str]:
-    with reader.opened(path) as system:
+    with load(path) as system:
         experiment = system.experiment
         return [
             f"{system.name}: {system.description}",

@@ -38,11 +38,33 @@ def load(system: str | Path | System) -> Iterator[System]:
         yield replace(found, origin=origin)
 
 
+@contextmanager
+def examined(path: Path) -> Iterator[tuple[System, tuple[str, ...]]]:
+    """The system of a file as far as it can be read, and what is wrong with its description; raises
+    ArchiveError or StructureError if there is nothing to read.
+    """
+    if path.suffix == ".toml":
+        yield _built(path), ()
+        return
+    with reader.examined(path) as found:
+        yield found
+
+
+def name_of(path: Path) -> str:
+    """The name of a system by its file."""
+    return path.resolve().parent.name if path.name == SYSTEM else path.stem
+
+
 def _built(path: Path) -> System:
-    """The system of a TOML; one beside a mission.py takes it along."""
-    if any((path.parent / name).is_file() for name in (FILE, SYSTEM)):
-        use(path.parent)
+    """The system of a TOML, with the mission of its folder."""
+    take_mission(path)
     return build.read(path, paths.fmus())
+
+
+def take_mission(system: Path) -> None:
+    """Take what the folder of a TOML offers beside it, from now on."""
+    if system.suffix == ".toml" and any((system.parent / n).is_file() for n in (FILE, SYSTEM)):
+        use(system.parent)
 
 
 def find_system(name: str | Path) -> Path:

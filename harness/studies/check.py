@@ -19,10 +19,11 @@ from harness.files import paths
 from harness.master.changes import Changes, apply, choose_set, set_names
 from harness.master.refusals import as_typed
 from harness.master.trial import refused, unreachable
+from harness.mission.library import SYSTEM
 from harness.remote.targets import TARGETS, missing
 from harness.rules.judge import judge
 from harness.spelling import did_you_mean
-from harness.ssp import reader
+from harness.ssp.library import examined
 from harness.studies.notes import noted
 from harness.system.graph import readable_interfaces
 from harness.system.interface import Interface, binary_problem, read_interface
@@ -52,6 +53,8 @@ def check(name: str, strict: bool = False, **changes: Unpack[Changes]) -> Verdic
     """
     systems, fmus = paths.systems(), paths.fmus()
     path = systems.get(name) or fmus.get(name) or Path(name)
+    if paths.is_file(path / SYSTEM):
+        path = path / SYSTEM
     if not paths.is_file(path):
         raise UsageError(
             f"{name}: there is no such system or FMU{did_you_mean(name, [*systems, *fmus])}"
@@ -93,7 +96,7 @@ def _check_system(path: Path, strict: bool, changes: Changes) -> Verdict:
     """Everything that is wrong with the file, its wiring with every parameter set or with these
     changes, its FMUs, the values that they are given, and its time span.
     """
-    with noted() as notes, reader.examined(path) as (found, problems):
+    with noted() as notes, examined(path) as (found, problems):
         system = apply(found, **changes) if changes and not problems else found
         errors = [*problems, *_system_errors(system, [""] if changes else set_names(system))]
     lines = (*errors, *(f"warning: {note}" for note in notes))

@@ -221,3 +221,20 @@ def test_a_mission_is_named_by_its_folder(alone):
         library.use(alone / "nowhere")
     with pytest.raises(UsageError, match="holds neither"):
         library.use(alone)
+
+
+@pytest.mark.parametrize("name", ["mine", "mine/system.toml"])
+def test_a_folder_or_a_toml_stands_wherever_a_system_does(alone, capsys, name):
+    assert main(["new", "mission", "mine"]) == 0
+    for command in (["check"], ["show"], ["list"], ["draw"]):
+        assert main([*command, name]) == 0, command
+    assert main(["export", name, "mine.ssp"]) == 0
+    assert run("mine.ssp", stop=1.0).provenance.mission == "mine"
+    (alone / "own.toml").write_text(
+        f'system = "{name}"\nruns = 2\n[factors]\n'
+        '"servicer.mass_0" = {uniform = {low = 90, high = 110}}\n'
+        '[metrics]\nlargest = "my largest"\n[fixed]\nstop = 1.0\n'
+    )
+    capsys.readouterr()
+    assert main(["campaign", "own.toml", "-o", "own.zarr", "--workers", "1"]) == 0
+    assert "largest" in capsys.readouterr().out

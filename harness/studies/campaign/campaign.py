@@ -12,7 +12,7 @@ from harness.errors import UsageError
 from harness.files.signals import held
 from harness.master.changes import Changes
 from harness.master.recorder import recorded
-from harness.ssp.library import find_system
+from harness.ssp.library import find_system, name_of
 from harness.studies.campaign.clusters import Workers, checked, prepare
 from harness.studies.campaign.credentials import Files
 from harness.studies.campaign.draft import read_plan
@@ -188,5 +188,5 @@ def like(text: str, system: str | Path | None = None) -> tuple[str | Path, Chang
         raise UsageError(f"--like {text}: this run is still to come, see --resume")
     plan = Plan(*store.definition())
     if system is not None and plan.system.read_bytes() != find_system(system).read_bytes():
-        raise UsageError(f"--like {text}: is of {plan.system.stem}, not of {Path(system).stem}")
+        raise UsageError(f"--like {text}: is of {name_of(plan.system)}, not of {Path(system).stem}")
     return system or plan.system, plan.changes(store.values(int(number)))

@@ -16,7 +16,7 @@ from harness.master.refusals import as_typed, without
 from harness.master.trial import refused
 from harness.results.result import Result
 from harness.spelling import did_you_mean
-from harness.ssp.library import load
+from harness.ssp.library import load, take_mission
 from harness.studies.campaign import draws, metrics
 from harness.studies.campaign.factors import Factor, factor
 from harness.studies.campaign.kinds import (
@@ -85,6 +85,7 @@ class _Draft:
         if sampler not in draws.SAMPLERS:
             close = did_you_mean(sampler, draws.SAMPLERS)
             self.problems.append(f"sampler: there is no {sampler}{close}, only {_all_samplers()}")
+        take_mission(self.plan.system)
         factors = self._each("factors", factor)
         found = self._each("metrics", lambda _, text: metrics.metric(str(text), self.plan.folder))
         if self.plan.success is not None:

@@ -47,9 +47,10 @@ class Plan:
 
     @property
     def system(self) -> Path:
-        """Path of the .ssp."""
-        beside = self.folder / str(self.definition["system"])
-        return beside if beside.is_file() else find_system(str(self.definition["system"]))
+        """Path of the .ssp or TOML; of a path, beside the campaign."""
+        name = str(self.definition["system"])
+        beside = self.folder / name
+        return find_system(beside if beside.exists() else name)
 
     @property
     def seed(self) -> int:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from harness.errors import ResultsError, UsageError
 from harness.files.output import naming
+from harness.ssp.library import name_of
 from harness.studies.campaign import labels
 from harness.studies.campaign.plan import Layout, Plan, Values
 from harness.studies.campaign.worker import PENDING, Row, Task
@@ -51,7 +52,7 @@ class Store:
             "definition": json.dumps(plan.definition),
             "folder": str(plan.folder),
             "digest": plan.digest,
-            "system": plan.system.stem,
+            "system": name_of(plan.system),
             "block": block,
         }
         with naming(path):

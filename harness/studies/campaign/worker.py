@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from harness.errors import HarnessError, InterruptionError, RunError
 from harness.master.changes import Changes, as_in_a_file
 from harness.results.result import Result
+from harness.ssp.library import take_mission
 from harness.studies.campaign.metrics import Metric, measured, metric
 from harness.studies.warm import Warm
 
@@ -82,6 +83,7 @@ def _pilot(task: Task) -> _Pilot:
     """The one of this campaign; that of an earlier one is closed."""
     if task.key not in _pilots:
         close()
+        take_mission(task.system)
         found = {name: metric(text, task.folder) for name, text in task.metrics.items()}
         _pilots[task.key] = _Pilot(task, Warm(task.system), found)
     return _pilots[task.key]
