@@ -44,7 +44,7 @@ def simulate(  # noqa: PLR0913 - every one is an option of the command line
     system: System,
     *,
     executor: str = "c",
-    every: int = 1,
+    every: int | None = None,
     progress: bool | Watch = False,
     in_process: bool = False,
     patience: float = math.inf,
@@ -65,7 +65,7 @@ def all_ours(system: System) -> bool:
     return all(is_ours(c.fmu) for c in system.components)
 
 
-def timed(system: System, every: int = 1, patience: float = math.inf) -> tuple[Result, float]:
+def timed(system: System, every: int | None = 1, patience: float = math.inf) -> tuple[Result, float]:
     """The result of a run in a child process, and the time of a macro step of its quickest stretch
     [s].
 
@@ -110,7 +110,7 @@ class _Run:
         self,
         system: System,
         executor: str,
-        every: int,
+        every: int | None,
         patience: float = math.inf,
         pacer: Pacer | None = None,
     ) -> None:
@@ -238,7 +238,7 @@ def _run(  # noqa: PLR0913, PLR0917 - two blocks of memory
     simulation: Simulation | None,
     system: System,
     executor: str,
-    every: int,
+    every: int | None,
     pacer: Pacer | None,
     table: memory.Block,
     marks: memory.Block,

@@ -67,13 +67,13 @@ class Simulation:
         system: System,
         *,
         executor: str = "c",
-        every: int = 1,
+        every: int | None = None,
         pacer: Pacer | None = None,
         **changes: Unpack[Changes],
     ) -> None:
         """Check the system with these changes; nothing is loaded before `with`.
 
-        pacer: lets macro steps begin when they are due; None: as soon as they can. Raises
+        every: record every N-th macro step, None: as the system says. pacer: lets macro steps begin when they are due; None: as soon as they can. Raises
         StructureError, FmuError or UsageError.
         """
         if executor not in EXECUTORS:
@@ -89,10 +89,12 @@ class Simulation:
         self._folder: PrivateFolder | None = None
         changed = apply(system, **changes)
         found = checked(changed)
-        self._lay_out(changed, found, self._recorder(found, every))
+        self._lay_out(changed, found, self._recorder(found, changed))
 
-    def _recorder(self, found: Checked, every: int) -> Recorder:
-        return Recorder(found.steps, len(found.graph.slots), every)
+    def _recorder(self, found: Checked, system: System, every: int | None = None) -> Recorder:
+        """The first that is said: of this run, of the simulation, of the system."""
+        told = next(n for n in (every, self.every, system.experiment.every) if n is not None)
+        return Recorder(found.steps, len(found.graph.slots), told)
 
     def _lay_out(self, system: System, found: Checked, recorder: Recorder) -> None:
         self.system = system
@@ -171,7 +173,7 @@ class Simulation:
         if self._folder is None:
             raise UsageError("a Simulation can run inside its `with` block only")
         found = rechecked(system, self.system, self.graph)
-        recorder = self._recorder(found, self.every if every is None else every)
+        recorder = self._recorder(found, system, every)
         if self._initialised and self.step >= self.recorder.every and self._unproved():
             self._rehearse()
         self._lay_out(system, found, recorder)
@@ -391,7 +393,7 @@ def simulate(
     system: System,
     *,
     executor: str = "c",
-    every: int = 1,
+    every: int | None = None,
     progress: bool | Watch = False,
     pacer: Pacer | None = None,
 ) -> Result:

@@ -47,7 +47,7 @@ KEYS = {
         "alternatives",
         "requirements",
     ),
-    "experiment": ("start", "stop", "step", "algorithm"),
+    "experiment": ("start", "stop", "step", "algorithm", "every"),
     "schedule": ("every", "latency"),
     "set": ("description", "experiment"),
     "set experiment": ("stop", "step"),
@@ -204,10 +204,13 @@ class _Builder:
         self.problems += _unknown_keys(
             "schedule", self.source.get("schedule", {}), list(self.interfaces)
         )
-        start, stop, step = (
-            self._number("experiment", table, key) for key in ("start", "stop", "step")
+        start, stop, step, every = (
+            self._number("experiment", table, key) for key in ("start", "stop", "step", "every")
         )
-        return Experiment(start or 0.0, stop, step, str(table.get("algorithm", "gauss-seidel")))
+        if every is not None and (every < 1 or every != round(every)):
+            self.problems.append(f"[experiment] every: {every:g} is not a whole number from 1 on")
+        algorithm = str(table.get("algorithm", "gauss-seidel"))
+        return Experiment(start or 0.0, stop, step, algorithm, round(every or 1))
 
     def _number(self, place: str, table: Mapping[str, Any], key: str) -> float | None:
         value = table.get(key)

@@ -163,6 +163,7 @@ class _Reader:
             stop=self._number(default, "stopTime"),
             step=self._number(step, "baseStepSize"),
             algorithm="jacobi" if self.run is None else self.run.get("algorithm"),
+            every=max(1, round(self._number(self.run, "every") or 1)),
         )
 
     def _component(self, leaf: Leaf, flat: Flat, experiment: Experiment) -> Component:

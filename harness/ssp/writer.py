@@ -281,6 +281,7 @@ class _Description:
         attributes(
             run,
             algorithm=self.system.experiment.algorithm,
+            every=self.system.experiment.every if self.system.experiment.every > 1 else None,
             strict="true" if self.system.strict else "false",
             mission=self.system.mission or None,
         )

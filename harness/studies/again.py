@@ -35,7 +35,7 @@ class Again:
     system: str | Path
     changes: Changes
     executor: str = "c"
-    every: int = 1
+    every: int | None = None
     model: Result | None = None
 
 

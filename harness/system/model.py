@@ -83,14 +83,15 @@ class Component:
 
 @dataclass(frozen=True)
 class Experiment:
-    """Time span and macro step [s] of a run (None: the file does not say) and the order of
-    execution.
+    """Time span and macro step [s] of a run (None: the file does not say), the order of execution,
+    and that every N-th macro step is recorded unless told otherwise.
     """
 
     start: float = 0.0
     stop: float | None = None
     step: float | None = None
     algorithm: str = "gauss-seidel"
+    every: int = 1
 
 
 @dataclass(frozen=True)
