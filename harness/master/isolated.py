@@ -65,7 +65,9 @@ def all_ours(system: System) -> bool:
     return all(is_ours(c.fmu) for c in system.components)
 
 
-def timed(system: System, every: int | None = 1, patience: float = math.inf) -> tuple[Result, float]:
+def timed(
+    system: System, every: int | None = 1, patience: float = math.inf
+) -> tuple[Result, float]:
     """The result of a run in a child process, and the time of a macro step of its quickest stretch
     [s].
 

@@ -73,8 +73,8 @@ class Simulation:
     ) -> None:
         """Check the system with these changes; nothing is loaded before `with`.
 
-        every: record every N-th macro step, None: as the system says. pacer: lets macro steps begin when they are due; None: as soon as they can. Raises
-        StructureError, FmuError or UsageError.
+        every: record every N-th macro step, None: as the system says. pacer: lets macro steps begin
+        when they are due; None: as soon as they can. Raises StructureError, FmuError or UsageError.
         """
         if executor not in EXECUTORS:
             raise UsageError(f"there is no executor {executor}, only {' and '.join(EXECUTORS)}")

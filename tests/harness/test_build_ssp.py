@@ -131,6 +131,10 @@ def test_an_explicit_connection_wins_over_the_name_and_may_name_single_elements(
             ("every = 3\nlatency = 2", 'every = "often"'),
             ["[schedule.third] every: 'often' is not a number"],
         ),
+        (
+            ("step = 1.0", "step = 1.0\nevery = 2.5"),
+            ["[experiment] every: 2.5 is not a whole number from 1 on"],
+        ),
         (("step = 1.0", "stepp = 1.0"), None),
         (("stop = 12.0", "stop = 12.5"), None),
         (

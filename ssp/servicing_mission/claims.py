@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The mission by its events, against an independent flight of the same laws with ideal thrust of at
+most 2, 1, 1 N along x, y, z and a lag of 0.3 s.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harness.mission.claim import (
+    Band,
+    CannotJudgeError,
+    Case,
+    Claim,
+    Evaluation,
+    Paper,
+    at_least,
+    at_most,
+)
+from harness.results.result import Result
+
+from ..shared.relative_motion import range_
+from .flight import ISP, NEEDS, Stay, captures, increments, stays
+
+LEAST, PEAK, LOAD = "monitor.least_margin", "mechanism.contact_force_peak", "mechanism.load_force"
+RATE = "servicer.omega_SN_S"
+
+
+def stay(result: Result, phase: str) -> Stay:
+    """The first time in a phase."""
+    found = [s for s in stays(result) if s.phase == phase]
+    if not found:
+        raise CannotJudgeError(f"it never comes to {phase}")
+    return found[0]
+
+
+def reached(phase: str, after: str | None = None) -> Evaluation:
+    """When a phase begins, or how long after another one [s], and the range there [m]."""
+
+    def measure(result: Result) -> tuple[float, ...]:
+        there = stay(result, phase)
+        since = stay(result, after).begin if after else 0.0
+        return there.begin - since, float(range_(result)[there.row])
+
+    return measure
+
+
+def range_at(phase: str) -> Evaluation:
+    """Range where a phase begins [m]."""
+    return lambda result: (float(range_(result)[stay(result, phase).row]),)
+
+
+def _capture(result: Result, what: str) -> float:
+    found = [t for t, event in captures(result) if event == what]
+    if not found:
+        raise CannotJudgeError(f"no {what}")
+    return found[-1]
+
+
+def soft_after_mating(result: Result) -> tuple[float, ...]:
+    """From the last mating to soft capture [s]."""
+    last = [s for s in stays(result) if s.phase == "MATING"][-1]
+    return (_capture(result, "soft capture") - last.begin,)
+
+
+def at_soft(name: str) -> Evaluation:
+    """Size of a variable in the row before soft capture."""
+
+    def measure(result: Result) -> tuple[float, ...]:
+        row = np.searchsorted(result.time, _capture(result, "soft capture")) - 1
+        return (float(np.linalg.norm(result[name][row])),)
+
+    return measure
+
+
+def hard_after_soft(result: Result) -> tuple[float, ...]:
+    """From soft to hard capture [s]."""
+    return (_capture(result, "hard capture") - _capture(result, "soft capture"),)
+
+
+def largest(name: str) -> Evaluation:
+    """Largest value of a variable."""
+    return lambda result: (float(result[name].max()),)
+
+
+def rate_at_end(result: Result) -> tuple[float, ...]:
+    """Rate of the servicer in the last row [rad/s]."""
+    return (float(np.linalg.norm(result[RATE][-1])),)
+
+
+def all_increments(result: Result) -> tuple[float, ...]:
+    """Velocity increments of the whole flight [m/s]."""
+    return (float(increments(result)[-1]),)
+
+
+def least_before_mating(result: Result) -> tuple[float, ...]:
+    """Least range before the first mating [m]."""
+    return (float(range_(result)[: stay(result, "MATING").row].min()),)
+
+
+def least_margin(result: Result) -> tuple[float, ...]:
+    """Least margin of the rules keep-out, corridor and speed [m, m, m/s]."""
+    margins = result[LEAST][-1, :3]
+    return (float(margins.min()), *map(float, margins))
+
+
+def claim(  # noqa: PLR0913, PLR0917 - the columns of the table
+    name: str,
+    there: str,
+    measure: Evaluation,
+    figure: str,
+    unit: str,
+    band: Band,
+    *needs: str,
+) -> Claim:
+    """One line of the table."""
+    return Claim(name, f"{name}: {there}", "events", (*NEEDS, *needs), measure, figure, unit, band,
+                 interval=1.0)  # fmt: skip
+
+
+def after(phase: str, before: str, there: str, low: float, high: float) -> Claim:
+    """A phase so long after another one."""
+    return claim(phase, there, reached(phase, before), f"{{0:.0f}} s after {before}", "s",
+                 Band(low, high))  # fmt: skip
+
+
+CLAIMS = (
+    claim("HOLD_1", "1421 s", reached("HOLD_1"), "{0:.0f} s", "s", Band(1100, 2200)),
+    claim("range at HOLD_1", "103.8 m", range_at("HOLD_1"), "{0:.1f} m", "m", Band(95, 105)),
+    after("CLOSING", "HOLD_1", "60 s after", 60, 70),
+    after("HOLD_2", "CLOSING", "509 s after, 20.7 m", 350, 900),
+    after("FLYAROUND", "HOLD_2", "30 s after", 30, 90),
+    after("FINAL", "FLYAROUND", "435 s after (where the axis stands)", 200, 800),
+    after("HOLD_3", "FINAL", "329 s after", 320, 400),
+    claim("soft capture", "52 s after MATING", soft_after_mating, "{0:.1f} s", "s", Band(45, 75)),
+    claim("speed at soft capture", "0.029 m/s", at_soft("mechanism.dtip_Q"), "{0:.3f} m/s", "m/s",
+          at_most(0.06), "mechanism.dtip_Q"),
+    claim("off the axis at soft capture", "0.2 mm", at_soft("mechanism.offset"), "{0:.2g} m", "m",
+          at_most(0.02), "mechanism.offset"),
+    claim("hard capture", "30 s after soft", hard_after_soft, "{0:.1f} s", "s", Band(30, 32)),
+    claim("peak contact force", "4.8 N", largest(PEAK), "{0:.2f} N", "N", Band(3, 40), PEAK),
+    claim("peak load", "3.8 N", largest(LOAD), "{0:.2f} N", "N", at_most(60), LOAD),
+    after("STACK", "DETUMBLE", "110 s after", 60, 300),
+    claim("rate at the end", "1e-5 rad/s and falling", rate_at_end, "{0:.2g} rad/s", "rad/s",
+          at_most(2e-4), RATE),
+    claim("velocity increments", "5.9 m/s", all_increments, "{0:.2f} m/s", "m/s", Band(4, 10)),
+    claim("least range before MATING", "3.00 m", least_before_mating, "{0:.3f} m", "m",
+          at_least(2.9)),
+    claim("margins of keep-out, corridor, speed", "above 0", least_margin,
+          "{1:.3g} m, {2:.3g} m, {3:.3g} m/s", "", at_least(0), LEAST),
+)  # fmt: skip
+
+PAPER = Paper(
+    title="A mission by its events (independent flight of the same laws, ideal thrust)",
+    needs=NEEDS,
+    claims=CLAIMS,
+    parameters=(ISP,),
+    meant=lambda result: bool((result["manager.phase"] == 10).any()),
+    cases=(Case("servicing_mission"),),
+)

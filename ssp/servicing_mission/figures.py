@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Figures of a mission: range and phases, the final approach in the corridor, contact and loads,
+wheels and rates.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harness.figures.style import legend_above, time_axis
+from harness.mission.figure import Array, Axes, Curve, Drawing, Figure, Panel
+from harness.results.result import Result
+from harness.results.rotations import turned
+
+from ..shared.relative_motion import SERVICER, TARGET, range_
+from .flight import ISP, NEEDS, PHASES, increments, stays
+
+HALF_ANGLE = "monitor.corridor_half_angle"
+IN_TARGET = (SERVICER, TARGET, "target.q_TN")
+LOADS = ("mechanism.normal_force", "mechanism.load_force", "mechanism.load_moment")
+WHEELS, RATE, MOMENTUM = "servicer.wheel_speed", "servicer.omega_SN_S", "stack_guidance.momentum_S"
+CLOSE = 25.0
+"""Range of the picture of the final approach [m]."""
+
+
+def in_target_axes(result: Result) -> Array:
+    """Position of the servicer relative to the target, target axes, (rows, 3) [m]."""
+    rho = result[SERVICER] - result[TARGET]
+    return turned(result["target.q_TN"] * (1, -1, -1, -1), rho)  # from N to T
+
+
+def _mission(canvas: Axes, result: Result) -> None:
+    """Range and velocity increments; the phases as bands with their names."""
+    top, bottom = canvas.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    clock = time_axis(result.time)
+    t = result.time / clock.seconds
+    top.semilogy(t, range_(result))
+    top.set_ylabel("range [m]")
+    bottom.plot(t, increments(result))
+    bottom.set(ylabel="increments [m/s]", xlabel=clock.label)
+    for k, stay in enumerate(stays(result)):
+        begin, end = stay.begin / clock.seconds, stay.end / clock.seconds
+        for axes in (top, bottom):
+            axes.axvspan(begin, end, color="0.5", alpha=0.12 if k % 2 else 0, lw=0)
+        if end - begin > 0.02 * t[-1]:
+            top.text((begin + end) / 2, 0.98, stay.phase, transform=top.get_xaxis_transform(),
+                     rotation=90, ha="center", va="top", fontsize=7)  # fmt: skip
+
+
+def _corridor(canvas: Axes, result: Result) -> None:
+    """Distance off the grasp axis over the distance along it, from the fly-around on, in the cone
+    of the monitor.
+    """
+    p = in_target_axes(result)
+    axis = np.asarray(result.parameter("guidance.p_T"))
+    along, phase = p @ axis, result["manager.phase"]
+    off = np.linalg.norm(p - along[:, None] * axis, axis=1)
+    axes = canvas.add_subplot()
+    for number in np.unique(phase[(phase >= PHASES.index("FLYAROUND")) & (range_(result) < CLOSE)]):
+        shown = (phase == number) & (range_(result) < CLOSE)
+        axes.plot(np.where(shown, along, np.nan), off, label=PHASES[int(number)])
+    cone = np.array([0, CLOSE])
+    axes.plot(cone, cone * np.tan(float(result.parameter(HALF_ANGLE))), "k--", lw=0.8)
+    axes.set(xlabel="along the grasp axis [m]", ylabel="off the axis [m]")
+    axes.set(xlim=(-CLOSE, CLOSE), ylim=(0, CLOSE))
+    legend_above(axes)
+
+
+FIGURES: tuple[Figure | Drawing, ...] = (
+    Drawing("mission", "Range and phases", NEEDS, _mission, (11, 6), (ISP,)),
+    Drawing(
+        "corridor",
+        "Fly-around and final approach in target axes",
+        (*IN_TARGET, "manager.phase"),
+        _corridor,
+        (11, 6),
+        ("guidance.p_T", HALF_ANGLE),
+    ),
+    Figure(
+        "contact",
+        "Contact and loads",
+        (
+            Panel("normal force [N]", (Curve(LOADS[0], ""),)),
+            Panel("load [N]", (Curve(LOADS[1], ""),)),
+            Panel("couple [N m]", (Curve(LOADS[2], ""),)),
+            Panel("off the axis of the drogue [m]", (Curve("mechanism.offset", ""),), log=True),
+        ),
+    ),
+    Figure(
+        "momentum",
+        "Wheels, rate and momentum",
+        (
+            Panel("wheel speed [rad/s]", (Curve(WHEELS),)),
+            Panel("rate of the servicer [rad/s]", (Curve(RATE),)),
+            Panel("momentum of the stack [N m s]", (Curve(MOMENTUM),)),
+        ),
+        ("manager.phase",),
+    ),
+)

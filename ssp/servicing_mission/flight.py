@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A mission read from its result: phases with their times, events, velocity increments."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from harness.mission.figure import Array
+from harness.results.result import Result
+
+from ..shared.relative_motion import SERVICER, TARGET, range_
+
+PHASE, REASON, BEGUN = "manager.phase", "manager.reason", "manager.t_phase"
+DOCKING, MASS = "mechanism.phase", "servicer.mass"
+NEEDS = (PHASE, REASON, BEGUN, DOCKING, MASS, SERVICER, TARGET)
+PHASES = (
+    "FAR", "HOLD_1", "CLOSING", "HOLD_2", "FLYAROUND", "FINAL", "HOLD_3", "MATING",
+    "RIGIDISE", "DETUMBLE", "STACK", "BACKOFF", "RETREAT", "SAFE", "ABORTED",
+)  # fmt: skip
+REASONS = (
+    "", "abort of the monitor", "ordered by ground", "navigation lost", "propellant",
+    "error near the target", "too fast", "time-out", "attempts used up",
+)  # fmt: skip
+CAPTURE = {2: "soft capture", 3: "hard capture", 4: "release", 5: "latch broken"}
+ISP, G_0 = "propulsion.Isp", 9.80665
+
+
+class Stay(NamedTuple):
+    """One phase of a flight, times in seconds; reason: what ended the phase before."""
+
+    phase: str
+    begin: float
+    end: float
+    reason: str
+    row: int
+
+
+def stays(result: Result) -> list[Stay]:
+    """The phases in their order."""
+    phase = result[PHASE]
+    rows = [0, *(np.flatnonzero(np.diff(phase)) + 1)]
+    begun = [float(result[BEGUN][row]) for row in rows]
+    ends = [*begun[1:], float(result.time[-1])]
+    return [
+        Stay(PHASES[int(phase[row])], begin, end, REASONS[int(result[REASON][row])], int(row))
+        for row, begin, end in zip(rows, begun, ends, strict=True)
+    ]
+
+
+def increments(result: Result) -> Array:
+    """Velocity increments so far by the propellant that is gone, (rows,) [m/s]."""
+    mass = result[MASS]
+    return np.asarray(float(result.parameter(ISP)) * G_0 * np.log(mass[0] / mass))
+
+
+def captures(result: Result) -> Iterator[tuple[float, str]]:
+    """First contact, then every change of the latch: time [s] and what it is."""
+    docking = result[DOCKING]
+    touched = np.flatnonzero(docking > 0)
+    if len(touched):
+        yield float(result.time[touched[0]]), "first contact"
+    for row in np.flatnonzero(np.diff(docking)) + 1:
+        if docking[row] > 1:
+            yield float(result.time[row]), CAPTURE[int(docking[row])]
+
+
+def events(result: Result) -> list[tuple[float, str]]:
+    """Everything that happened, in the order of time [s]."""
+    far, used = range_(result), increments(result)
+    phases = [
+        (s.begin, f"{s.phase}{f' ({s.reason})' if s.reason else ''}, range {far[s.row]:.2f} m, "
+         f"{used[s.row]:.2f} m/s used")
+        for s in stays(result)
+    ]  # fmt: skip
+    return sorted([*phases, *captures(result)])
+
+
+def notes(result: Result) -> Iterator[str]:
+    """The list of events and the time line of phases."""
+    if not (result.holds(*NEEDS, parameters=(ISP,)) and len(result.time)):
+        return
+    yield from (f"{t:.1f} s: {what}" for t, what in events(result))
+    line = ", ".join(f"{s.phase} {s.end - s.begin:.0f} s" for s in stays(result))
+    yield f"time line: {line}"

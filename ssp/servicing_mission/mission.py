@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What the servicing mission hands the engine."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from harness.mission import Gauge
+from harness.results.result import Result
+
+from ..shared.approach import approach
+from ..shared.gauges import GAUGES as OF_APPROACHES
+from .claims import PAPER
+from .figures import FIGURES
+from .flight import PHASE, PHASES, notes
+
+
+def _words(result: Result) -> str:
+    """What ground says: go or no-go for each hold."""
+    go = [result[f"timeline.go_{k}"][-1] for k in (1, 2, 3)]
+    return " ".join("go" if flag else "no-go" for flag in go)
+
+
+def _phase(result: Result) -> str:
+    return PHASES[int(result[PHASE][-1])]
+
+
+GAUGES = (
+    Gauge("phase", "", _phase, (PHASE,)),
+    Gauge("ground", "", _words, tuple(f"timeline.go_{k}" for k in (1, 2, 3))),
+    Gauge("attempt", "", "manager.attempt"),
+    Gauge("latch", "", "mechanism.phase"),
+)
+_APPROACH = approach(FIGURES, (PAPER,))
+MISSION = replace(_APPROACH, gauges=(*GAUGES, *OF_APPROACHES), notes=(*_APPROACH.notes, notes))

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""servicing_mission: the table of events of a whole mission, every set to the end that its name
+says. One mission takes some seconds of processor time, so whole flights are marked long.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from harness import run
+from harness.mission.claim import Verdict
+from servicing.ssp.servicing_mission.claims import CLAIMS
+from servicing.ssp.servicing_mission.flight import increments, stays
+
+MU = 3.986004415e14
+NOMINAL = [
+    "FAR", "HOLD_1", "CLOSING", "HOLD_2", "FLYAROUND", "FINAL", "HOLD_3", "MATING", "RIGIDISE",
+    "DETUMBLE", "STACK",
+]  # fmt: skip
+TRY_AGAIN = ["BACKOFF", "HOLD_3", "MATING"]
+ENDS = {
+    "no_go": (NOMINAL[:4], "time-out"),
+    "dropout": (NOMINAL[:8], "navigation lost"),
+    "bounce": (NOMINAL[:8] + TRY_AGAIN, "attempts used up"),
+    "thruster_stuck": (NOMINAL[:6], "error near the target"),
+    "manoeuvre": (NOMINAL[:6], "error near the target"),
+    "ground_retreat": (NOMINAL[:7], "ordered by ground"),
+}
+"""Phases before the retreat, and its reason."""
+
+
+def test_the_first_second_is_the_same_in_both_executors_and_with_any_thinning():
+    """Equal bits; rows every 0.1 s unless told otherwise."""
+    one, other = (run("servicing_mission", stop=1.0, executor=e) for e in ("c", "python"))
+    every = run("servicing_mission", stop=1.0, every=1)
+    assert len(one.time) == 11
+    assert len(every.time) == 101
+    for name in one.vectors:
+        assert np.array_equal(one[name], other[name]), name
+        assert np.array_equal(one[name], every[name][::10]), name
+    assert one["manager.phase"].tolist() == [0] * 11
+    assert one["manager.active_far"].all()
+    assert not one["selector.wheel_accel_cmd"].any()
+    assert one["selector.M_cmd_S"].any()
+
+
+@pytest.fixture(scope="module")
+def nominal():
+    return run("servicing_mission")
+
+
+@pytest.mark.long
+def test_the_mission_goes_through_all_its_phases_to_a_stack_at_rest(nominal):
+    assert [s.phase for s in stays(nominal)] == NOMINAL
+    assert not nominal["monitor.abort"].any()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("claim", CLAIMS, ids=lambda claim: claim.name)
+def test_events_lie_in_their_bands(nominal, claim):
+    judgement = claim.evaluate(nominal)
+    assert judgement.verdict is Verdict.REPRODUCED, judgement.figure
+
+
+@pytest.mark.long
+def test_increments_are_those_of_the_thrusters(nominal):
+    """Impulse over mass, summed over the rows: the mass falls by 0.3 kg, so to 1e-3."""
+    impulse = nominal["propulsion.impulse"].sum(axis=1)
+    mass = nominal["servicer.mass"]
+    summed = np.sum(np.diff(impulse) / mass[:-1])
+    assert summed == pytest.approx(increments(nominal)[-1], rel=1e-3)
+
+
+@pytest.mark.long
+def test_wheels_and_stack_stay_within_their_limits(nominal):
+    assert np.abs(nominal["servicer.wheel_speed"]).max() <= 0.3
+    done = nominal["manager.phase"] == 10
+    rate = np.linalg.norm(nominal["servicer.omega_SN_S"][done], axis=1)
+    assert rate.max() <= 2e-4 * 1.01
+    assert rate[-1] < rate[0]
+
+
+def drift_of_a_day(result):
+    """Least range of free drift from the last row on [m]."""
+
+    def field(_, x):
+        a = [-MU * x[k : k + 3] / np.linalg.norm(x[k : k + 3]) ** 3 for k in (0, 6)]
+        return np.concatenate((x[3:6], a[0], x[9:], a[1]))
+
+    names = ("servicer.r_SN_N", "servicer.v_SN_N", "target.r_TN_N", "target.v_TN_N")
+    start = np.concatenate([result[name][-1] for name in names])
+    t = np.linspace(0, 86400, 721)
+    y = solve_ivp(field, (0, 86400), start, "DOP853", t, rtol=1e-11, atol=1e-6).y
+    return np.linalg.norm(y[:3] - y[6:9], axis=0).min()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ENDS)
+def test_every_set_ends_in_a_safe_drift_for_the_reason_in_its_name(name):
+    """A day of drift beyond 150 m, no rule of the monitor violated."""
+    before, reason = ENDS[name]
+    result = run("servicing_mission", params=name)
+    flown = stays(result)
+    assert [s.phase for s in flown] == [*before, "RETREAT", "SAFE"]
+    assert flown[-2].reason == reason
+    assert (result["monitor.least_margin"][-1, :3] > 0).all()
+    assert drift_of_a_day(result) > 150
+
+
+@pytest.mark.long
+def test_a_safe_drift_is_resumed_when_ground_says_so():
+    """A retreat at the first hold, then resume: the far approach begins anew."""
+    times = [1350.0, 1360.0, 3000.0] + [1e30] * 13
+    go = (1, 1, 1, 0, 0, 1)
+    rows = [(1, 1, 1, 1, 0, 1), go, (1, 1, 1, 0, 1, 1)] + [go] * 13
+    changes = {"timeline.times": times, "timeline.rows": rows}
+    result = run("servicing_mission", set=changes, stop=6000)
+    phases = [s.phase for s in stays(result)]
+    assert phases[:5] == ["FAR", "HOLD_1", "RETREAT", "SAFE", "FAR"]
