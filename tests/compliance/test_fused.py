@@ -48,7 +48,7 @@ def fused(tmp_path, compiler, sources, *flags):
         assembly = tmp_path / "assembly.s"
         command = [*compiler, *build_fmu.FLAGS, *flags, *INCLUDE, "-S", source, "-o", assembly]
         subprocess.run(command, check=True, capture_output=True)
-        if instructions := FUSED.findall(assembly.read_text(encoding="utf-8")):
+        if instructions := FUSED.findall(assembly.read_text(encoding="latin-1")):
             found[source.stem] = instructions
     return found
 
