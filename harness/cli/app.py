@@ -22,6 +22,7 @@ from harness.cli.once import OnceCommand
 from harness.errors import HarnessError
 from harness.files import signals
 from harness.files.command import commanded
+from harness.files.libraries import missing
 from harness.spelling import printable
 
 app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None, no_args_is_help=True)
@@ -122,6 +123,8 @@ def _unexpected(error: Exception) -> int:
         return _complain(error.format_message(), error.exit_code)
     if isinstance(error, ValueError) and "null byte" in str(error):  # from a look at such a path
         return _complain("no file can have a NUL character in its name", 2)
+    if isinstance(error, ModuleNotFoundError) and (line := missing(error)):
+        return _complain(line, 1)
     if os.environ.get("HARNESS_TRACEBACK"):
         raise error
     return _complain(

@@ -8,6 +8,15 @@ from typing import Any
 
 from harness.errors import HarnessError
 
+EXTRAS = {
+    "plot": ("matplotlib", "scipy"),
+    "report": ("jinja2", "k3d", "plotly"),
+    "campaign": ("cryptography", "dask", "distributed", "zarr"),
+    "notebook": ("pandas", "xarray"),
+    "exchange": ("astropy", "erfa", "oem", "pyarrow", "sgp4"),
+    "python": ("pythonfmu",),
+}
+"""Extras of this package and the libraries that each brings."""
 HOMES = {"erfa": "pyerfa"}
 """Distribution of a module where it has another name."""
 
@@ -17,7 +26,16 @@ def library(name: str, extra: str) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        wanted = HOMES.get(name, name.partition(".")[0])
-        raise HarnessError(
-            f"this needs the library {wanted}: pip install 'servicing-fmus[{extra}]'"
-        ) from error
+        raise HarnessError(_needed(name.partition(".")[0], extra)) from error
+
+
+def missing(error: ModuleNotFoundError) -> str | None:
+    """One line that says how to install what is missing; None if no extra brings it."""
+    name = (error.name or "").partition(".")[0]
+    extra = next((extra for extra, names in EXTRAS.items() if name in names), None)
+    return None if extra is None else _needed(name, extra)
+
+
+def _needed(name: str, extra: str) -> str:
+    wanted = HOMES.get(name, name)
+    return f"this needs the library {wanted}: pip install 'servicing-fmus[{extra}]'"

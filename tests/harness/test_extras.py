@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What is an extra: a run needs none of it, and what needs it says how to install it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from harness.files.libraries import EXTRAS
+
+LIBRARIES = sorted(name for names in EXTRAS.values() for name in names)
+ROOT = Path(__file__).parents[2]
+BARE = """
+import sys
+class Bare:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {names}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+sys.meta_path.insert(0, Bare())
+from harness.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def bare(folder, *arguments):
+    """The command line in a process that has no library of any extra."""
+    script = BARE.format(names=set(LIBRARIES))
+    return subprocess.run(
+        [sys.executable, "-c", script, *arguments],
+        cwd=folder, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+def test_without_any_extra_a_system_runs_and_is_judged_and_the_rest_says_what_it_needs(tmp_path):
+    done = bare(tmp_path, "run", "sync_approach", "--stop", "5", "-o", "x.csv")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "x.csv").is_file()
+    (tmp_path / "c.toml").write_text(
+        'system = "sync_approach"\nruns = 2\n[fixed]\nstop = 1.0\n'
+        '[factors]\n"servicer.mass_0" = {uniform = {low = 90, high = 110}}\n'
+        '[metrics]\nend = "time[-1]"\n'
+    )
+    for arguments, extra in (
+        (("plot", "x.csv"), "plot"),
+        (("report", "x.csv", "-o", "x.html"), "report"),
+        (("campaign", "c.toml", "-o", "c.zarr"), "campaign"),
+        (("convert", "x.csv", "-o", "x.parquet"), "exchange"),
+    ):
+        done = bare(tmp_path, *arguments)
+        assert done.returncode == 1, arguments
+        assert "Traceback" not in done.stderr
+        assert "pip install 'servicing-fmus[" in done.stderr.splitlines()[-1], done.stderr
+        assert extra in done.stderr or extra == "report", done.stderr
+
+
+def test_what_a_run_loads_is_none_of_the_extras(tmp_path):
+    script = (
+        "import sys; from harness.cli import main\n"
+        "main(['run', 'sync_approach', '--stop', '5', '-o', 'x.csv'])\n"
+        f"print('loaded:', sorted(set({LIBRARIES}) & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines()[-1] == "loaded: []"
+
+
+@pytest.mark.skipif(not (ROOT / "pyproject.toml").is_file(), reason="the sources are not there")
+def test_every_library_of_the_table_belongs_to_an_extra():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    needed = {text.partition(">")[0] for text in project["dependencies"]}
+    assert needed == {"fmpy", "lxml", "netCDF4", "numpy", "rich", "tomli-w", "typer"}
+    assert set(EXTRAS) <= set(extras)
