@@ -7,7 +7,7 @@ What is named nowhere here is zero.
 from __future__ import annotations
 
 from dataclasses import asdict
-from math import radians, sqrt
+from math import pi, radians, sqrt
 
 import numpy as np
 import pytest
@@ -237,7 +237,28 @@ ARMS = {
     "arm_guidance": ARM | GUIDANCE | TARGET | NEAR | {"arm_mode_cmd": -1},
     "arm_controller": ARM | CONTROL,
 }
-CASES = ARMS | SENSORS_AND_FILTERS | PLANTS | GUIDANCES | CONTROLLERS
+MIRRORED = [[0, 1, 0], [0, -1, 0]] * 2
+"""Along +y for parts 1 and 3, along -y for 2 and 4"""
+PARTS = {
+    "panel_mass": (8, 8, 0, 0),
+    "panel_hinge_S": 0.5 * np.array(MIRRORED),
+    "panel_arm_S": 0.75 * np.array(MIRRORED),
+    "panel_axis_S": [[0, 0, 1]] * 4,
+    "panel_inertia": [[0.43, 1.31, 1.73]] * 4,
+    "panel_frequency": (pi / 2,) * 4,
+    "panel_damping_ratio": (0.003,) * 4,
+    "slosh_mass_0": (3, 3, 0, 0),
+    "slosh_position_S": [[0, 0, 0.25], [0, 0, -0.25], [0, 0, 0], [0, 0, 0]],
+    "slosh_axis_S": [[1, 0, 0], [0, 1, 0]] * 2,
+    "slosh_frequency": (pi / 10,) * 4,
+    "slosh_damping_ratio": (0.02,) * 4,
+    "slosh_travel": (0.15,) * 4,
+}
+FLEXIBLE = {
+    "flexible_servicer": PLANTS["servicer"] | PARTS,
+    "notch_filter": {"depth": (0.05,) * 2, "width": (0.7,) * 2, "sample_period": 0.1},
+}
+CASES = ARMS | FLEXIBLE | SENSORS_AND_FILTERS | PLANTS | GUIDANCES | CONTROLLERS
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -347,7 +347,7 @@ def test_the_build_command_writes_the_file(fmu_folder, tmp_path, capsys):
         ("name = ", 1, r"demo\.toml: not a readable TOML file \(.*\)"),
         (None, 2, r".*demo\.toml: cannot be read \(No such file or directory\)"),
         (TOML.replace("k = 4", "kk = 4"), 1, r"demo\.toml: \[parameters\] shared\.kk: .*"),
-        ('extends = "dem"', 1, r"demo\.toml: extends: there is no dem\.toml \(close: demo\)"),
+        ('extends = "dem"', 1, r"demo\.toml: extends: there is no system dem \(close: demo\)"),
         ('extends = "demo"', 1, r"demo\.toml: extends: a system cannot extend itself"),
     ],
 )
