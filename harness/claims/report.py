@@ -18,7 +18,7 @@ from harness.claims import safety
 from harness.claims.case import listed, unlike
 from harness.errors import ResultsError
 from harness.mission import Claim, Judgement, Paper, Verdict
-from harness.mission.library import missing, of_result
+from harness.mission.library import missing, notes_of, of_result
 from harness.results.requirements import Finding, findings
 from harness.results.result import Result
 
@@ -51,7 +51,7 @@ class Line(NamedTuple):
 
 
 def report(result: Result, width: int = WIDTH) -> tuple[str, bool]:
-    """What was flown, requirements, and the table of the claims behind a result; and whether the
+    """What was flown, notes, requirements and the table of the claims behind a result; whether the
     run is complete and every claim could be judged.
 
     width: of the text. An honest "not reproduced" is no failure. Raises ResultsError if no paper
@@ -75,12 +75,19 @@ def lines(result: Result, width: int = WIDTH) -> tuple[list[Line], bool]:
         )
     sections = (_section(result, each, width) for each in found)
     note = missing(result)
-    parts = (_wrapped(note, width), _requirements(wanted, width), *sections, _safety(result, width))
+    parts = (_wrapped(note, width), _notes(result, width), _requirements(wanted, width), *sections,
+             _safety(result, width))  # fmt: skip
     text = _flown(result, width)
     for part in filter(None, parts):
         text += [Line(""), *part]
     verdicts = {judgement.verdict for each in found for _, judgement in each.claims}
     return text, result.complete and Verdict.NOT_JUDGED not in verdicts
+
+
+def _notes(result: Result, width: int) -> list[Line]:
+    """One paragraph, if there are any."""
+    each = [line for note in notes_of(result) for line in _wrapped(note, width, "  ")]
+    return [Line("Notes:"), *each] if each else []
 
 
 def _requirements(wanted: Sequence[Finding], width: int) -> list[Line]:

@@ -216,7 +216,7 @@ def _kept(file: Any, partial: Any) -> str:
 
 
 def _report(result: Any, seconds: float, path: Path) -> None:
-    from harness.mission.library import of_result
+    from harness.mission.library import notes_of
     from harness.results.requirements import findings
 
     typer.echo(
@@ -225,7 +225,7 @@ def _report(result: Any, seconds: float, path: Path) -> None:
     )
     if result.provenance is not None and result.provenance.timing:
         typer.echo(f"pace: {result.provenance.timing}")
-    for note in (line for notes in of_result(result).notes for line in notes(result)):
+    for note in notes_of(result):
         typer.echo(printable(f"note: {note}"))
     for finding in findings(result):
         typer.echo(f"requirement {printable(str(finding))}")

@@ -188,6 +188,13 @@ def missing(result: Result) -> str:
     )
 
 
+def notes_of(result: Result) -> list[str]:
+    """What a reader must know of a result and no number in it says, by its mission."""
+    if not len(result.time):
+        return []
+    return [line for notes in of_result(result).notes for line in notes(result)]
+
+
 def everything() -> Mission:
     """All that the missions at hand offer."""
     return _together(tuple(places().values()))

@@ -53,6 +53,14 @@ def edges(result: Result, mass: str, inertia: str) -> Array:
     return found if found.max() > 0 else np.full(3, EDGE)
 
 
+def edges_through(result: Result, mass: str, inertia: str, point: Any) -> Array:
+    """Edges of the box with the proportions of that of uniform density whose surface holds a
+    point: where something is mounted says more of the size of a hull than HULL does.
+    """
+    found = edges(result, mass, inertia)
+    return np.asarray(found * np.max(2 * np.abs(point) / found))
+
+
 def box(size: Array, at: Any = (0, 0, 0), look: str = "hull") -> Part:
     """A box with edges along the axes of its body."""
     return {"kind": "box", "size": _plain(size), "at": _plain(at), "look": look}
@@ -110,7 +118,17 @@ def arm(reach: float, face: float, radius: float) -> list[Part]:
 def ring(axis: Array, size: Array, radius: float) -> Part:
     """What shall be grasped, on the face of a box that an axis leaves through."""
     reach = 0.5 / np.max(np.abs(axis) / size)
-    return {"kind": "ring", "at": _plain(axis * reach), "axis": _plain(axis), "radius": radius}
+    return hoop(axis * reach, axis, radius)
+
+
+def hoop(at: Any, axis: Any, radius: float) -> Part:
+    """A ring about an axis."""
+    return {"kind": "ring", "at": _plain(at), "axis": _plain(axis), "radius": radius}
+
+
+def cup(floor: Any, mouth: Any, radii: tuple[float, float]) -> Part:
+    """An open cone from the centre of its floor to that of its mouth, with the radii of both."""
+    return {"kind": "cup", "from": _plain(floor), "to": _plain(mouth), "radii": _plain(radii)}
 
 
 def panels(area: Array, position: Array, normal: Array) -> Iterator[Part]:

@@ -15,7 +15,7 @@ from harness.claims import safety
 from harness.claims.case import listed
 from harness.claims.report import OTHER, Judged, judged
 from harness.mission import Limits, Verdict
-from harness.mission.library import missing, of_result
+from harness.mission.library import missing, notes_of, of_result
 from harness.report.plots import number
 from harness.results.requirements import findings
 from harness.results.result import Result
@@ -36,14 +36,8 @@ def head(result: Result) -> Facts:
         "end": f"{time[-1]:g}" if len(time) else "",
         "complete": result.complete,
         "message": result.message or ("" if result.complete else "the run ended early"),
-        "notes": notes_of(result) if len(time) else [],
+        "notes": [*notes_of(result), *filter(None, (missing(result),))],
     }
-
-
-def notes_of(result: Result) -> list[str]:
-    """What a reader must know of a run and no number in it says."""
-    own = [line for notes in of_result(result).notes for line in notes(result)]
-    return [*own, note] if (note := missing(result)) else own
 
 
 def measures(result: Result) -> list[Facts]:

@@ -112,18 +112,25 @@ EARTH = 6378137.0
 """Equatorial radius of the planet where no parameter says it [m]."""
 
 
-def joint(at: Any, angle: str, index: int, parts: list[bodies.Part], **about: Any) -> Scene:
-    """What turns about z of what carries it, by a column of an array of angles."""
-    place = [float(x) for x in at]
-    return {"at": place, "axis": [0, 0, 1], "angle": angle, "index": index, "parts": parts, **about}
+def joint(
+    at: Any, angle: str, index: int, parts: list[bodies.Part], axis: Any = (0, 0, 1), **about: Any
+) -> Scene:
+    """What turns about an axis of what carries it, by a column of an array of angles."""
+    place, along = ([float(x) for x in v] for v in (at, axis))
+    return {"at": place, "axis": along, "angle": angle, "index": index, "parts": parts, **about}
 
 
-def number(result: Result, arrays: Arrays, rows: Rows, name: str) -> Scene:
-    """A number that runs along with the replay; angles in degrees."""
+def number(
+    result: Result, arrays: Arrays, rows: Rows, name: str, words: tuple[str, ...] = ()
+) -> Scene:
+    """A number that runs along with the replay; angles in degrees; words: shown in place of the
+    whole numbers from 0 on.
+    """
     angle = result.unit(name) == "rad"
     return {
         "name": name.partition(".")[2].replace("_", " "),
         "unit": "deg" if angle else result.unit(name),
         "factor": float(np.degrees(1.0)) if angle else 1.0,
         "values": arrays.keep(result[name][rows]),
+        **({"words": words} if words else {}),
     }

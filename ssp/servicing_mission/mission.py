@@ -13,6 +13,7 @@ from ..shared.gauges import GAUGES as OF_APPROACHES
 from .claims import PAPER
 from .figures import FIGURES
 from .flight import PHASE, PHASES, notes
+from .scene import SCENE
 
 
 def _words(result: Result) -> str:
@@ -32,4 +33,9 @@ GAUGES = (
     Gauge("latch", "", "mechanism.phase"),
 )
 _APPROACH = approach(FIGURES, (PAPER,))
-MISSION = replace(_APPROACH, gauges=(*GAUGES, *OF_APPROACHES), notes=(*_APPROACH.notes, notes))
+MISSION = replace(
+    _APPROACH,
+    gauges=(*GAUGES, *OF_APPROACHES),
+    notes=(*_APPROACH.notes, notes),
+    scene=(SCENE,),
+)

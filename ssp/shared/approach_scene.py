@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,14 +19,41 @@ from .relative_motion import SERVICER, TARGET, VELOCITIES
 PAIR = (SERVICER, TARGET, *VELOCITIES, "servicer.q_SN", "target.q_TN")
 
 
-def pair(result: Result, arrays: Arrays) -> Scene:
+class Outfit(NamedTuple):
+    """What a mission mounts on servicer and target in place of the sign of an arm and a ring.
+
+    servicer, target: parts; links: what moves on the servicer, reach: as far from S [m]; root,
+    seat: points on the hulls of servicer and target [m], where nothing else says how large they
+    are; numbers, events: what runs along.
+    """
+
+    servicer: list[bodies.Part]
+    target: list[bodies.Part]
+    seat: Array
+    links: tuple[Scene, ...] = ()
+    reach: float = 0.0
+    root: Array | None = None
+    numbers: tuple[Scene, ...] = ()
+    events: tuple[Scene, ...] = ()
+
+
+Fit = Callable[[Result, Rows, Arrays], Outfit | None]
+"""The outfit of a result at these rows; None if it does not hold what says it."""
+
+
+def bare(_: Result, __: Rows, ___: Arrays) -> None:
+    """No outfit."""
+
+
+def pair(result: Result, arrays: Arrays, fit: Fit = bare) -> Scene:
     """A servicer about its target."""
     rows = instants(result, "servicer.q_SN", "target.q_TN")
+    outfit = fit(result, rows, arrays)
     r, v = result[TARGET][rows], result[VELOCITIES[1]][rows]
     orbit = in_orbit(r)
     centre = r if orbit else np.zeros_like(r)
-    chaser, size = _servicer(result, rows, arrays, centre)
-    client = _target(result, rows, centre, not orbit)
+    chaser, size = _servicer(result, rows, arrays, centre, outfit)
+    client = _target(result, rows, centre, not orbit, outfit)
     return scene(
         arrays,
         result.time[rows],
@@ -38,11 +66,20 @@ def pair(result: Result, arrays: Arrays) -> Scene:
         speed=arrays.keep(
             np.linalg.norm((result[VELOCITIES[0]] - result[VELOCITIES[1]])[rows], axis=1)
         ),
+        **({"numbers": list(outfit.numbers), "events": list(outfit.events)} if outfit else {}),
     )
 
 
-def _servicer(result: Result, rows: Rows, arrays: Arrays, centre: Array) -> tuple[Body, Array]:
-    size, middle = bodies.edges(result, "servicer.mass_0", "servicer.J_S"), np.zeros(3)
+INERTIAS = {
+    "servicer": ("servicer.mass_0", "servicer.J_S"),
+    "target": ("target.mass", "target.J_T"),
+}
+
+
+def _servicer(
+    result: Result, rows: Rows, arrays: Arrays, centre: Array, outfit: Outfit | None
+) -> tuple[Body, Array]:
+    size, middle = _size(result, "servicer", outfit.root if outfit else None), np.zeros(3)
     unit = thrusters(result)
     parts = []
     if unit is not None:
@@ -58,23 +95,29 @@ def _servicer(result: Result, rows: Rows, arrays: Arrays, centre: Array) -> tupl
             *bodies.wings(size),
         ]
     )
-    if result.holds(parameters=("guidance.rho_M",)):
-        face = size[0] / 2 + middle[0]
-        reach = float(result.parameter("guidance.rho_M")) - face - _target_face(result)
-        parts += bodies.arm(max(reach, 0.2 * face), face, 0.04 * size.max())
-    r, q = (result[name][rows] for name in (SERVICER, "servicer.q_SN"))
     links = flexible.links(result, rows, arrays) if moves else ()
-    radius = float(np.linalg.norm(size) / 2)
-    return Body("servicer", r - centre, q, parts, 0, radius, links), size
+    radius = reach = float(np.linalg.norm(size) / 2)
+    if outfit is not None:
+        parts, links = [*parts, *outfit.servicer], (*links, *outfit.links)
+        reach = max(reach, outfit.reach)
+    elif result.holds(parameters=("guidance.rho_M",)):
+        face = size[0] / 2 + middle[0]
+        far = float(result.parameter("guidance.rho_M")) - face - _target_face(result)
+        parts += bodies.arm(max(far, 0.2 * face), face, 0.04 * size.max())
+    r, q = (result[name][rows] for name in (SERVICER, "servicer.q_SN"))
+    return Body("servicer", r - centre, q, parts, 0, radius, links, reach=reach), size
 
 
-def _target_size(result: Result) -> Array:
-    return bodies.edges(result, "target.mass", "target.J_T")
+def _size(result: Result, body: str, mount: Array | None) -> Array:
+    """Edges of the hull of a body; of one with a mount, of the box that has it on its surface."""
+    if mount is None:
+        return bodies.edges(result, *INERTIAS[body])
+    return bodies.edges_through(result, *INERTIAS[body], mount)
 
 
 def _target_face(result: Result) -> float:
     """Distance of the grasp point from the centre of the target [m]."""
-    axis, size = _grasp_axis(result), _target_size(result)
+    axis, size = _grasp_axis(result), _size(result, "target", None)
     return float(0.5 / np.max(np.abs(axis) / size)) if axis is not None else float(size.max() / 2)
 
 
@@ -85,16 +128,18 @@ def _grasp_axis(result: Result) -> Array | None:
     return np.asarray(axis / np.linalg.norm(axis))
 
 
-def _target(result: Result, rows: Rows, centre: Array, trail: bool) -> Body:
-    size = _target_size(result)
+def _target(result: Result, rows: Rows, centre: Array, trail: bool, outfit: Outfit | None) -> Body:
+    size = _size(result, "target", outfit.seat if outfit else None)
     parts = [bodies.box(size), *bodies.wings(size)]
-    if (axis := _grasp_axis(result)) is not None:
+    if outfit is not None:
+        parts += outfit.target
+    elif (axis := _grasp_axis(result)) is not None:
         parts.append(bodies.ring(axis, size, 0.18 * float(size.min())))
     r, q = result[TARGET][rows] - centre, result["target.q_TN"][rows]
     return Body("target", r, q, parts, 1, float(np.linalg.norm(size) / 2), trail=trail)
 
 
-def pairs(results: Mapping[str, Result], arrays: Arrays) -> Scene | None:
+def pairs(results: Mapping[str, Result], arrays: Arrays, fit: Fit = bare) -> Scene | None:
     """The servicers of several runs, by label, about the target of the longest one; None if they
     are no such runs. A run that ended early stays where it was.
     """
@@ -109,11 +154,13 @@ def pairs(results: Mapping[str, Result], arrays: Arrays) -> Scene | None:
     found, numbers = [], []
     for k, (label, result) in enumerate(moving.items()):
         own = np.minimum(np.searchsorted(result.time, time - INSTANT), len(result.time) - 1)
-        body, _ = _servicer(result, own, arrays, result[TARGET][own] if orbit else centre)
+        about = result[TARGET][own] if orbit else centre
+        body, _ = _servicer(result, own, arrays, about, fit(result, own, arrays))
         found.append(body._replace(name=label, colour=k))
         apart = np.linalg.norm((result[SERVICER] - result[TARGET])[own], axis=1)
         numbers.append({"name": label, "unit": "m", "factor": 1.0, "values": arrays.keep(apart)})
-    client = _target(longest, rows, centre, trail=False)._replace(colour=NEUTRAL)
+    outfit = fit(longest, rows, arrays)
+    client = _target(longest, rows, centre, False, outfit)._replace(colour=NEUTRAL)
     return scene(
         arrays,
         time,

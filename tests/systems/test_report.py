@@ -20,6 +20,7 @@ from harness import run
 from harness.claims.report import judged
 from harness.cli.app import main
 from harness.errors import HarnessError
+from harness.mission.library import of_result
 from harness.report import libraries
 from harness.report.bodies import uniform_box
 from harness.report.html import of_run, write
@@ -27,7 +28,6 @@ from harness.report.thinning import kept_rows
 from harness.results.files import ResultFile
 from servicing.ssp.shared.safety import RESTING
 from tests.harness.report_page import Page
-from tests.missions import FIGURES
 
 RUNS = {
     "sync_approach": {"stop": 1300.0, "every": 5},
@@ -37,6 +37,7 @@ RUNS = {
     "arch_rendezvous": {"stop": 2000.0, "every": 50},
     "space_robot": {"params": "joint_motion", "stop": 600.0},
     "transposition": {"stop": 2400.0},
+    "servicing_mission": {"stop": 20.0},
 }
 PAIRS = [system for system in RUNS if system not in ("space_robot", "transposition")]
 """A short run of every kind of system."""
@@ -95,7 +96,8 @@ def test_all_variables_are_in_the_page_with_their_numbers(system):
 @each_system
 def test_the_figures_are_those_that_fit(system):
     page, result = page_of(system), result_of(system)
-    fitting = {f.name for f in FIGURES if f.fits(result) and not f.is_empty(result)}
+    offered = of_result(result).figures
+    fitting = {f.name for f in offered if f.fits(result) and not f.is_empty(result)}
     in_space = {"bodies"}
     assert set(page.figures()) - {"phases"} == fitting - in_space
     for name, plots in page.figures().items():
@@ -255,6 +257,62 @@ def test_zones_are_those_of_the_monitor():
     assert marks["cuboid"]["half"] == [0.2, 0.2, 0.2]
     assert marks["cone"]["axis"] == [-1, 0, 0]
     assert marks["cone"]["angle"] == pytest.approx(np.radians(30))
+
+
+def test_probe_and_drogue_are_where_the_mechanism_has_them():
+    """Tip in drogue axes and misalignment of the mechanism, from the parts of the page; its sample
+    of row 0 is that of the row.
+    """
+    ports = {
+        "mechanism.p_PS_S": [1.1, 0.2, -0.1],
+        "mechanism.q_PS": [0.8, 0, 0.6, 0],
+        "mechanism.p_QT_T": [0.3, -0.5, 0.2],
+        "mechanism.q_QT": [0.6, 0, 0, 0.8],
+    }
+    result = run("servicing_mission", stop=0.2, set=ports)
+    page = Page(of_run(result))
+    at, out = {}, {}
+    for body, kind in (("servicer", "rod"), ("target", "cup")):
+        data = page.body(body)
+        *_, part = (p for p in data["parts"] if p["kind"] == kind)
+        attitude = Rotation.from_quat(page.array(data["q"])[0, [1, 2, 3, 0]])
+        begin, end = (attitude.apply(part[key]) for key in ("from", "to"))
+        at[body] = page.array(data["r"])[0] + end
+        out[body] = (end - begin) / np.linalg.norm(end - begin)
+    e, tip = at["servicer"] - at["target"], result["mechanism.tip_Q"][0]
+    assert e @ out["target"] == pytest.approx(tip[0], abs=1e-4)
+    assert np.linalg.norm(e) == pytest.approx(np.linalg.norm(tip), abs=1e-4)
+    apart = np.arccos(-out["servicer"] @ out["target"])
+    assert apart == pytest.approx(result["mechanism.misalignment"][0], abs=1e-5)
+
+
+def test_phases_and_events_run_along_with_a_mission(capsys, tmp_path):
+    """A flight whose phases are set by hand: words of the numbers, events at their instants, the
+    same in the report on the terminal.
+    """
+    flown = result_of("servicing_mission")
+    values, column = flown.values.copy(), flown.columns.index
+    values[100:, column("manager.phase")] = 13
+    values[100:, column("manager.reason")] = 2
+    values[100:, column("manager.t_phase")] = flown.time[100]
+    result = replace(flown, values=values)
+    page = Page(of_run(result))
+    scene = page.data["scene"]
+    phase, latch, force = scene["numbers"]
+    spoken = [phase["words"][int(k)] for k in page.array(phase["values"])[[0, -1]]]
+    assert spoken == ["FAR", "SAFE"]
+    assert latch["words"][int(page.array(latch["values"])[0])] == "free"
+    assert (force["name"], force["unit"]) == ("load force", "N")
+    (begin, first), (then, second) = ((e["time"], e["text"]) for e in scene["events"])
+    assert (begin, then) == (0, flown.time[100])
+    assert first.startswith("FAR, range 509.90 m")
+    assert second.startswith("SAFE (ordered by ground), range")
+    ResultFile(tmp_path / "out.nc").write(result)
+    main(["report", str(tmp_path / "out.nc")])
+    said = capsys.readouterr().out
+    assert "Notes:" in said
+    assert "10.0 s: SAFE (ordered by ground)" in said
+    assert "time line: FAR 10 s, SAFE 10 s" in said
 
 
 @given(st.lists(st.floats(0.1, 10), min_size=3, max_size=3), st.floats(1, 1e4))

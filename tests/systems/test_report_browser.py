@@ -24,6 +24,7 @@ RUNS = {
     "arch_rendezvous": {"every": 100},
     "space_robot": {"params": "joint_motion"},
     "transposition": {},
+    "servicing_mission": {},
 }
 SYSTEM = "sync_approach"
 each_system = pytest.mark.parametrize("system", RUNS)

@@ -109,6 +109,13 @@ function startReplay(scene, array, T) {
       made.position.set(...p.at);
       return along(made, p.out);
     },
+    cup(p, look) {
+      const a = new T.Vector3(...p.from), b = new T.Vector3(...p.to), d = b.clone().sub(a);
+      const made = new T.Mesh(new T.CylinderGeometry(p.radii[1], p.radii[0], d.length(), 24, 1, true),
+        Object.assign(look.metal.clone(), { side: T.DoubleSide }));
+      made.position.copy(a.add(b).multiplyScalar(0.5));
+      return along(made, d.toArray());
+    },
     ring(p, look) {
       const made = new T.Group(), hoop = new T.Mesh(new T.TorusGeometry(p.radius, 0.14 * p.radius, 10, 40), look.accent);
       hoop.rotateX(Math.PI / 2);
@@ -504,8 +511,11 @@ function startReplay(scene, array, T) {
     if (scene.range) lines.push(`<b>${unit(scalar(array(scene.range), at), "m")}</b> range`);
     if (scene.speed) lines.push(`<span>${unit(scalar(array(scene.speed), at), "m/s")} relative speed</span>`);
     for (const extra of scene.numbers || [])
-      lines.push(`<span>${(extra.factor * scalar(array(extra.values), at)).toPrecision(4)} ${extra.unit === "1" ? "" : escaped(extra.unit)} ${escaped(extra.name)}</span>`);
+      if (extra.words) lines.push(`<span><b>${escaped(extra.words[array(extra.values)[at.part < 1 ? at.low : at.high]])}</b> ${escaped(extra.name)}</span>`);
+      else lines.push(`<span>${(extra.factor * scalar(array(extra.values), at)).toPrecision(4)} ${extra.unit === "1" ? "" : escaped(extra.unit)} ${escaped(extra.name)}</span>`);
     lines.push(`<span>${frame.name}, origin: ${escaped(scene.origin)}</span>`);
+    const past = (scene.events || []).filter((event) => event.time <= now).pop();
+    if (past) lines.push(`<span>${past.time.toFixed(1)} s: ${escaped(past.text)}</span>`);
     if (scaleText) lines.push(`<span>${scaleText}</span>`);
     part(".readout").innerHTML = lines.join("");
     part(".clock").value = `${now.toFixed(last - first > 500 ? 0 : 1)} / ${last.toPrecision(6).replace(/\.?0+$/, "")} s`;
@@ -536,6 +546,10 @@ function startReplay(scene, array, T) {
     part(".play").setAttribute("aria-pressed", on);
     update();
   };
+  const ticks = Object.assign(document.createElement("datalist"), { id: "events" });
+  for (const event of scene.events || []) ticks.append(new Option(event.text, (event.time - first) / (span || 1)));
+  stage.append(ticks);
+  part(".scrub").setAttribute("list", ticks.id);
   const seek = (t) => { now = Math.min(last, Math.max(first, t)); update(); };
   part(".play").addEventListener("click", () => play(!playing));
   part(".scrub").addEventListener("input", (event) => seek(first + event.target.value * span));

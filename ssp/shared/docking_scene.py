@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Probe and drogue of a docking mechanism as parts of the replay: where its parameters say.
+
+The probe is a point for the model, its tip; the mast that carries it is as thin as the floor of the
+drogue.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harness.report import bodies
+from harness.report.scene import Array
+from harness.results.result import Result
+from harness.results.rotations import turned
+
+DOCKING = tuple(
+    f"mechanism.{name}"
+    for name in (
+        *("p_PS_S", "q_PS", "p_QT_T", "q_QT"),
+        *("mouth_radius", "floor_radius", "cone_depth", "face_radius"),
+    )
+)
+LATCH = ("free", "contact", "soft capture", "hard capture", "released", "broken")
+"""What mechanism.phase means."""
+X = np.array([[1.0, 0.0, 0.0]])
+
+
+def outward(q: Array) -> Array:
+    """X axis of a port in the axes of its body, from the attitude relative to the body."""
+    return np.asarray(turned(q[None], X)[0])
+
+
+def probe(result: Result) -> list[bodies.Part]:
+    """From the servicer to the tip."""
+    tip, q, thick = (result.parameter(DOCKING[k]) for k in (0, 1, 5))
+    out = outward(q)
+    foot = tip - max(float(tip @ out), 0.0) * out
+    return [
+        bodies.rod(foot, tip, float(thick)),
+        bodies.ball(tip, 1.5 * float(thick), "accent"),
+    ]
+
+
+def floor(result: Result) -> Array:
+    """Centre of the floor of the drogue, target axes [m]: there it is mounted."""
+    mouth, q, depth = (result.parameter(DOCKING[k]) for k in (2, 3, 6))
+    return np.asarray(mouth - float(depth) * outward(q))
+
+
+def drogue(result: Result) -> list[bodies.Part]:
+    """The cone, and the face around its mouth."""
+    mouth, q = (result.parameter(DOCKING[k]) for k in (2, 3))
+    wide, narrow, face = (float(result.parameter(DOCKING[k])) for k in (4, 5, 7))
+    return [
+        bodies.cup(floor(result), mouth, (narrow, wide)),
+        bodies.hoop(mouth, outward(q), face),
+    ]
