@@ -11,11 +11,13 @@ from harness.mission.figure import DEGREES
 from ..shared.approach import approach
 from .figures import FIGURES
 from .measures import MEASURES
+from .scene import SCENE
 
 APPROACH = approach(FIGURES)
 MISSION = replace(
     APPROACH,
     measures=(*MEASURES, *APPROACH.measures),
+    scene=(SCENE,),
     gauges=(
         Gauge("arm mode", "", "arm_guidance.arm_mode"),
         Gauge("tip error", "mm", "arm_guidance.position_error", factor=1e3),

@@ -24,7 +24,8 @@ class Outfit(NamedTuple):
 
     servicer, target: parts; links: what moves on the servicer, reach: as far from S [m]; root,
     seat: points on the hulls of servicer and target [m], where nothing else says how large they
-    are; numbers, events: what runs along.
+    are; numbers, events: what runs along; paths: name, position and attitude of points that
+    leave one.
     """
 
     servicer: list[bodies.Part]
@@ -35,6 +36,7 @@ class Outfit(NamedTuple):
     root: Array | None = None
     numbers: tuple[Scene, ...] = ()
     events: tuple[Scene, ...] = ()
+    paths: tuple[tuple[str, str, str], ...] = ()
 
 
 Fit = Callable[[Result, Rows, Arrays], Outfit | None]
@@ -58,7 +60,7 @@ def pair(result: Result, arrays: Arrays, fit: Fit = bare) -> Scene:
         arrays,
         result.time[rows],
         "target" if orbit else "origin of N",
-        [chaser, client],
+        [chaser, *_points(result, rows, centre, outfit), client],
         **frames(arrays, r, v, _planet(result)),
         marks=_marks(result, rows, arrays, centre),
         plumes=_plumes(result, rows, arrays, size),
@@ -106,6 +108,14 @@ def _servicer(
         parts += bodies.arm(max(far, 0.2 * face), face, 0.04 * size.max())
     r, q = (result[name][rows] for name in (SERVICER, "servicer.q_SN"))
     return Body("servicer", r - centre, q, parts, 0, radius, links, reach=reach), size
+
+
+def _points(result: Result, rows: Rows, centre: Array, outfit: Outfit | None) -> list[Body]:
+    """What has a path and axes of its own and is drawn as a part of something else."""
+    paths = outfit.paths if outfit else ()
+    return [
+        Body(name, result[r][rows] - centre, result[q][rows], [], 2, 0.1) for name, r, q in paths
+    ]
 
 
 def _size(result: Result, body: str, mount: Array | None) -> Array:

@@ -38,6 +38,7 @@ RUNS = {
     "space_robot": {"params": "joint_motion", "stop": 600.0},
     "transposition": {"stop": 2400.0},
     "servicing_mission": {"stop": 20.0},
+    "arm_capture": {"stop": 40.0, "every": 10},
 }
 PAIRS = [system for system in RUNS if system not in ("space_robot", "transposition")]
 """A short run of every kind of system."""
@@ -187,6 +188,50 @@ def test_links_of_the_robot_reach_where_its_joint_angles_say():
         long = inner[1] + r[1]
         expected = (r[0] + long * np.cos(a) + 2 * np.cos(b), long * np.sin(a) + 2 * np.sin(b), 0)
         np.testing.assert_allclose(tip_of(page, k, (2, 0, 0)), expected, atol=1e-6)
+
+
+def in_parent(link, angle, place):
+    """A point of a link in the axes of what carries it."""
+    turn = Rotation.from_rotvec(np.array(link["axis"]) * angle)
+    return np.array(link["at"]) + turn.apply(place)
+
+
+def test_links_of_an_arm_reach_the_end_effector():
+    """Down the links of the page to the fingers: where the plant has E, also for a tool that is
+    turned on the last link.
+    """
+    tool = {"servicer.p_EA_A": [0.3, 0.1, -0.2], "servicer.q_EA": [0.6, 0, 0, 0.8]}
+    result = run("arm_capture", stop=40.0, every=10, set=tool)
+    page = Page(of_run(result))
+    body, rows = page.body("servicer"), instants(page, result)
+    links = body["links"]
+    assert [link.get("on", -1) for link in links] == list(range(-1, 6))
+    angles, finger = page.array(links[0]["angle"]), links[-1]["parts"][-1]
+    assert np.ptp(angles, axis=0).min() > 0.01
+    for k in (0, len(rows) // 2, len(rows) - 1):
+        place, palm = np.array(finger["to"]), np.array(links[-1]["parts"][-3]["to"])
+        for link in reversed(links):
+            place, palm = (in_parent(link, angles[k, link["index"]], p) for p in (place, palm))
+        row = rows[k]
+        from_N = Rotation.from_quat(result["servicer.q_SN"][row, [1, 2, 3, 0]]).inv()
+        expected = from_N.apply(result["servicer.r_EN_N"][row] - result["servicer.r_SN_N"][row])
+        np.testing.assert_allclose(place, expected, atol=2e-6)
+        pointing = Rotation.from_quat(result["servicer.q_EN"][row, [1, 2, 3, 0]]).apply([1, 0, 0])
+        forward = (place - palm) / np.linalg.norm(place - palm)
+        np.testing.assert_allclose(forward, from_N.apply(pointing), atol=1e-5)
+
+
+def test_modes_of_the_arm_and_its_path_are_in_the_replay():
+    page, result = page_of("arm_capture"), result_of("arm_capture")
+    tip = page.array(page.body("end effector")["r"])
+    expected = result["servicer.r_EN_N"] - result["target.r_TN_N"]
+    np.testing.assert_allclose(tip, expected[instants(page, result)], atol=2e-6)
+    scene = page.data["scene"]
+    assert [b["name"] for b in scene["bodies"]] == ["servicer", "end effector", "target"]
+    spoken = [(e["time"], e["text"]) for e in scene["events"]]
+    began = result.time[result["arm_guidance.arm_mode"] == 1][0]
+    assert spoken[0] == (0, "arm mode: stowed")
+    assert spoken[2:] == [(began, "arm mode: deploying")]
 
 
 def test_boxes_of_the_robot_have_the_lengths_of_its_links():

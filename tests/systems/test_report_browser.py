@@ -25,6 +25,7 @@ RUNS = {
     "space_robot": {"params": "joint_motion"},
     "transposition": {},
     "servicing_mission": {},
+    "arm_capture": {},
 }
 SYSTEM = "sync_approach"
 each_system = pytest.mark.parametrize("system", RUNS)

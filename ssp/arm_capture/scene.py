@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The replay of the capture by arm: links on their joints, gripper, fixture, path of the tip."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+from harness.mission import Scene
+from harness.report import bodies
+from harness.report.arrays import Arrays
+from harness.report.scene import Array, Rows, joint, number
+from harness.report.scene import Scene as Data
+from harness.results.result import Result
+
+from ..shared.approach_scene import PAIR, Outfit, pair, pairs
+from ..shared.docking_scene import DOCKING, LATCH, drogue, floor
+from .kinematics import ARM, Arm, arm_of
+from .measures import MODE, TIP
+
+ANGLES, CAPTURE, LOAD = "servicer.joint_angle", "mechanism.phase", "mechanism.load_force"
+MODES = ("stowed", "deploying", "aligning", "closing", "at rest", "folding")
+"""What the mode of the arm means."""
+SHOWN = ((MODE, MODES), (CAPTURE, LATCH), (TIP, ()), (LOAD, ()))
+PATHS = (("end effector", "servicer.r_EN_N", "servicer.q_EN"),)
+
+
+def links(arm: Arm, angle: str) -> Iterator[Data]:
+    """Every link turns about its joint on the link before; the last one has the gripper."""
+    ends = [*arm.offset[1:], arm.tip]
+    for k, (axis, at, end, thick) in enumerate(
+        zip(arm.axis, arm.offset, ends, arm.radius, strict=True)
+    ):
+        hinge = bodies.rod(-thick * axis, thick * axis, 1.2 * thick)
+        last = k == len(ends) - 1
+        parts = gripper(arm) if last else [bodies.rod((0, 0, 0), end, thick, "arm")]
+        on = {"on": k - 1} if k else {}
+        yield joint(at, angle, k, [hinge, *parts], axis, **on)
+
+
+def gripper(arm: Arm) -> list[bodies.Part]:
+    """The last link with two fingers that end at the origin of E."""
+    thick, (x, y, _) = float(arm.radius[-1]), arm.frame.T
+    palm = arm.tip - 2 * thick * x
+    fingers = [bodies.rod(palm + s * thick * y, arm.tip, 0.2 * thick, "accent") for s in (-1, 1)]
+    return [bodies.rod((0, 0, 0), palm, thick, "arm"), *fingers]
+
+
+def events(result: Result) -> list[Data]:
+    """Every change of the mode of the arm and of the latch."""
+    found = []
+    for name, words in SHOWN[:2]:
+        values = result[name]
+        for row in np.flatnonzero(np.diff(values, prepend=np.nan)):
+            text = f"{name.partition('.')[2].replace('_', ' ')}: {words[int(values[row])]}"
+            found.append({"time": float(result.time[row]), "text": text})
+    return sorted(found, key=lambda event: event["time"])
+
+
+def fit(result: Result, rows: Rows, arrays: Arrays) -> Outfit | None:
+    """The arm, the fixture, modes and errors; None without an arm."""
+    paths = (name for _, *names in PATHS for name in names)
+    shown = (name for name, _ in SHOWN)
+    if not result.holds(ANGLES, *shown, *paths, parameters=(*ARM, *DOCKING)):
+        return None
+    arm = arm_of(result)
+    if not len(arm.axis):
+        return None
+    lengths: Array = np.linalg.norm([*arm.offset, arm.tip], axis=1)
+    return Outfit(
+        [],
+        drogue(result),
+        floor(result),
+        tuple(links(arm, arrays.keep(result[ANGLES][rows]))),
+        float(lengths.sum()),
+        arm.offset[0],
+        tuple(number(result, arrays, rows, name, words) for name, words in SHOWN),
+        tuple(events(result)),
+        PATHS,
+    )
+
+
+SCENE = Scene(PAIR, (), partial(pair, fit=fit), partial(pairs, fit=fit))
