@@ -39,8 +39,8 @@ def written(path: Path) -> Iterator[Path]:
             beside.unlink(missing_ok=True)
 
 
-def new_beside(target: Path) -> Path:
-    """A new empty file in the folder of `target` under a name that nobody can foresee; OSError.
+def new_beside(target: Path, folder: bool = False) -> Path:
+    """A new empty file, or folder, beside `target` under a name that nobody can foresee; OSError.
 
     What a killed process has left of an earlier one is removed.
     """
@@ -48,7 +48,10 @@ def new_beside(target: Path) -> Path:
     _sweep(target)
     word = f"{os.getpid()}-{secrets.token_hex(6)}"
     beside = target.with_name(f".{target.stem[:100]}-{word}{target.suffix}")
-    os.close(os.open(beside, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+    if folder:
+        beside.mkdir()
+    else:
+        os.close(os.open(beside, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     return beside
 
 
@@ -58,7 +61,10 @@ def _sweep(target: Path) -> None:
     )
     for file in target.parent.iterdir():
         if (match := left.fullmatch(file.name)) and not _is_running(int(match[1])):
-            file.unlink(missing_ok=True)
+            if file.is_dir() and not file.is_symlink():
+                shutil.rmtree(file, ignore_errors=True)
+            else:
+                file.unlink(missing_ok=True)
 
 
 def _is_running(process: int) -> bool:

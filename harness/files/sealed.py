@@ -42,12 +42,17 @@ def beside(place: Path, make: Callable[[Path], None]) -> Iterator[Path]:
         (new / CONTENT).mkdir()
         make(new / CONTENT)
         (new / SEAL).write_text(_digest(new / CONTENT), encoding="ascii")
-        for folder, _, files in os.walk(new):
-            for path in (*(f"{folder}/{name}" for name in files), folder):
-                _sync(path)
+        on_the_disk(new)
         yield new
     finally:
         shutil.rmtree(new, ignore_errors=True)
+
+
+def on_the_disk(root: Path) -> None:
+    """Wait until a folder with all that is in it would survive a loss of power; OSError."""
+    for folder, _, files in os.walk(root):
+        for path in (*(f"{folder}/{name}" for name in files), folder):
+            _sync(path)
 
 
 def exchange(place: Path, new: Path) -> None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from harness.studies.campaign.credentials import Files
 from harness.studies.campaign.draft import read_plan
 from harness.studies.campaign.engine import Block, Flown, crew
 from harness.studies.campaign.plan import Layout, Plan
-from harness.studies.campaign.store import Store
+from harness.studies.campaign.store import Store, refuse_existing
 from harness.studies.campaign.summary import text
 from harness.studies.campaign.worker import FAILED, Task
 from harness.studies.notes import said_once
@@ -97,17 +98,20 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     with said_once():
         plan, found = read_plan(definition if isinstance(definition, Mapping) else Path(definition))
     path, task = Path(output), _task(plan, found)
-    again = resume and path.exists()
-    with crew(who, said) as fly:
-        if again:
-            store = _opened(path, plan)
+    with ExitStack() as life:
+        store = _opened(path, plan, task, found, life) if resume and path.exists() else None
+        if store is None:
+            refuse_existing(path)
+        fly = life.enter_context(crew(who, said))
+        if store is not None:
             flown = fly(task, _blocks(plan, store.block, store.pending()))
         else:
             block = _block_size(plan, found)
             flown = fly(task, _blocks(plan, block, range(0, plan.runs, block)))
             store = Store.create(path, plan, task, block, found)  # while the first ones fly
+            life.enter_context(store.alone())
         _keep(plan, store, flown, progress)
-    store.finish()
+        store.finish()
     return Campaign(path, store)
 
 
@@ -161,10 +165,13 @@ def _blocks(plan: Plan, size: int, firsts: Iterable[int]) -> Iterator[Block]:
         yield Block(first, [plan.changes(plan.values(run)) for run in runs])
 
 
-def _opened(path: Path, plan: Plan) -> Store:
+def _opened(path: Path, plan: Plan, task: Task, found: Layout, life: ExitStack) -> Store:
+    """The dataset of an interrupted campaign, for us alone, with what was lost pending."""
     store = Store.open(path)
     if store.group.attrs["digest"] != plan.digest:
         raise UsageError(f"{path}: is of another campaign or of another state of its system")
+    life.enter_context(store.alone())
+    store.mend(plan, task, found)
     return store
 
 

@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The dataset of a campaign: a Zarr group that xarray opens, one line per run.
 
-It is written block by block, and a block is a chunk, so that nothing waits in memory and no chunk
-is written twice. The status of its runs is written last: what is pending after an interruption is
-run again.
+It appears with all its arrays or not at all. It is written block by block, and a block is a chunk
+with a checksum, so that nothing waits in memory, no chunk is written twice, and none that was lost
+passes for one. The status of its runs is written last: what is pending after an interruption is run
+again.
 """
 
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -18,9 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import ResultsError, UsageError
-from harness.files.output import naming
+from harness.files.lock import Taken, locked
+from harness.files.output import naming, new_beside
+from harness.files.sealed import on_the_disk
 from harness.ssp.library import name_of
-from harness.studies.campaign import labels
+from harness.studies.campaign.layout import SCRATCH, Field, fields
 from harness.studies.campaign.plan import Layout, Plan, Values
 from harness.studies.campaign.worker import PENDING, Row, Task
 
@@ -28,8 +33,10 @@ Array = NDArray[np.float64]
 PERCENTILES = (5.0, 25.0, 50.0, 75.0, 95.0)
 COMPRESSED = 4096
 """Bytes of a chunk from which on it is compressed; for less it costs more than it saves."""
-SCRATCH = "history_of_"
-"""Histories that are kept only until their bands are known."""
+MAKING = "unfinished_"
+"""What a band is called until it is complete."""
+ATTRIBUTES = {"definition": str, "folder": str, "digest": str, "system": str, "block": int}
+"""Of a dataset, and their types."""
 
 
 class Store:
@@ -46,8 +53,7 @@ class Store:
         """A new dataset with every run pending; UsageError if there is one already."""
         import zarr
 
-        if path.exists():
-            raise UsageError(f"{path}: is there already; go on with --resume, or remove it")
+        refuse_existing(path)
         about = {
             "definition": json.dumps(plan.definition),
             "folder": str(plan.folder),
@@ -55,12 +61,17 @@ class Store:
             "system": name_of(plan.system),
             "block": block,
         }
-        with naming(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            store = cls(path, zarr.open_group(path, mode="w-", zarr_format=3))
+        with naming(path), ExitStack() as life:
+            beside = new_beside(path.absolute(), folder=True)
+            life.callback(shutil.rmtree, beside, ignore_errors=True)
+            store = cls(path, zarr.open_group(beside, mode="w", zarr_format=3))
             store.group.attrs.update(about)
-            store._lay_out(plan, task, block, found)
-        return store
+            for field in fields(plan, task, found):
+                store._lay_out(field, block)
+            on_the_disk(beside)
+            refuse_existing(path)
+            beside.rename(path)
+        return cls(path, zarr.open_group(path, mode="r+", zarr_format=3))
 
     @classmethod
     def open(cls, path: Path) -> Store:
@@ -69,77 +80,79 @@ class Store:
 
         try:
             store = cls(path, zarr.open_group(path, mode="r+", zarr_format=3))
-            store.group.attrs["digest"]
-        except (OSError, KeyError, ValueError) as error:
+            store._legible()
+        except (OSError, KeyError, ValueError, TypeError, AttributeError) as error:
             raise ResultsError(f"{path}: is not the dataset of a campaign") from error
         return store
 
-    def _lay_out(self, plan: Plan, task: Task, block: int, found: Layout) -> None:
-        n, kinds = plan.runs, found.kinds
-        self._array("status", np.int8, (n,), ("run",), block, PENDING, labels.STATUS)
-        self._array("message", str, (n,), ("run",), block, "")
-        self._array("end_time", np.float64, (n,), ("run",), block, about=labels.END)
-        columns = len(task.columns)
-        self._array("last", np.float64, (n, columns), ("run", "column"), block)
-        self._fill("column", np.array(task.columns, dtype=object), ("column",), str)
-        self._fill("column_units", np.array(kinds.units, dtype=object), ("column",), str)
-        for name, value in plan.values(0).items():
-            kind = str if isinstance(value, str) else np.float64
-            shape = np.shape(value)
-            axes = tuple(f"{name}_{k + 1}" for k in range(len(shape)))
-            about = {"role": "factor", "whole": plan.whole(name), **labels.of_factor(name, kinds)}
-            fill = "" if kind is str else np.nan
-            self._array(name, kind, (n, *shape), ("run", *axes), block, fill, about)
-        for name in task.metrics:
-            about = {"role": "metric", **labels.of_metric(name, plan, kinds)}
-            self._array(name, np.float64, (n,), ("run",), block, about=about)
-        if task.kept:
-            time = found.start + np.array(task.steps, dtype=np.float64) * found.step
-            self._fill("time", time, ("time",), np.float64, labels.TIME)
-        for name in task.kept:
-            width = len(_elements(name, task.columns))
-            label = self._history(plan, name)
-            shape = (n, len(task.rows), width)
-            axes = ("run", "time", f"{name}_element")
-            about = {"role": "history", **labels.of_variable(name, kinds)}
-            self._array(label, np.float64, shape, axes, block, about=about)
+    def _legible(self) -> None:
+        """ValueError if attributes are not of their types."""
+        given = {name: self.group.attrs[name] for name in ATTRIBUTES}
+        wrong = [n for n, kind in ATTRIBUTES.items() if type(given[n]) is not kind]
+        if wrong or given["block"] < 1 or not isinstance(self.definition()[0], Mapping):
+            raise ValueError(wrong)
+        for name in self._folders():
+            if (array := self._found(name)) is not None:
+                texts = [array.attrs.get(each, "") for each in ("role", "units", "long_name")]
+                whole = array.attrs.get("whole", False)
+                if not all(isinstance(t, str) for t in texts) or not isinstance(whole, bool):
+                    raise ValueError(name)
 
-    def _history(self, plan: Plan, name: str) -> str:
-        return name if name in plan.keep.get("histories", ()) else SCRATCH + name
+    def _folders(self) -> list[str]:
+        """Names of all arrays, whether they can be read or not."""
+        return sorted(each.name for each in self.path.iterdir() if each.is_dir())
 
-    def _array(  # noqa: PLR0913, PLR0917 - what an array is
-        self,
-        name: str,
-        kind: Any,
-        shape: tuple[int, ...],
-        axes: tuple[str, ...],
-        block: int,
-        fill: Any = np.nan,
-        about: Mapping[str, Any] | None = None,
-    ) -> Any:
-        chunks = (min(block, shape[0]), *shape[1:])
-        small = kind is not str and 8 * np.prod(chunks) < COMPRESSED
-        return self.group.create_array(
-            name,
-            shape=shape,
-            dtype=kind,
-            chunks=chunks,
-            compressors=None if small else "auto",
-            fill_value=fill,
-            dimension_names=list(axes),
-            attributes=dict(about or {}),
+    def _found(self, name: str) -> Any:
+        """An array, None if it cannot be read."""
+        try:
+            return self.group[name]
+        except (KeyError, ValueError, TypeError, AttributeError):
+            return None
+
+    def _arrays(self) -> Iterator[tuple[str, Any]]:
+        """All complete arrays by name; ResultsError if one is damaged."""
+        for name in self._folders():
+            if not name.startswith(MAKING):
+                if (array := self._found(name)) is None:
+                    raise self._damaged(name)
+                yield name, array
+
+    def _damaged(self, name: str) -> ResultsError:
+        return ResultsError(
+            f"{self.path}: {name} is damaged; harness campaign --resume flies what is missing"
         )
 
-    def _fill(
-        self,
-        name: str,
-        values: Any,
-        axes: tuple[str, ...],
-        kind: Any,
-        about: Mapping[str, Any] | None = None,
-    ) -> None:
-        fill = "" if kind is str else np.nan
-        self._array(name, kind, np.shape(values), axes, len(values), fill, about)[...] = values
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Nobody else writes meanwhile; UsageError if somebody does."""
+        try:
+            with locked(self.path / "zarr.json"):
+                yield
+        except Taken as error:
+            raise UsageError(f"{self.path}: another campaign is writing it") from error
+
+    def _lay_out(self, field: Field, block: int) -> Any:
+        from zarr import config
+        from zarr.codecs import Crc32cCodec, ZstdCodec
+
+        length = block if field.axes[0] == "run" else max(1, field.shape[0])
+        chunks = (min(length, max(1, field.shape[0])), *field.shape[1:])
+        small = field.kind is not str and 8 * np.prod(chunks) < COMPRESSED
+        with config.set({"array.write_empty_chunks": True}):
+            array = self.group.create_array(
+                field.name,
+                shape=field.shape,
+                dtype=field.kind,
+                chunks=chunks,
+                compressors=[*([] if small else [ZstdCodec()]), Crc32cCodec()],
+                fill_value=field.fill,
+                dimension_names=list(field.axes),
+                attributes=dict(field.about),
+                overwrite=True,
+            )
+            if field.values is not None:
+                array[...] = field.values
+        return array
 
     # ---- blocks
 
@@ -153,12 +166,15 @@ class Store:
         """Number of runs of the campaign."""
         return int(self.group["status"].shape[0])
 
+    def blocks(self) -> Iterator[slice]:
+        """Runs of every block."""
+        for first in range(0, self.runs, self.block):
+            yield slice(first, min(first + self.block, self.runs))
+
     def pending(self) -> Iterator[int]:
         """First runs of the blocks that are not complete."""
-        status = np.asarray(self.group["status"][:])
-        for first in range(0, len(status), self.block):
-            if (status[first : first + self.block] == PENDING).any():
-                yield first
+        status = self.array("status")
+        return (part.start for part in self.blocks() if (status[part] == PENDING).any())
 
     def write(self, first: int, values: Sequence[Values], rows: Sequence[Row]) -> None:
         """Keep a block of runs, its status last; ResultsError."""
@@ -186,42 +202,100 @@ class Store:
         array[place] = np.array(values, dtype=object if text else array.dtype)
 
     def _opened(self, name: str) -> Any:
-        """An array that is written again and again."""
+        """An array that is written again and again; a chunk without news is written too."""
         if name not in self._written:
-            self._written[name] = self.group[name]
+            from zarr import config
+
+            with config.set({"array.write_empty_chunks": True}):
+                self._written[name] = self.group[name]
         return self._written[name]
 
     @cached_property
     def _histories(self) -> list[str]:
         return self.names("history")
 
+    # ---- after an interruption
+
+    def mend(self, plan: Plan, task: Task, found: Layout) -> None:
+        """Make what was lost by a kill or a power failure pending, so that it is flown again.
+
+        Raises ResultsError.
+        """
+        with naming(self.path):
+            for left in self.path.rglob("*.partial"):
+                left.unlink(missing_ok=True)
+            for name in self._folders():
+                if name.startswith(MAKING) or self._found(name) is None:
+                    shutil.rmtree(self.path / name)
+            for field in fields(plan, task, found):
+                plain = field.name.removeprefix(SCRATCH)
+                done = plain != field.name and f"{plain}_band" in self.group
+                if field.values is not None or not (done or self._fits(field)):
+                    self._lay_out(field, self.block)
+            for part in self.blocks():
+                if not self._whole("status", part):
+                    self._put("status", part, [PENDING] * (part.stop - part.start))
+            status = self.array("status")
+            for part in self.blocks():
+                complete = (status[part] != PENDING).all()
+                if complete and not all(self._whole(name, part) for name in self._of_runs):
+                    self._put("status", part, [PENDING] * (part.stop - part.start))
+
+    def _fits(self, field: Field) -> bool:
+        """Whether an array is there and as it is laid out."""
+        if (array := self._found(field.name)) is None:
+            return False
+        chunk = min(self.block, field.shape[0])
+        return bool(array.shape == field.shape and array.chunks[0] == chunk)
+
+    @cached_property
+    def _of_runs(self) -> list[str]:
+        return [n for n, a in self._arrays() if (a.metadata.dimension_names or [""])[0] == "run"]
+
+    def _whole(self, name: str, part: slice) -> bool:
+        """Whether the chunk of a block is there and has the sum that was written with it."""
+        array = self._opened(name)
+        place = (part.start // self.block, *[0] * (array.ndim - 1))
+        if not (self.path / name / array.metadata.encode_chunk_key(place)).is_file():
+            return False
+        try:
+            np.asarray(array[part])
+        except (ValueError, IndexError, RuntimeError):
+            return False
+        return True
+
     # ---- reading
 
     def names(self, role: str) -> list[str]:
         """Factors, metrics or histories by name."""
-        return sorted(n for n, a in self.group.arrays() if a.attrs.get("role") == role)
+        return [n for n, a in self._arrays() if a.attrs.get("role") == role]
 
     def units(self) -> dict[str, str]:
         """Units of factors, metrics and histories by name, of those that have one."""
-        given = {n.removesuffix("_band"): a.attrs.get("units", "") for n, a in self.group.arrays()}
+        given = {n.removesuffix("_band"): a.attrs.get("units", "") for n, a in self._arrays()}
         return {name: unit for name, unit in given.items() if unit not in {"", "1"}}
 
     def array(self, name: str) -> Any:
-        """All values of one array; texts as Python has them."""
-        values = np.asarray(self.group[name][...])
+        """All values of one array; texts as Python has them. ResultsError if it is damaged."""
+        values = np.asarray(self._read(name, ...))
         return values if values.dtype.kind in "fiu" else np.array(list(map(str, values)), object)
+
+    def _read(self, name: str, place: Any) -> Any:
+        try:
+            return self.group[name][place]
+        except (KeyError, ValueError, TypeError, RuntimeError, OSError) as error:
+            raise self._damaged(name) from error
 
     def values(self, run: int) -> Values:
         """Values of all factors of a run, as they were drawn."""
-        return {name: self._value(self.group[name], run) for name in self.names("factor")}
+        return {name: self._value(name, run) for name in self.names("factor")}
 
-    @staticmethod
-    def _value(array: Any, run: int) -> Any:
-        value = array[run]
+    def _value(self, name: str, run: int) -> Any:
+        value, array = self._read(name, run), self.group[name]
         if array.dtype.kind not in "fiu":
             return str(value)
         plain = np.asarray(value).tolist()
-        return int(plain) if array.attrs["whole"] else plain
+        return int(plain) if array.attrs.get("whole") else plain
 
     def definition(self) -> tuple[Mapping[str, Any], Path]:
         """The table of the campaign, and the folder of the files that it names."""
@@ -236,22 +310,25 @@ class Store:
 
     def _finish(self) -> None:
         for name in self.names("history"):
-            source = self.group[name]
             plain = name.removeprefix(SCRATCH)
             label = f"{plain}_band"
             if label not in self.group:
-                self._bands(source, plain, label)
+                self._bands(self.group[name], plain)
+                (self.path / (MAKING + label)).rename(self.path / label)  # complete or not there
             if name.startswith(SCRATCH):
                 del self.group[name]
 
-    def _bands(self, source: Any, plain: str, label: str) -> None:
+    def _bands(self, source: Any, plain: str) -> None:
         if "percentile" not in self.group:
-            self._fill("percentile", np.array(PERCENTILES), ("percentile",), np.float64)
+            values = np.array(PERCENTILES)
+            axis = Field("percentile", np.float64, values.shape, ("percentile",), values=values)
+            self._lay_out(axis, self.block)
         _, rows, width = source.shape
         axes = ("percentile", "time", f"{plain}_element")
         shape = (len(PERCENTILES), rows, width)
         about = {**source.attrs, "role": "band"}
-        band = self._array(label, np.float64, shape, axes, len(PERCENTILES), about=about)
+        field = Field(f"{MAKING}{plain}_band", np.float64, shape, axes, about=about)
+        band = self._lay_out(field, self.block)
         step = max(1, 4_000_000 // max(1, source.shape[0] * width))  # some 32 MB at once
         for first in range(0, rows, step):
             part = np.asarray(source[:, first : first + step])
@@ -263,6 +340,7 @@ class Store:
             band[:, first : first + step] = values
 
 
-def _elements(name: str, columns: Sequence[str]) -> list[str]:
-    """Columns of a variable."""
-    return [c for c in columns if c == name or c.startswith(f"{name}[")]
+def refuse_existing(path: Path) -> None:
+    """UsageError if there is something already."""
+    if path.exists():
+        raise UsageError(f"{path}: is there already; go on with --resume, or remove it")

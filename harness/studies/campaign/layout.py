@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Which arrays the dataset of a campaign has, and which names it can hold."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from harness.studies.campaign import labels
+from harness.studies.campaign.plan import Layout, Plan
+from harness.studies.campaign.worker import PENDING, SUCCESS, Task
+
+SCRATCH = "history_of_"
+"""Histories that are kept only until their bands are known."""
+OWN = ("status", "message", "end_time", "last", "column", "column_units", "time", "percentile")
+"""Arrays that every dataset may have."""
+LONGEST = 200
+"""Bytes of a name: every array is a folder, and a history has a prefix."""
+
+
+class Field(NamedTuple):
+    """One array: its axes by name, the first one `run` if it has a value per run; values: what it
+    holds from the start.
+    """
+
+    name: str
+    kind: Any
+    shape: tuple[int, ...]
+    axes: tuple[str, ...]
+    fill: Any = np.nan
+    about: Mapping[str, Any] = {}
+    values: Any = None
+
+
+def fields(plan: Plan, task: Task, found: Layout) -> Iterator[Field]:
+    """All arrays of a campaign, those of every run first; its bands come at the end."""
+    n, kinds = plan.runs, found.kinds
+    yield Field("status", np.int8, (n,), ("run",), PENDING, labels.STATUS)
+    yield Field("message", str, (n,), ("run",), "")
+    yield Field("end_time", np.float64, (n,), ("run",), about=labels.END)
+    yield Field("last", np.float64, (n, len(task.columns)), ("run", "column"))
+    for name, value in plan.values(0).items():
+        text, shape = isinstance(value, str), np.shape(value)
+        axes = tuple(f"{name}_{k + 1}" for k in range(len(shape)))
+        about = {"role": "factor", "whole": plan.whole(name), **labels.of_factor(name, kinds)}
+        kind, fill = (str, "") if text else (np.float64, np.nan)
+        yield Field(name, kind, (n, *shape), ("run", *axes), fill, about)
+    for name in task.metrics:
+        about = {"role": "metric", **labels.of_metric(name, plan, kinds)}
+        yield Field(name, np.float64, (n,), ("run",), about=about)
+    for name in task.kept:
+        label = name if name in plan.keep.get("histories", ()) else SCRATCH + name
+        width = len([c for c in task.columns if c == name or c.startswith(f"{name}[")])
+        about = {"role": "history", **labels.of_variable(name, kinds)}
+        axes = ("run", "time", f"{name}_element")
+        yield Field(label, np.float64, (n, len(task.rows), width), axes, about=about)
+    yield _texts("column", task.columns)
+    yield _texts("column_units", kinds.units)
+    if task.kept:
+        time = found.start + np.array(task.steps, dtype=np.float64) * found.step
+        yield Field("time", np.float64, time.shape, ("time",), about=labels.TIME, values=time)
+
+
+def _texts(name: str, values: Sequence[str]) -> Field:
+    array = np.array(values, dtype=object)
+    return Field(name, str, array.shape, ("column",), "", values=array)
+
+
+# ---- names
+
+
+def wrong_names(
+    metrics: Iterable[str], factors: Sequence[str], seeds: Sequence[str], keep: Mapping[str, Any]
+) -> Iterator[str]:
+    """Metrics, factors and variables that the dataset cannot hold under their names, and what has
+    two meanings, a line each.
+    """
+    twice = [name for name, count in Counter(seeds).items() if count > 1]
+    yield from (f"seeds.{name}: is given twice" for name in twice)
+    yield from (
+        f"seeds.{name}: is a factor too" for name in dict.fromkeys(seeds) if name in factors
+    )
+    kept = [str(name) for key in ("histories", "bands") for name in keep.get(key, ())]
+    taken = {
+        **dict.fromkeys((*OWN, "run", SUCCESS), "a name of the dataset itself"),
+        **{label: "a history or band that is kept" for name in kept for label in _labels(name)},
+        **dict.fromkeys((*factors, *seeds), "a factor"),
+    }
+    for name in metrics:
+        if problem := _wrong(name):
+            yield f"metrics.{name}: {problem}"
+        elif name in taken:
+            yield f"metrics.{name}: cannot have this name, it is {taken[name]}"
+        elif _is_axis(name, (*factors, *kept)):
+            yield f"metrics.{name}: cannot have this name, it is an axis of the dataset"
+    for place, names in (("factors", factors), ("seeds", seeds), ("keep", kept)):
+        yield from (f"{place}.{name}: {problem}" for name in names if (problem := _wrong(name)))
+
+
+def _labels(name: str) -> tuple[str, ...]:
+    return name, f"{name}_band", f"{SCRATCH}{name}"
+
+
+def _is_axis(name: str, others: Iterable[str]) -> bool:
+    stem, _, end = name.rpartition("_")
+    return stem in others and (end == "element" or end.isdigit())
+
+
+def _wrong(name: str) -> str:
+    """Why no array can have a name, "" if one can: every array is a folder, / leads into it."""
+    if not name or name in (".", "..", "zarr.json"):
+        return "a dataset cannot hold an array of this name"
+    if bad := sorted({c for c in name if c in "/\\" or not c.isprintable()}):
+        return f"a dataset cannot hold names with {' '.join(map(repr, bad))}"
+    if name.startswith("__"):
+        return "a dataset cannot hold names that begin with __"
+    if len(name.encode()) > LONGEST:
+        return f"a dataset cannot hold names of more than {LONGEST} bytes"
+    return ""

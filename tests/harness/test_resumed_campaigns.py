@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Campaigns that go on after a kill or a power failure: nothing that was lost passes for a result,
+and nobody writes beside another.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import pytest
+
+from harness import campaign
+from harness.errors import ResultsError, UsageError
+from harness.studies.campaign.store import Store
+
+DEFINITION = {
+    "system": "sync_approach",
+    "runs": 9,
+    "fixed": {"stop": 2.0},
+    "factors": {"servicer.mass_0": {"uniform": {"low": 90.0, "high": 110.0}}},
+    "metrics": {"range": "guidance.range[-1]"},
+    "success": "guidance.range[-1] > 0",
+    "keep": {"histories": ["guidance.range"], "bands": ["servicer.r_SN_N"], "rows": 5},
+}
+
+
+def fly(path, **how):
+    return campaign(DEFINITION, path, workers=0, **how).store
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    """The campaign as it is without interruption; a block has one run."""
+    path = tmp_path_factory.mktemp("flown") / "c.zarr"
+    fly(path)
+    return path
+
+
+@pytest.fixture
+def damaged(flown, tmp_path):
+    """A copy to be damaged."""
+    return shutil.copytree(flown, tmp_path / "c.zarr")
+
+
+def files(path):
+    """All that is in a dataset, byte by byte."""
+    return {f.relative_to(path).as_posix(): f.read_bytes() for f in path.rglob("*") if f.is_file()}
+
+
+def resumed(path):
+    """Runs that are flown when a campaign is resumed."""
+    before = []
+    campaign(DEFINITION, path, workers=0, resume=True, progress=lambda p: before.append(p.done))
+    return len(before)
+
+
+class Killed(BaseException):
+    """Nothing catches it, as nothing catches a kill."""
+
+
+@pytest.mark.parametrize("arrays", [0, 1, 5, 9])
+def test_killed_while_the_dataset_is_laid_out(flown, tmp_path, monkeypatch, arrays):
+    """It appears whole or not at all; what is left of it is removed by the next start."""
+    import zarr
+
+    path, create, made = tmp_path / "c.zarr", zarr.Group.create_array, []
+
+    def die(self, *given, **how):
+        if len(made) == arrays:
+            raise Killed
+        made.append(1)
+        return create(self, *given, **how)
+
+    monkeypatch.setattr(zarr.Group, "create_array", die)
+    monkeypatch.setattr(shutil, "rmtree", lambda *_, **__: None)  # nobody cleans up after a kill
+    monkeypatch.setattr("os.getpid", lambda: 2**22 + 1)  # of a process that has gone
+    with pytest.raises(Killed):
+        fly(path, resume=True)
+    monkeypatch.undo()
+    assert not path.exists()
+    assert len(list(tmp_path.glob(".c-*.zarr"))) == 1
+    assert resumed(path) == 9
+    assert list(tmp_path.glob(".c-*")) == []
+    assert files(path) == files(flown)
+
+
+def test_every_chunk_of_a_run_that_is_lost_or_damaged_is_flown_again(flown, damaged):
+    """Empty after a power failure, gone, or with a bit turned over, in whichever array."""
+    chunks = [f for f in damaged.rglob("c/*") if f.is_file()]
+    chunks += [f for f in damaged.rglob("c/*/0") if f.is_file()]
+    chunks += [f for f in damaged.rglob("c/*/0/0") if f.is_file()]
+    chunks = [f for f in chunks if not is_fixed(f, damaged)]
+    assert len(chunks) >= 8 * 9
+    for k, chunk in enumerate(chunks):
+        data = bytearray(chunk.read_bytes())
+        match k % 3:
+            case 0:
+                chunk.write_bytes(b"")
+            case 1:
+                chunk.unlink()
+            case 2:
+                data[len(data) // 2] ^= 1
+                chunk.write_bytes(data)
+        if k % 9 == 4:  # one at a time and several at once
+            assert 1 <= resumed(damaged) <= 9
+            assert files(damaged) == files(flown)
+    resumed(damaged)
+    assert files(damaged) == files(flown)
+
+
+def is_fixed(chunk, path):
+    """Whether an array has no runs."""
+    name = chunk.relative_to(path).parts[0]
+    axes = json.loads((path / name / "zarr.json").read_text())["dimension_names"]
+    return axes[0] != "run"
+
+
+@pytest.mark.parametrize("name", ["status", "range", "message", "column", "time", "guidance.range"])
+@pytest.mark.parametrize("how", ["gone", "empty"])
+def test_an_array_that_is_lost_is_laid_out_again(flown, damaged, name, how):
+    if how == "gone":
+        shutil.rmtree(damaged / name)
+    else:
+        (damaged / name / "zarr.json").write_text("")
+    assert resumed(damaged) == (0 if name in ("column", "time") else 9)
+    assert files(damaged) == files(flown)
+
+
+def test_what_a_kill_leaves_of_a_chunk_or_a_band_is_no_band(flown, damaged):
+    (damaged / "guidance.range_band").rename(damaged / "unfinished_guidance.range_band")
+    shutil.rmtree(damaged / "unfinished_guidance.range_band" / "c")
+    assert Store.open(damaged).names("band") == ["servicer.r_SN_N_band"]
+    (damaged / "range" / "c" / "3.0123456789abcdef.partial").write_bytes(b"half")
+    assert resumed(damaged) == 0
+    assert files(damaged) == files(flown)
+
+
+def test_a_damaged_dataset_says_so_to_whoever_reads_it(damaged):
+    (damaged / "range" / "c" / "3").write_bytes(b"")
+    with pytest.raises(ResultsError, match=r"c.zarr: range is damaged; .*--resume"):
+        Store.open(damaged).array("range")
+
+
+@pytest.mark.parametrize("value", [None, 0.5, [], {}, True])
+@pytest.mark.parametrize("name", ["definition", "folder", "digest", "system", "block"])
+def test_attributes_of_a_wrong_type_are_one_line(damaged, name, value):
+    about = json.loads((damaged / "zarr.json").read_text())
+    about["attributes"][name] = value
+    (damaged / "zarr.json").write_text(json.dumps(about))
+    with pytest.raises(ResultsError, match=r"c.zarr: is not the dataset of a campaign"):
+        Store.open(damaged)
+    with pytest.raises(ResultsError, match=r"c.zarr: is not the dataset of a campaign"):
+        fly(damaged, resume=True)
+
+
+@pytest.mark.parametrize("attributes", [{"role": 5}, {"units": [1]}, {"whole": "yes"}])
+def test_attributes_of_an_array_of_a_wrong_type_are_one_line(damaged, attributes):
+    file = damaged / "servicer.mass_0" / "zarr.json"
+    about = json.loads(file.read_text())
+    about["attributes"] |= attributes
+    file.write_text(json.dumps(about))
+    with pytest.raises(ResultsError, match=r"c.zarr: is not the dataset of a campaign"):
+        fly(damaged, resume=True)
+
+
+def test_who_writes_a_dataset_writes_it_alone(damaged, tmp_path):
+    (damaged / "range" / "c" / "3").unlink()
+    met = []
+
+    def second(_):
+        for path in (damaged, tmp_path / "new.zarr"):
+            if path.exists():
+                with pytest.raises(UsageError, match=r"another campaign is writing it") as caught:
+                    fly(path, resume=True)
+                met.append(str(caught.value))
+
+    campaign(DEFINITION, damaged, workers=0, resume=True, progress=second)
+    assert met == [f"{damaged}: another campaign is writing it"]
+    shutil.rmtree(damaged)
+    campaign(DEFINITION, tmp_path / "new.zarr", workers=0, progress=second)
+    assert met[1:] == [f"{tmp_path / 'new.zarr'}: another campaign is writing it"] * 9
+    assert resumed(tmp_path / "new.zarr") == 0  # the lock went with its campaign
