@@ -110,7 +110,12 @@ class ComparisonError(HarnessError):
 
 
 class RequirementError(HarnessError):
-    """Requirements are not met or cannot be judged; one line each."""
+    """Requirements are not met or cannot be judged; one line each.
+
+    partial: the Campaign whose success cannot be judged, else None.
+    """
+
+    partial: Any = None
 
 
 class ResultsError(HarnessError):

@@ -24,7 +24,7 @@ from harness.cli.options import (
     insist,
     takes_changes,
 )
-from harness.errors import ComparisonError, UsageError
+from harness.errors import ComparisonError, RequirementError, UsageError
 from harness.spelling import printable
 
 app = typer.Typer()
@@ -204,26 +204,32 @@ def campaign_command(  # noqa: PLR0913, PLR0917 - one argument per option
 
     folder = output or Path("results") / f"{definition.stem}.zarr"
     shown = not quiet and sys.stderr.isatty()
+    problem = None
     with counting(definition.stem, shown) as show:
-        found = campaign(
-            definition,
-            folder,
-            workers=workers,
-            scheduler=scheduler,
-            slurm=slurm,
-            tls_ca=tls_ca,
-            tls_cert=tls_cert,
-            tls_key=tls_key,
-            insecure=insecure,
-            dashboard=dashboard,
-            resume=resume,
-            progress=show,
-            said=(lambda text: None) if quiet else (lambda text: typer.echo(text, err=True)),
-        )
+        try:
+            found = campaign(
+                definition,
+                folder,
+                workers=workers,
+                scheduler=scheduler,
+                slurm=slurm,
+                tls_ca=tls_ca,
+                tls_cert=tls_cert,
+                tls_key=tls_key,
+                insecure=insecure,
+                dashboard=dashboard,
+                resume=resume,
+                progress=show,
+                said=(lambda text: None) if quiet else (lambda text: typer.echo(text, err=True)),
+            )
+        except RequirementError as error:  # all is there, only not judged
+            found, problem = error.partial, error
     typer.echo(printable(found.summary()))
     place = figures_of(folder)
     drawn = pictures(found.store, place, ending.value, style.value) if figures else []
     typer.echo(f"\ndataset {folder}" + (f", {len(drawn)} figures in {place}" if drawn else ""))
+    if problem is not None:
+        raise problem
 
 
 @app.command("study")

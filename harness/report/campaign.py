@@ -19,7 +19,7 @@ from harness.report.template import render
 from harness.results.quantities import with_unit
 from harness.studies.campaign import summary
 from harness.studies.campaign.store import Store
-from harness.studies.campaign.worker import COMPLETE, FAILED, PENDING, SUCCESS
+from harness.studies.campaign.worker import COMPLETE, FAILED, PENDING
 
 Array = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ def _page(store: Store, path: Path) -> str:
         name=path.name,
         system=str(store.group.attrs["system"]),
         count={k: int((status == v).sum()) for k, v in STATES.items()},
-        success=_success(store, status),
+        success=_success(store),
         metrics=[_metric(name, x) for name, x in shown.items()],
         worst=_worst(store, metrics, path) if metrics else None,
         failures=_failures(store, status),
@@ -81,15 +81,13 @@ def _figure(name: str, plots: list[Plot]) -> dict[str, Any]:
 # ---- numbers
 
 
-def _success(store: Store, status: Array) -> dict[str, Any] | None:
+def _success(store: Store) -> dict[str, Any] | None:
     """Share of the runs that have succeeded, with its interval of 95 %."""
-    if SUCCESS not in store.names("metric"):
+    if (found := summary.success(store)) is None or not found.judged:
         return None
-    column, flown = store.array(SUCCESS), int((status != PENDING).sum())
-    count = int(np.nansum((column > 0) & (status == COMPLETE)))
-    low, high = summary.wilson(count, flown)
-    share = count / max(flown, 1)
-    return {"count": count, "of": flown, "share": share, "low": low, "high": high}
+    low, high = found.interval()
+    share = found.met / found.judged
+    return {"count": found.met, "of": found.judged, "share": share, "low": low, "high": high}
 
 
 def _metric(name: str, values: Array) -> dict[str, Any]:

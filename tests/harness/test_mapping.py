@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from harness import compare, export, run
+from harness import campaign, compare, export, run
 from harness.cli.app import main
 from harness.errors import HarnessError, StructureError, UsageError
 from harness.master.changes import apply
@@ -125,6 +125,15 @@ def test_what_is_said_is_done_for_whole_vectors_and_for_elements(chain, others):
     turned = run(chain, swap=swap, map=single, in_process=True)
     assert turned["last.w"].tolist() == EXPECTED[:, ::-1].tolist()
     assert flown.provenance.maps == (("speed_of_it", "v"), ("w_out", "w"))
+
+
+def test_a_campaign_fixes_it(chain, others, tmp_path):
+    fixed = {"swap": {"to": str(others["other"])}, "map": ["speed_of_it=v", "w_out=w"]}
+    given = {"system": str(chain), "fixed": fixed, "metrics": {"end": "last.w[-1, 2]"}}
+    done = campaign(given, tmp_path / "out.zarr", workers=0)
+    assert done.store.array("end").tolist() == [EXPECTED[-1, 2]]
+    with pytest.raises(StructureError, match=r"fixed.map: must be a table, or a list"):
+        campaign({**given, "fixed": {"map": 5}}, tmp_path / "other.zarr", workers=0)
 
 
 def test_an_exported_system_keeps_it(chain, others, tmp_path):

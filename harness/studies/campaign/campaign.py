@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from harness.errors import UsageError
+from harness.errors import RequirementError, UsageError
 from harness.files.signals import held
 from harness.master.changes import Changes
 from harness.master.recorder import recorded
@@ -20,7 +20,7 @@ from harness.studies.campaign.draft import read_plan
 from harness.studies.campaign.engine import Block, Flown, crew
 from harness.studies.campaign.plan import Layout, Plan
 from harness.studies.campaign.store import Store, refuse_existing
-from harness.studies.campaign.summary import text
+from harness.studies.campaign.summary import text, unjudged
 from harness.studies.campaign.worker import FAILED, Task
 from harness.studies.notes import said_once
 
@@ -89,8 +89,9 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     with an interrupted campaign; progress: called after every block; said: called with what the
     user should know.
 
-    Raises UsageError, StructureError with all that is wrong before the first run, and ResultsError.
-    A run that fails is a row of the dataset.
+    Raises UsageError, StructureError with all that is wrong before the first run, ResultsError, and
+    RequirementError if the success of a run could not be judged (`partial` is the campaign, which
+    is complete). A run that fails is a row of the dataset.
     """
     tls = Files(*(None if file is None else Path(file) for file in (tls_ca, tls_cert, tls_key)))
     who = checked(Workers(workers, scheduler, slurm, tls, insecure, dashboard))
@@ -112,7 +113,15 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
             life.enter_context(store.alone())
         _keep(plan, store, flown, progress)
         store.finish()
-    return Campaign(path, store)
+    return _judged(Campaign(path, store))
+
+
+def _judged(found: Campaign) -> Campaign:
+    if problem := unjudged(found.store):
+        error = RequirementError(problem)
+        error.partial = found
+        raise error
+    return found
 
 
 def _keep(

@@ -12,6 +12,7 @@ import numpy as np
 
 from harness.errors import HarnessError, StructureError
 from harness.master.changes import Changes, apply, as_in_a_file, pairs
+from harness.master.recorder import recorded
 from harness.master.refusals import as_typed, without
 from harness.master.trial import refused
 from harness.results.result import Result
@@ -27,7 +28,9 @@ from harness.studies.campaign.kinds import (
     wrong_choices,
     wrong_entries,
 )
+from harness.studies.campaign.layout import wrong_names
 from harness.studies.campaign.plan import Layout, Plan, Values
+from harness.studies.campaign.worker import SUCCESS
 from harness.system.graph import Checked, Graph, Slot, checked, columns, constants, say_warnings
 from harness.system.model import System
 from harness.system.tables import read_toml
@@ -81,19 +84,22 @@ class _Draft:
         self._whole("every", 1, 2**31 - 1)
         self._each("expected", self._bounds)
         self._positive("patience")
+        factors = [*table.get("factors", {})]
+        seeds, keep = self.plan.seeds, self.plan.keep
+        self.problems += wrong_names(table.get("metrics", {}), factors, seeds, keep)
         sampler = self.plan.sampler
         if sampler not in draws.SAMPLERS:
             close = did_you_mean(sampler, draws.SAMPLERS)
             self.problems.append(f"sampler: there is no {sampler}{close}, only {_all_samplers()}")
         take_mission(self.plan.system)
-        factors = self._each("factors", factor)
+        made = self._each("factors", factor)
         found = self._each("metrics", lambda _, text: metrics.metric(str(text), self.plan.folder))
         if self.plan.success is not None:
             found["success"] = self._one(
                 "success", lambda: metrics.metric(str(self.plan.success), self.plan.folder)
             )
         self.plan = Plan(
-            table, self.plan.folder, tuple(factors.values()), {k: m for k, m in found.items() if m}
+            table, self.plan.folder, tuple(made.values()), {k: m for k, m in found.items() if m}
         )
         if not self.problems and self.plan.runs > MAX_RUNS:
             self.problems.append(f"these are {self.plan.runs} runs, more than {MAX_RUNS}")
@@ -194,6 +200,8 @@ class _Draft:
                 continue
             if run == 0:
                 self._names(_kinds(ready[0][1].graph))
+        if not self.problems:
+            self._measurable([found for _, found in ready])
         systems = [changed for changed, _ in ready]
         self._try(systems)
         if not self.problems:
@@ -228,6 +236,16 @@ class _Draft:
             self.problems.append(f"worst: there is no metric {worst}{close}")
         if self.plan.keep and any(f.name == "step" for f in self.plan.factors):
             self.problems.append("keep: histories of runs with several macro steps do not fit")
+
+    def _measurable(self, structures: Sequence[Checked]) -> None:
+        """Metrics that no run can have; a success that every run has."""
+        sizes = {(s.graph.slots, s.steps): s for s in structures}  # others are alike
+        results = [_blank(found, self.plan.every) for found in sizes.values()]
+        for name, each in self.plan.metrics.items():
+            success = name == SUCCESS
+            text = str(self.plan.success if success else self.plan.definition["metrics"][name])
+            if why := metrics.refusal(text, each, results, success):
+                self.problems.append(f"{name if success else f'metrics.{name}'}: {why}")
 
     def _known(self, name: str, variable: str, result: Result) -> None:
         if variable not in result:
@@ -265,7 +283,17 @@ def _kinds(graph: Graph) -> Result:
     return _table(graph.slots, _table([slot for slot, _ in constants(graph)]))
 
 
-def _table(slots: Sequence[Slot], parameters: Result | None = None) -> Result:
+def _blank(found: Checked, every: int) -> Result:
+    """A result with as many rows as a run leaves, all values 1, for a first look at metrics."""
+    given = list(constants(found.graph))
+    parameters = _table([slot for slot, _ in given], values=np.array([[x for _, x in given]]))
+    rows = len(recorded(found.steps, every))
+    values = np.broadcast_to(1.0, (rows, len(found.graph.slots)))
+    return _table(found.graph.slots, parameters, values)
+
+
+def _table(slots: Sequence[Slot], parameters: Result | None = None, values: Any = None) -> Result:
     names, units, texts = columns(slots)
-    values = np.empty((1, len(slots)))
-    return Result("", np.zeros(1), names, units, values, texts, parameters=parameters)
+    values = np.empty((1, len(slots))) if values is None else values
+    time = np.arange(len(values), dtype=np.float64)
+    return Result("", time, names, units, values, texts, parameters=parameters)

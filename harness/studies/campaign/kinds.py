@@ -61,6 +61,8 @@ CHANGES = {
     "params": TEXT,
     "set": PAIRS,
     "swap": PAIRS,
+    "map": PAIRS,
+    "on": PAIRS,
     "latency": PAIRS,
     "step": NUMBER,
     "stop": NUMBER,

@@ -91,7 +91,7 @@ def wrong_names(
     }
     for name in metrics:
         if problem := _wrong(name):
-            yield f"metrics.{name}: {problem}"
+            yield f"metrics.{name if name.isprintable() else repr(name)}: {problem}"
         elif name in taken:
             yield f"metrics.{name}: cannot have this name, it is {taken[name]}"
         elif _is_axis(name, (*factors, *kept)):

@@ -10,9 +10,14 @@ from __future__ import annotations
 
 import ast
 import importlib.util
-from collections.abc import Callable, Iterator, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
+from warnings import catch_warnings, simplefilter
+
+import numpy as np
 
 from harness.mission import Limits, Measure
 from harness.mission.library import everything, of_result
@@ -21,7 +26,8 @@ from harness.results.expressions import parsed
 from harness.results.expressions import variables as named
 from harness.results.result import Result
 
-Metric = Callable[[Result], float]
+Metric = Callable[[Result], Any]
+"""One number of a result; what it gives is not to be trusted before value() has seen it."""
 
 
 def metric(text: str, folder: Path) -> Metric:
@@ -43,9 +49,9 @@ def _measures() -> dict[str, Measure]:
     return {m.name: m for m in reversed(everything().measures)}
 
 
-def _evaluated(tree: ast.expr, result: Result) -> float:
+def _evaluated(tree: ast.expr, result: Result) -> Any:
     plain = resolved(tree, partial(unit_in, result))
-    return float(evaluate(plain, partial(history, result)))
+    return evaluate(plain, partial(history, result))
 
 
 def _measured(measure: Measure, result: Result) -> float:
@@ -87,12 +93,56 @@ def _function(file: Path, name: str) -> Metric:
     return found  # type: ignore[no-any-return]
 
 
-def measured(metrics: Mapping[str, Metric], result: Result) -> dict[str, float]:
-    """All metrics of a run; NaN where one does not exist for it."""
-    values = {}
+# ---- values
+
+
+def measured(
+    metrics: Mapping[str, Metric], result: Result
+) -> tuple[dict[str, float], dict[str, str]]:
+    """All metrics of a run, NaN where one does not exist for it, and why some do not."""
+    values, reasons = {}, {}
     for name, each in metrics.items():
-        try:
-            values[name] = float(each(result))
-        except (KeyError, ValueError, IndexError, ZeroDivisionError, TypeError, OverflowError):
-            values[name] = float("nan")
-    return values
+        values[name], reason = value(each, result)
+        if reason:
+            reasons[name] = reason
+    return values, reasons
+
+
+def value(each: Metric, result: Result) -> tuple[float, str]:
+    """A metric of a result, or NaN and what is wrong with it."""
+    try:
+        with np.errstate(all="ignore"), catch_warnings():
+            simplefilter("ignore", RuntimeWarning)  # the mean of nothing
+            return _number(each(result)), ""
+    except Exception as error:  # a function of the user may raise whatever it likes
+        plain = isinstance(error, KeyError | ValueError) and error.args
+        text = str(error.args[0]) if plain else f"{type(error).__name__}: {error}"
+        return math.nan, " ".join(text.split())[:200]
+
+
+def _number(given: Any) -> float:
+    if shape := np.shape(given):
+        size = " x ".join(map(str, shape))
+        raise ValueError(f"is an array of {size}, not one number; [-1] or max() picks one")
+    if not isinstance(given, int | float | np.number | np.bool_ | np.ndarray):
+        raise ValueError(f"is {given!r:.40}, not a number")
+    return float(given)
+
+
+def refusal(text: str, each: Metric, results: Sequence[Result], all_of_them: bool) -> str:
+    """Why no run can have a metric, "" if one can, or if only a run can tell: a function.
+
+    results: what runs leave, of every structure; all_of_them: every run must have it.
+    """
+    if text.rpartition(":")[0].endswith(".py"):
+        return ""
+    found = [_lacking(text, result) or value(each, result)[1] for result in results]
+    return next(filter(None, found), "") if all_of_them or all(found) else ""
+
+
+def _lacking(text: str, result: Result) -> str:
+    """What a built-in measure needs and the system has not."""
+    measure = _measures().get(text)
+    if measure and not result.holds(*measure.needs, parameters=measure.parameters):
+        return f"the system has not got what it needs ({', '.join(measure.needs)})"
+    return ""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from harness.results.quantities import with_unit
 from harness.spelling import one_line
 from harness.studies.campaign.store import Store
-from harness.studies.campaign.worker import COMPLETE, FAILED, SUCCESS
+from harness.studies.campaign.worker import COMPLETE, FAILED, PENDING, SUCCESS
 
 Array = NDArray[np.float64]
 
@@ -116,9 +117,9 @@ def text(store: Store, shown: str) -> str:
     flown = int((status == COMPLETE).sum()) + failed
     metrics = metric_columns(store)
     lines = [f"{flown} runs, {failed} failed"]
-    if SUCCESS in store.names("metric"):
-        lines.append(_success(store.array(SUCCESS), flown))
+    lines += _shares(store)
     lines += ["", *_table(metrics, store.units())] if metrics else []
+    lines += _missing(store, metrics, status)
     lines += _expectations(store, metrics)
     factors = _varied(store, status != 0)
     if metrics and factors:
@@ -136,13 +137,69 @@ def _varied(store: Store, flown: NDArray[np.bool_]) -> dict[str, Array]:
     return {name: column for name, column in columns.items() if np.ptp(column[flown]) > 0}
 
 
-def _success(column: Array, flown: int) -> str:
-    count = int(np.nansum(column > 0))
-    low, high = wilson(count, flown)
-    share = 100 * count / max(flown, 1)
-    return (
-        f"success: {count} of {flown}, {share:.1f} % (95 %: {100 * low:.1f} to {100 * high:.1f} %)"
-    )
+class Success(NamedTuple):
+    """Runs that have succeeded, of those that could be judged; the first one that could not be and
+    how many there are.
+    """
+
+    met: int
+    judged: int
+    unjudged: int
+    first: int
+
+    def interval(self) -> tuple[float, float]:
+        """Of 95 %, for the probability of a success."""
+        return wilson(self.met, self.judged)
+
+
+def success(store: Store) -> Success | None:
+    """How often a campaign has succeeded, None if it does not say what that is. A run that has
+    failed has not succeeded.
+    """
+    if SUCCESS not in store.names("metric"):
+        return None
+    status, column = store.array("status"), store.array(SUCCESS)
+    open_ = np.flatnonzero((status == COMPLETE) & ~np.isfinite(column))
+    judged = int((status != PENDING).sum()) - len(open_)
+    met = int(((status == COMPLETE) & (column > 0)).sum())
+    return Success(met, judged, len(open_), int(open_[0]) if len(open_) else -1)
+
+
+def unjudged(store: Store) -> str:
+    """What is wrong with a success that some run could not be judged by, "" if nothing is."""
+    found = success(store)
+    if found is None or not found.unjudged:
+        return ""
+    flown = found.judged + found.unjudged
+    first = f"first run {found.first}{_why(store, found.first, SUCCESS)}"
+    return f"success: cannot be judged in {found.unjudged} of {flown} runs, {first}"
+
+
+def _why(store: Store, run: int, name: str) -> str:
+    """Why a metric of a complete run has no value, if that was said."""
+    reasons = dict(part.partition(": ")[::2] for part in store.array("message")[run].splitlines())
+    return f" ({one_line(reasons[name])})" if name in reasons else ""
+
+
+def _shares(store: Store) -> Iterator[str]:
+    found = success(store)
+    if found is not None and found.judged:
+        low, high = found.interval()
+        share = 100 * found.met / found.judged
+        yield (
+            f"success: {found.met} of {found.judged}, {share:.1f} % "
+            f"(95 %: {100 * low:.1f} to {100 * high:.1f} %)"
+        )
+    yield from filter(None, [unjudged(store)])
+
+
+def _missing(store: Store, metrics: Mapping[str, Array], status: Array) -> Iterator[str]:
+    """Metrics that complete runs have no value of."""
+    complete = status == COMPLETE
+    for name, column in metrics.items():
+        if len(found := np.flatnonzero(complete & np.isnan(column))):
+            first = f"first run {found[0]}{_why(store, int(found[0]), name)}"
+            yield f"{name}: no value in {len(found)} of {complete.sum()} runs, {first}"
 
 
 def _expectations(store: Store, metrics: Mapping[str, Array]) -> Iterator[str]:

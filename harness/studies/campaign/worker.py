@@ -57,7 +57,9 @@ class Task:
 
 
 class Row(NamedTuple):
-    """What is kept of one run; histories: (rows, elements) by variable, NaN beyond its end."""
+    """What is kept of one run; message: why it failed, or why a metric of it has no value;
+    histories: (rows, elements) by variable, NaN beyond its end.
+    """
 
     status: int
     message: str
@@ -128,9 +130,11 @@ def lost(task: Task, message: str, time: float = float("nan")) -> Row:
 
 def _row(pilot: _Pilot, status: int, message: str, result: Result) -> Row:
     task = pilot.task
-    metrics = measured(pilot.metrics, result)
+    metrics, reasons = measured(pilot.metrics, result)
     if status == FAILED and SUCCESS in metrics:
         metrics[SUCCESS] = 0.0
+    if status == COMPLETE:
+        message = "\n".join(f"{name}: {reason}" for name, reason in reasons.items())
     return Row(
         status,
         message,
