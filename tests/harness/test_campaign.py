@@ -148,7 +148,9 @@ def test_samples_fill_every_stratum(sampler):
 
 
 def test_run_i_of_a_random_campaign_does_not_depend_on_the_number_of_runs(system):
-    short, long = (read_plan(table(system, runs=n, seeds=["count.n_0"]))[0] for n in (5, 50))
+    factors = {"twice.k": {"normal": {"mean": 2.0, "sigma": 0.5}}}
+    given = table(system, seeds=["count.n_0"], factors=factors)
+    short, long = (read_plan({**given, "runs": n})[0] for n in (5, 50))
     assert [short.values(i) for i in range(5)] == [long.values(i) for i in range(5)]
     assert len({long.values(i)["count.n_0"] for i in range(50)}) == 50
 
