@@ -17,10 +17,11 @@ from typing import NamedTuple
 from harness.claims import safety
 from harness.claims.case import listed, unlike
 from harness.errors import ResultsError
-from harness.mission import Claim, Judgement, Paper, Verdict
+from harness.mission import Claim, Judgement, Paper
 from harness.mission.library import missing, notes_of, of_result
 from harness.results.requirements import Finding, findings
 from harness.results.result import Result
+from harness.results.verdict import OPEN, Judged, Kind, Verdict, missed
 
 COLUMNS = (
     ("claim of the paper", 38),
@@ -57,12 +58,26 @@ def report(result: Result, width: int = WIDTH) -> tuple[str, bool]:
     width: of the text. An honest "not reproduced" is no failure. Raises ResultsError if no paper
     belongs to the result.
     """
-    found, passed = lines(result, width)
-    return "\n".join(line.text for line in found), passed
+    text = "\n".join(line.text for line in lines(result, width))
+    return text, result.complete and not missed(outcomes(result))
 
 
-def lines(result: Result, width: int = WIDTH) -> tuple[list[Line], bool]:
-    """The same line by line."""
+def outcomes(result: Result) -> list[Judged]:
+    """All claims behind a result; "not reproduced" only where it is the case of the paper."""
+    return [
+        Judged(Kind.CLAIM, claim.name, found.verdict, f"{claim.name}: {_said(found)}")
+        for each in judged(result)
+        for claim, found in each.claims
+        if not (each.deviations and found.verdict is Verdict.NOT_REPRODUCED)
+    ]
+
+
+def _said(found: Judgement) -> str:
+    return f"{Kind.CLAIM.word(found.verdict)}; {found.figure}"
+
+
+def lines(result: Result, width: int = WIDTH) -> list[Line]:
+    """The report line by line."""
     found, wanted = judged(result), findings(result)
     if not found and not wanted:
         hint = (
@@ -80,8 +95,7 @@ def lines(result: Result, width: int = WIDTH) -> tuple[list[Line], bool]:
     text = _flown(result, width)
     for part in filter(None, parts):
         text += [Line(""), *part]
-    verdicts = {judgement.verdict for each in found for _, judgement in each.claims}
-    return text, result.complete and Verdict.NOT_JUDGED not in verdicts
+    return text
 
 
 def _notes(result: Result, width: int) -> list[Line]:
@@ -102,7 +116,7 @@ def _safety(result: Result, width: int) -> list[Line]:
     return [line for row in text for line in (_wrapped(row, width) or [Line("")])]
 
 
-class Judged(NamedTuple):
+class PaperJudged(NamedTuple):
     """The claims of a paper with their judgements, and how the run differs from its cases."""
 
     paper: Paper
@@ -110,10 +124,10 @@ class Judged(NamedTuple):
     deviations: list[str]
 
 
-def judged(result: Result) -> list[Judged]:
+def judged(result: Result) -> list[PaperJudged]:
     """All papers that a result belongs to."""
     return [
-        Judged(
+        PaperJudged(
             paper,
             [(claim, claim.evaluate(result)) for claim in paper.claims],
             unlike(paper, result),
@@ -135,7 +149,7 @@ def _flown(result: Result, width: int) -> list[Line]:
     ]
 
 
-def _section(result: Result, judged: Judged, width: int) -> list[Line]:
+def _section(result: Result, judged: PaperJudged, width: int) -> list[Line]:
     other = bool(judged.deviations)
     differences = f"Not the case of the paper: {listed(judged.deviations)}"
     return [
@@ -199,8 +213,8 @@ def _cells(claim: Claim, judgement: Judgement, other: bool) -> list[str]:
 
 def _verdict(judgement: Judgement, other: bool) -> str:
     """Of another case a verdict is none on the paper."""
-    mark = f", {OTHER}" if other and judgement.verdict is not Verdict.NOT_JUDGED else ""
-    return judgement.verdict.value + mark
+    mark = f", {OTHER}" if other and judgement.verdict not in OPEN else ""
+    return Kind.CLAIM.word(judgement.verdict) + mark
 
 
 def _row(cells: Iterable[str]) -> list[str]:
@@ -216,5 +230,7 @@ def _row(cells: Iterable[str]) -> list[str]:
 
 def _summary(judgements: Sequence[Judgement], other: bool) -> str:
     count = Counter(judgement.verdict for judgement in judgements)
-    parts = [f"{count[verdict]} {verdict.value}" for verdict in Verdict if count[verdict]]
+    parts = [
+        f"{count[verdict]} {Kind.CLAIM.word(verdict)}" for verdict in Verdict if count[verdict]
+    ]
     return f"{len(judgements)} claims: {', '.join(parts)}{f'; {OTHER}' if other else ''}"

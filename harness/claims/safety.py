@@ -32,5 +32,4 @@ def section(mission: Mission, result: Result) -> str:
 def _rows(found: list[RuleFinding]) -> Iterator[tuple[str, ...]]:
     yield "rule", "least margin", "verdict", "limit"
     for each in found:
-        verdict = "holds" if each.holds else f"violated, first at {each.violated:.2f} s"
-        yield each.name, f"{each.margin:.4g} {each.unit}", verdict, each.limit
+        yield each.name, f"{each.margin:.4g} {each.unit}", each.state, each.limit

@@ -22,7 +22,6 @@ from harness.cli.options import (
     StyleOption,
     SystemArgument,
     figures_of,
-    insist,
     size_of,
     takes_changes,
 )
@@ -196,7 +195,7 @@ def report(
 
     With -o: one page that opens in any browser, of any run, comparison or campaign.
     """
-    from harness.cli.verdicts import show
+    from harness.cli.verdicts import insist, show
     from harness.results.files import read
     from harness.results.requirements import demanding
 
@@ -208,9 +207,11 @@ def report(
     result = demanding(read(file), {text: text for text in wanted})
     if output is not None:
         _page(result, output)
-    elif not show(result):
+    else:
+        show(result)
+    insist({"": result}, wanted, strict, claims=strict or output is None)
+    if output is None and not result.complete:
         raise typer.Exit(1)
-    insist(result, wanted, strict)
 
 
 def _page(source: Any, output: Path) -> None:

@@ -12,8 +12,6 @@ from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
-from harness.errors import RequirementError
-
 Command = TypeVar("Command", bound=Callable[..., None])
 
 
@@ -212,7 +210,7 @@ RequireOption = Annotated[
     ),
 ]
 StrictOption = Annotated[
-    bool, typer.Option("--strict", help="requirements of the system decide on the status too")
+    bool, typer.Option("--strict", help="all requirements and safety rules decide on the status")
 ]
 PatienceOption = Annotated[
     float | None,
@@ -308,15 +306,6 @@ def takes_changes(*names: str) -> Callable[[Command], Command]:
         return with_changes  # type: ignore[return-value]
 
     return decorate
-
-
-def insist(result: Any, required: Iterable[str], strict: bool) -> None:
-    """RequirementError if a requirement of the command line, or if strict any, is not met."""
-    from harness.results.requirements import findings
-
-    missed = [str(f) for f in findings(result) if not f.met and (strict or f.name in required)]
-    if missed:
-        raise RequirementError("\n".join(f"requirement {line}" for line in missed))
 
 
 def size_of(path: Path) -> str:

@@ -21,7 +21,6 @@ from harness.cli.options import (
     StyleOption,
     SystemArgument,
     figures_of,
-    insist,
     takes_changes,
 )
 from harness.errors import ComparisonError, RequirementError, UsageError
@@ -103,6 +102,7 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     Every combination of the values given is run, in parallel. Results, table and figures go to one
     folder.
     """
+    from harness.cli.verdicts import insist
     from harness.master.isolated import PATIENCE
     from harness.master.progress import progress_bar
     from harness.studies.compare import compare
@@ -128,8 +128,7 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     typer.echo(f"\nresults{',' if figures else ' and'} comparison.csv{drawn} in {folder}")
     if found.failures:
         raise ComparisonError("\n".join(found.failures))
-    for result in found.results.values():
-        insist(result, changes.get("require", ()), strict)
+    insist(found.results, changes.get("require", ()), strict)
 
 
 def _overlaid(results: Any, folder: Path, ending: Format, style: Look) -> str:

@@ -14,7 +14,6 @@ from harness.mission.claim import (
     Condition,
     Judgement,
     Paper,
-    Verdict,
     at_least,
     at_most,
 )
@@ -24,6 +23,7 @@ from harness.mission.library import inherit
 from harness.mission.measure import Limits, Measure
 from harness.mission.mission import Mission, Plan, Scene
 from harness.mission.rule import RuleFinding
+from harness.results.verdict import Verdict
 
 __all__ = [
     "Band",

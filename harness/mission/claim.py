@@ -8,13 +8,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.results.result import Result
+from harness.results.verdict import Verdict
 
 Array = NDArray[np.float64]
 Evaluation = Callable[[Result], tuple[float, ...]]
@@ -29,18 +29,8 @@ class CannotJudgeError(Exception):
     """The result does not hold what a claim needs; str() is the reason."""
 
 
-class Verdict(Enum):
-    """Outcome of a claim."""
-
-    REPRODUCED = "reproduced"
-    PARTLY = "partly"
-    NOT_REPRODUCED = "not reproduced"
-    NOT_JUDGED = "not judged"
-
-    @property
-    def kind(self) -> str:
-        """How it looks: good, fair, bad or none."""
-        return dict(zip(Verdict, ("good", "fair", "bad", "none"), strict=True))[self]
+class NotExercisedError(CannotJudgeError):
+    """The run ended before the time that a claim is about."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +91,8 @@ class Claim:
         """Our figure and the verdict; a claim that cannot be judged says why instead."""
         try:
             numbers = self.numbers(result)
+        except NotExercisedError as reason:
+            return Judgement(str(reason), Verdict.NOT_EXERCISED)
         except CannotJudgeError as reason:
             return Judgement(str(reason), Verdict.NOT_JUDGED)
         return Judgement(self.figure.format(*numbers), self.verdict(numbers[0]))
@@ -225,11 +217,11 @@ def parameter(result: Result, name: str) -> Array:
 
 
 def between(result: Result, begin: float, end: float) -> NDArray[np.intp]:
-    """Rows of begin <= t <= end [s], at least one; CannotJudgeError if the run is over before the
+    """Rows of begin <= t <= end [s], at least one; NotExercisedError if the run is over before the
     end of that.
     """
     if result.time[-1] < end - ROUNDING:
-        raise CannotJudgeError(f"the run ends at {result.time[-1]:g} s, before {end:g} s")
+        raise NotExercisedError(f"the run ends at {result.time[-1]:g} s, before {end:g} s")
     chosen = np.flatnonzero((result.time >= begin - ROUNDING) & (result.time <= end + ROUNDING))
     if not len(chosen):
         raise CannotJudgeError(f"nothing was recorded between {begin:g} s and {end:g} s")
@@ -237,7 +229,7 @@ def between(result: Result, begin: float, end: float) -> NDArray[np.intp]:
 
 
 def since(result: Result, begin: float, reach: float) -> NDArray[np.intp]:
-    """Rows from a time on; CannotJudgeError if the run is over before it has reached another time
+    """Rows from a time on; NotExercisedError if the run is over before it has reached another time
     [s].
     """
     return between(result, begin, _end(result, reach))
@@ -253,7 +245,7 @@ def final(result: Result, seconds: float, reach: float, before: float = 0.0) -> 
 
 
 def at(result: Result, time: float) -> int:
-    """Return the last row at or before a time [s]; CannotJudgeError if the run is over earlier."""
+    """Return the last row at or before a time [s]; NotExercisedError if the run is over earlier."""
     return int(between(result, -math.inf, time)[-1])
 
 

@@ -6,6 +6,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from harness.results.verdict import Judged, Kind, Verdict
+
 
 class RuleFinding(NamedTuple):
     """A rule: its name, the least margin since the start and its unit, the time of the first
@@ -20,6 +22,17 @@ class RuleFinding(NamedTuple):
     limit: str = ""
 
     @property
-    def holds(self) -> bool:
+    def verdict(self) -> Verdict:
         """Whether the rule was never violated."""
-        return math.isnan(self.violated)
+        return Verdict.HOLDS if math.isnan(self.violated) else Verdict.VIOLATED
+
+    @property
+    def state(self) -> str:
+        """The verdict in words, with the first violation."""
+        since = "" if math.isnan(self.violated) else f", first at {self.violated:.2f} s"
+        return Kind.RULE.word(self.verdict) + since
+
+    @property
+    def judged(self) -> Judged:
+        """What decides on the exit status."""
+        return Judged(Kind.RULE, self.name, self.verdict, f"{self.name}: {self.state}")

@@ -13,12 +13,13 @@ from typing import Any
 
 from harness.claims import safety
 from harness.claims.case import listed
-from harness.claims.report import OTHER, Judged, judged
-from harness.mission import Limits, Verdict
+from harness.claims.report import OTHER, PaperJudged, judged
+from harness.mission import Limits
 from harness.mission.library import missing, notes_of, of_result
 from harness.report.plots import number
 from harness.results.requirements import findings
 from harness.results.result import Result
+from harness.results.verdict import OPEN, Kind, Verdict
 from harness.system.names import base
 
 Facts = dict[str, Any]
@@ -62,15 +63,12 @@ def papers(result: Result) -> list[Facts]:
     return [_paper(each) for each in judged(result)]
 
 
-def _paper(each: Judged) -> Facts:
-    count = Counter(judgement.verdict for _, judgement in each.claims)
+def _paper(each: PaperJudged) -> Facts:
     return {
         "title": each.paper.title,
         "differences": listed(each.deviations) if each.deviations else "",
         "other": OTHER if each.deviations else "",
-        "count": [
-            {"kind": v.kind, "text": v.value, "number": count[v]} for v in Verdict if count[v]
-        ],
+        "count": _tally(Kind.CLAIM, [judgement.verdict for _, judgement in each.claims]),
         "claims": [
             {
                 "text": claim.text,
@@ -78,17 +76,29 @@ def _paper(each: Judged) -> Facts:
                 "figure": judgement.figure,
                 "reproduced": claim.criterion(claim.reproduced),
                 "partly": claim.criterion(claim.partly),
-                "verdict": judgement.verdict.value,
-                "kind": judgement.verdict.kind,
+                "verdict": Kind.CLAIM.word(judgement.verdict),
+                "kind": judgement.verdict.value,
+                "other": OTHER if each.deviations and judgement.verdict not in OPEN else "",
             }
             for claim, judgement in each.claims
         ],
     }
 
 
+def _tally(kind: Kind, verdicts: list[Verdict]) -> list[Facts]:
+    """How often each verdict was given."""
+    count = Counter(verdicts)
+    return [
+        {"kind": v.value, "text": kind.word(v), "number": count[v]} for v in Verdict if count[v]
+    ]
+
+
 # ---- requirements
 
-MET = {True: ("good", "met"), False: ("bad", "not met"), None: ("none", "not judged")}
+
+def demanded(result: Result) -> list[Facts]:
+    """How many requirements have which verdict."""
+    return _tally(Kind.REQUIREMENT, [found.verdict for found in findings(result)])
 
 
 def demands(result: Result) -> list[Facts]:
@@ -98,8 +108,8 @@ def demands(result: Result) -> list[Facts]:
             "name": found.name,
             "text": found.text,
             "detail": found.detail,
-            "kind": MET[found.met][0],
-            "verdict": MET[found.met][1],
+            "kind": found.verdict.value,
+            "verdict": Kind.REQUIREMENT.word(found.verdict),
             "time": found.time,
         }
         for found in findings(result)
@@ -117,8 +127,8 @@ def margins(result: Result) -> list[Facts]:
             "text": found.text,
             "value": f"{found.margin:.4g}",
             "unit": found.unit,
-            "kind": "good" if found.holds else "bad",
-            "since": "" if found.holds else f"{found.violated:g}",
+            "kind": found.verdict.value,
+            "since": "" if found.verdict.fulfilled else f"{found.violated:g}",
         }
         for found in safety.findings(of_result(result), result)
     ]

@@ -59,6 +59,7 @@ def of_run(result: Result) -> str:
         measures=facts.measures(result),
         papers=facts.papers(result),
         demands=facts.demands(result),
+        demanded=facts.demanded(result),
         margins=facts.margins(result),
         parameters=facts.parameters(result),
         points=canvas.points if canvas.thinned else 0,

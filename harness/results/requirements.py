@@ -22,6 +22,7 @@ from harness.results.expressions import BINARY, Quantity, parsed, variables
 from harness.results.provenance import Provenance
 from harness.results.quantities import convert, unit
 from harness.results.result import Result
+from harness.results.verdict import Judged, Kind, Verdict
 from harness.spelling import did_you_mean
 from harness.system.graph import read_interfaces
 from harness.system.model import Port, System
@@ -34,22 +35,28 @@ Array = NDArray[np.float64]
 class Finding:
     """What became of a requirement.
 
-    met: None if it cannot be judged, then `reason` says why; value, unit, time [s]: what was
-    compared where the margin was least (None: where there is none).
+    value, unit, time [s]: what was compared where the margin was least (None: where there is none);
+    reason: why it is not exercised, or cannot be judged.
     """
 
     name: str
     text: str
-    met: bool | None
+    verdict: Verdict
     value: float | None = None
     unit: str = ""
     time: float | None = None
     reason: str = ""
 
     def __str__(self) -> str:
-        verdict = {True: "met", False: "NOT MET", None: "not judged"}[self.met]
+        word = Kind.REQUIREMENT.word(self.verdict)
+        shown = word.upper() if self.verdict is Verdict.NOT_MET else word
         named = f"{self.name} ({self.text})" if self.name != self.text else self.text
-        return f"{verdict}: {named}{f'; {self.detail}' if self.detail else ''}"
+        return f"{shown}: {named}{f'; {self.detail}' if self.detail else ''}"
+
+    @property
+    def judged(self) -> Judged:
+        """What decides on the exit status."""
+        return Judged(Kind.REQUIREMENT, self.name, self.verdict, str(self))
 
     @property
     def detail(self) -> str:
@@ -125,7 +132,7 @@ def demanding(result: Result, further: Mapping[str, str]) -> Result:
 
 
 def findings(result: Result) -> list[Finding]:
-    """All requirements of a result as they were met."""
+    """All requirements of a result with their verdicts."""
     own = () if result.provenance is None else result.provenance.requirements
     return [finding(result, name, text) for name, text in own]
 
@@ -133,38 +140,44 @@ def findings(result: Result) -> list[Finding]:
 def finding(result: Result, name: str, text: str) -> Finding:
     """Whether a requirement holds in every row of a result, and where it was closest to failing."""
     if not len(result.time):
-        return Finding(name, text, None, reason="nothing was recorded")
+        return Finding(name, text, Verdict.NOT_JUDGED, reason="nothing was recorded")
     try:
         tree = parsed(text)
         _check(tree)
         tree = resolved(tree, partial(unit_in, result))
         with np.errstate(all="ignore"):
-            return _judged(result, Finding(name, text, None), tree)
+            return _judged(result, Finding(name, text, Verdict.NOT_JUDGED), tree)
     except (KeyError, ValueError, IndexError, TypeError, ZeroDivisionError, OverflowError) as error:
         reason = str(error.args[0]) if error.args else type(error).__name__
-        return Finding(name, text, None, reason=reason)
+        return Finding(name, text, Verdict.NOT_JUDGED, reason=reason)
 
 
 def _judged(result: Result, found: Finding, tree: ast.expr) -> Finding:
-    margins = _Margins(result)
+    margins = _Margins(result, guarded=not _is_timing(tree))
     truth = margins.truth(tree)
     met = bool(np.all(truth == 1))
+    if met and not margins.exercised(tree):
+        reason = f"the run ends at {result.time[-1]:g} s, before its time"
+        return replace(found, verdict=Verdict.NOT_EXERCISED, reason=reason)
     undecided = np.isnan(margins.rows_of(truth)).any(axis=1)
     least = np.where(undecided, -np.inf, margins.of(tree))
     row = int(np.argmax(undecided) if undecided.any() else np.argmin(least))
     value, unit = margins.value(margins.decisive(tree, row), row)
     instant = float(result.time[row]) if len(least) == len(result.time) else None
-    if least[row] == np.inf and met:
-        return replace(found, met=met, reason="its time never came")
     value = math.nan if undecided.any() else value
-    return replace(found, met=met, value=value, unit=unit, time=instant)
+    verdict = Verdict.MET if met else Verdict.NOT_MET
+    return replace(found, verdict=verdict, value=value, unit=unit, time=instant)
 
 
 class _Margins:
-    """How far the conditions of an expression are from failing, row by row; negative: they fail."""
+    """How far the conditions of an expression are from failing, row by row; negative: they fail.
 
-    def __init__(self, result: Result) -> None:
+    guarded: conditions on time alone say when the others count.
+    """
+
+    def __init__(self, result: Result, guarded: bool) -> None:
         self.result = result
+        self.guarded = guarded
         self.look_up = partial(history, result)
 
     def truth(self, node: ast.expr) -> Array:
@@ -180,8 +193,7 @@ class _Margins:
                 return 1 - self.truth(a)
             case ast.BoolOp() | ast.BinOp(op=ast.BitAnd() | ast.BitOr()):
                 parts = np.array(np.broadcast_arrays(*map(self.truth, _joined(node))))
-                extreme = _extreme(node)
-                decides = 1.0 if extreme is np.max else 0.0  # whatever the other parts are
+                extreme, decides = _extreme(node), _decides(node)
                 return np.where((parts == decides).any(axis=0), decides, extreme(parts, axis=0))
         value = np.asarray(evaluate(node, self.look_up), dtype=np.float64)
         return np.where(np.isnan(value), np.nan, value != 0)
@@ -191,7 +203,7 @@ class _Margins:
         match node:
             case ast.Compare():
                 margin = self._elements(node).min(axis=1)
-                if set(variables(node)) == {"time"}:  # says when, not how well
+                if self.guarded and _is_timing(node):  # says when, not how well
                     margin = np.where(self._holds(node), np.inf, -np.inf)
             case ast.UnaryOp(op=ast.Not() | ast.Invert(), operand=a):
                 margin = -self.of(a)
@@ -201,6 +213,26 @@ class _Margins:
             case _:
                 margin = np.where(self._holds(node), 1.0, -1.0)
         return np.where(np.isnan(margin), -np.inf, margin)
+
+    def exercised(self, node: ast.expr, looked: Any = True, negated: bool = False) -> bool:
+        """Whether every part that must hold was looked at in some row: where time alone does not
+        decide on the whole. looked: rows (rows,) that matter; negated: below a `not`.
+        """
+        if _is_timing(node):
+            return not self.guarded
+        match node:
+            case ast.UnaryOp(op=ast.Not() | ast.Invert(), operand=a):
+                return self.exercised(a, looked, not negated)
+            case ast.BoolOp() | ast.BinOp(op=ast.BitAnd() | ast.BitOr()):
+                when = [part for part in _joined(node) if _is_timing(part)]
+                further = [part for part in _joined(node) if not _is_timing(part)]
+                if bool(_decides(node)) is negated:  # all must hold
+                    return all(self.exercised(part, looked, negated) for part in further)
+                for part in when:
+                    decided = self.rows_of(self.truth(part)) == _decides(node)
+                    looked = looked & ~decided.all(axis=1)
+                return any(self.exercised(part, looked, negated) for part in further)
+        return bool(np.any(looked))
 
     def decisive(self, node: ast.expr, row: int) -> ast.expr:
         """The part of a condition that has its margin in a row."""
@@ -252,6 +284,12 @@ SIGNED: Mapping[type[ast.cmpop], Callable[[Array], Array]] = {
 """Margin of a comparison by the difference of its sides."""
 
 
+def _is_timing(node: ast.expr) -> bool:
+    """Whether a condition is one on time alone, beside parameters."""
+    named = variables(node)
+    return "time" in named and all(n == "time" or n.startswith("parameter ") for n in named)
+
+
 def _joined(node: ast.expr) -> list[ast.expr]:
     if isinstance(node, ast.BoolOp):
         return node.values
@@ -263,6 +301,11 @@ def _extreme(node: ast.expr) -> Callable[..., Array]:
     """The least margin of all counts, or the largest of any."""
     assert isinstance(node, ast.BoolOp | ast.BinOp)
     return np.max if isinstance(node.op, ast.Or | ast.BitOr) else np.min
+
+
+def _decides(node: ast.expr) -> float:
+    """The truth of one part that decides on the whole, whatever the other parts are."""
+    return 1.0 if _extreme(node) is np.max else 0.0
 
 
 def _as_written(node: ast.expr, value: float, given: str) -> tuple[float, str]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.mission.claim import Array, CannotJudgeError, final
+from harness.mission.claim import Array, CannotJudgeError, NotExercisedError, final
 from harness.results.result import Result
 
 RANGE, TRANSITION = "guidance.range", "guidance.q_DS"
@@ -62,10 +62,10 @@ def first_leg(result: Result) -> NDArray[np.bool_]:
 
 
 def hold(result: Result) -> NDArray[np.bool_]:
-    """Rows of the hold; CannotJudgeError if it lasts less than 2000 s."""
+    """Rows of the hold; NotExercisedError if it lasts less than 2000 s."""
     held = np.asarray(result.time >= arrival_time(result) + CAPTURE)
     if result.time[-1] < arrival_time(result) + CAPTURE + ALIGNED:
-        raise CannotJudgeError(
+        raise NotExercisedError(
             f"the run ends at {result.time[-1]:g} s, less than 3000 s after the arrival"
         )
     return held
@@ -121,7 +121,7 @@ def rate_error(result: Result) -> tuple[float, ...]:
     [mrad/s].
     """
     if result.time[-1] < ALIGNED + CAPTURE:
-        raise CannotJudgeError(
+        raise NotExercisedError(
             f"the run ends at {result.time[-1]:g} s, before {ALIGNED + CAPTURE:g} s"
         )
     size = np.linalg.norm(result[RATE_ERROR][result.time >= ALIGNED], axis=1)

@@ -13,6 +13,7 @@ from harness.mission.claim import (
     Case,
     Claim,
     Evaluation,
+    NotExercisedError,
     Paper,
     at_least,
     at_most,
@@ -30,7 +31,7 @@ def stay(result: Result, phase: str) -> Stay:
     """The first time in a phase."""
     found = [s for s in stays(result) if s.phase == phase]
     if not found:
-        raise CannotJudgeError(f"it never comes to {phase}")
+        raise NotExercisedError(f"it never comes to {phase}")
     return found[0]
 
 

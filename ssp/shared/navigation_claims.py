@@ -7,7 +7,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.mission.claim import Band, CannotJudgeError, Claim, Paper, at_least, at_most
+from harness.mission.claim import (
+    Band,
+    CannotJudgeError,
+    Claim,
+    NotExercisedError,
+    Paper,
+    at_least,
+    at_most,
+)
 from harness.results.result import Result
 
 from .estimates import (
@@ -30,7 +38,7 @@ SETTLED = 100.0
 
 def _late(result: Result, count: int) -> slice:
     if result.time[-1] <= 2 * SETTLED:
-        raise CannotJudgeError(f"the run ends at {result.time[-1]:g} s, before {2 * SETTLED:g} s")
+        raise NotExercisedError(f"the run ends at {result.time[-1]:g} s, before {2 * SETTLED:g} s")
     return slice(int(np.searchsorted(result.time[:count], SETTLED)), None)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.mission.claim import Array, CannotJudgeError, at, final, since
+from harness.mission.claim import Array, CannotJudgeError, NotExercisedError, at, final, since
 from harness.results.result import Result
 
 from ..shared import relative_motion as derived
@@ -67,9 +67,16 @@ def safe_distance(result: Result) -> float:
 
 
 def attitude_start(result: Result) -> float:
-    """Time at which the attitude is released [s]; CannotJudgeError if that is never."""
+    """Time at which the attitude is released [s]; NotExercisedError if the run ends before,
+    CannotJudgeError if that is never.
+    """
     start = derived.release_time(result)
-    if not start < result.time[-1]:
+    end = float(result.time[-1])
+    if np.isfinite(start) and start >= end:
+        raise NotExercisedError(
+            f"the run ends at {end:g} s, the attitude is released at {start:g} s"
+        )
+    if not start < end:
         raise CannotJudgeError("the attitude is not controlled in this run")
     return start
 

@@ -13,10 +13,10 @@ import pytest
 from harness import run
 from harness.claims.report import WIDTH, lines, report
 from harness.cli.app import main
-from harness.mission import Verdict
 from harness.results.files import ResultFile
+from harness.results.verdict import Kind, Verdict
 
-VERDICTS = {verdict.value for verdict in Verdict}
+VERDICTS = {Kind.CLAIM.word(verdict) for verdict in Verdict}
 ESCAPES = re.compile(r"\x1b\[[0-9;]*m")
 
 
@@ -47,14 +47,14 @@ def test_narrow_and_wide_say_the_same():
 
 @pytest.mark.parametrize("width", [70, WIDTH])
 def test_a_line_with_a_verdict_says_it_from_its_column_on(width):
-    found, _ = lines(flight(), width)
+    found = lines(flight(), width)
     said = [line.text[line.begin :] for line in found if line.verdict and line.text[line.begin :]]
     assert len(said) == 14
     assert set(said) <= VERDICTS
 
 
 def test_of_another_case_no_verdict_is_marked():
-    found, _ = lines(flight(set=("guidance.rho_M=6",), stop=1800.0), 70)
+    found = lines(flight(set=("guidance.rho_M=6",), stop=1800.0), 70)
     assert not any(line.verdict for line in found)
 
 

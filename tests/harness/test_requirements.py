@@ -18,11 +18,14 @@ from harness.files import paths
 from harness.results.quantities import convert, unit
 from harness.results.requirements import finding, findings
 from harness.results.result import Result
+from harness.results.verdict import Verdict
 from harness.ssp.build import system_of
 from harness.ssp.library import load
 from harness.ssp.writer import write_ssp
 
 ROWS = 11
+MET, MISSED = Verdict.MET, Verdict.NOT_MET
+IDLE, OPEN = Verdict.NOT_EXERCISED, Verdict.NOT_JUDGED
 
 
 @pytest.fixture(scope="module")
@@ -41,35 +44,47 @@ def result():
 
 
 @pytest.mark.parametrize(
-    ("text", "met", "value", "unit", "time"),
+    ("text", "verdict", "value", "unit", "time"),
     [
-        ("a.x >= 0", True, 0.0, "m", 10),
-        ("a.x > 0", False, 0.0, "m", 10),
-        ("a.x <= 900 cm", False, 1000.0, "cm", 0),
-        ("900 cm >= a.x", False, 1000.0, "cm", 0),
-        ("a.x <= 0.01 km", True, 0.01, "km", 0),
-        ("a.x > -1 m", True, 0.0, "m", 10),
-        ("a.v <= 3 m/s", False, 4.0, "m/s", 2),
-        ("a.v >= -3", True, -2.0, "m/s", 2),
-        ("norm(a.v) <= 300 m/min", True, 60 * math.sqrt(21), "m/min", 2),
-        ("max(a.v) == 4", True, 4.0, "m/s", None),
-        ("a.v[-1] == 0", True, 0.0, "m/s", None),
-        ("a.angle < 57 deg", False, math.degrees(1), "deg", 10),
-        ("degrees(a.angle) < 58", True, math.degrees(1), "deg", 10),
-        ("time < 7 s or a.x <= 3 m", True, 3.0, "m", 7),
-        ("time < 0.1 min or a.x <= 3 m", False, 4.0, "m", 6),
-        ("a.x >= 1 and a.angle <= 2 rad", False, 0.0, "m", 10),
-        ("not a.x < 2", False, 0.0, "m", 10),
-        ("a.x > parameter(a.limit)", False, 0.0, "m", 10),
-        ("(time > 4) | (a.on == 1)", True, 1.0, "1", 0),
-        ("time < 1 h or a.x > 99", True, None, "", None),
-        ("time >= 5 s", False, 0.0, "s", 0),
-        ("settling_time(time, a.x, 2.5) <= 10 s", True, 8.0, "s", None),
+        ("a.x >= 0", MET, 0.0, "m", 10),
+        ("a.x > 0", MISSED, 0.0, "m", 10),
+        ("a.x <= 900 cm", MISSED, 1000.0, "cm", 0),
+        ("900 cm >= a.x", MISSED, 1000.0, "cm", 0),
+        ("a.x <= 0.01 km", MET, 0.01, "km", 0),
+        ("a.x > -1 m", MET, 0.0, "m", 10),
+        ("a.v <= 3 m/s", MISSED, 4.0, "m/s", 2),
+        ("a.v >= -3", MET, -2.0, "m/s", 2),
+        ("norm(a.v) <= 300 m/min", MET, 60 * math.sqrt(21), "m/min", 2),
+        ("max(a.v) == 4", MET, 4.0, "m/s", None),
+        ("a.v[-1] == 0", MET, 0.0, "m/s", None),
+        ("a.angle < 57 deg", MISSED, math.degrees(1), "deg", 10),
+        ("degrees(a.angle) < 58", MET, math.degrees(1), "deg", 10),
+        ("time < 7 s or a.x <= 3 m", MET, 3.0, "m", 7),
+        ("time < 0.1 min or a.x <= 3 m", MISSED, 4.0, "m", 6),
+        ("a.x >= 1 and a.angle <= 2 rad", MISSED, 0.0, "m", 10),
+        ("not a.x < 2", MISSED, 0.0, "m", 10),
+        ("a.x > parameter(a.limit)", MISSED, 0.0, "m", 10),
+        ("(time > 4) | (a.on == 1)", MET, 1.0, "1", 0),
+        ("time < 1 h or a.x > 99", IDLE, None, "", None),
+        ("time >= 5 s", MISSED, 0.0, "s", 0),
+        ("time < 1 h", MET, 10 / 3600, "h", 10),
+        ("time < parameter(a.limit) or a.x < 9", MET, 8.0, "m", 2),
+        ("time < 10 * parameter(a.limit) or a.x > 99", IDLE, None, "", None),
+        ("a.x >= 0 or time < 1 h", IDLE, None, "", None),
+        ("not (time >= 1 h and a.x > 99)", IDLE, None, "", None),
+        ("a.x >= 0 and (time < 1 h or a.x > 99)", IDLE, None, "", None),
+        ("a.x >= 1 and (time < 1 h or a.x > 99)", MISSED, 0.0, "m", 10),
+        ("time < 5 or (a.x >= 0 and (time < 1 h or a.x > 99))", IDLE, None, "", None),
+        ("time < 5 or a.x >= 0 or (time > 1 h and a.x > 99)", MET, 0.0, "m", 10),
+        ("(time < 1 h) | (norm(a.v) > 99)", IDLE, None, "", None),
+        ("time <= 10 or a.x > 99", IDLE, None, "", None),
+        ("time < 10 or a.x > 99", MISSED, 0.0, "m", 10),
+        ("settling_time(time, a.x, 2.5) <= 10 s", MET, 8.0, "s", None),
     ],
 )
-def test_a_condition_is_judged_with_its_worst_row(result, text, met, value, unit, time):
+def test_a_condition_is_judged_with_its_worst_row(result, text, verdict, value, unit, time):
     found = finding(result, "name", text)
-    assert (found.met, found.unit, found.time) == (met, unit, time), found
+    assert (found.verdict, found.unit, found.time) == (verdict, unit, time), found
     assert found.value == (value if value is None else pytest.approx(value, rel=1e-12))
 
 
@@ -77,7 +92,7 @@ def test_a_value_that_is_no_number_does_not_meet_a_requirement(result):
     values = result.values.copy()
     values[4, 0] = np.nan
     found = finding(Result("demo", result.time, result.columns, result.units, values), "", "a.x<99")
-    assert (found.met, found.time) == (False, 4)
+    assert (found.verdict, found.time) == (MISSED, 4)
     assert math.isnan(found.value)
 
 
@@ -113,9 +128,9 @@ def gap(result):
 def test_a_row_that_is_no_number_is_not_judged_by_the_others(gap, text, time):
     found = finding(gap, "name", text)
     if text.startswith("settling_time(time, a.x"):  # at the end it is inside again
-        assert (found.met, found.value) == (False, 5.0)
+        assert (found.verdict, found.value) == (MISSED, 5.0)
         return
-    assert (found.met, found.time) == (False, time), found
+    assert (found.verdict, found.time) == (MISSED, time), found
     assert math.isnan(found.value)
     place = "" if time is None else f" at {time} s"
     assert str(found) == f"NOT MET: name ({text}); not a number{place}"
@@ -125,7 +140,7 @@ def test_a_row_that_is_no_number_is_not_judged_by_the_others(gap, text, time):
     "text", ["a.x < 99 or time > 3", "a.x < 99 or a.angle < 99", "not (a.x < 99 and time < 3)"]
 )
 def test_where_the_other_part_decides_a_row_needs_no_number(gap, text):
-    assert finding(gap, "name", text).met is ("not" not in text)
+    assert finding(gap, "name", text).verdict is (MISSED if "not" in text else MET)
 
 
 @pytest.mark.parametrize(
@@ -154,10 +169,10 @@ def test_where_the_other_part_decides_a_row_needs_no_number(gap, text):
 def test_what_cannot_be_judged_says_why(result, text, reason):
     found = finding(result, "name", text)
     if reason:
-        assert found.met is None
+        assert found.verdict is OPEN
         assert re.search(reason, found.reason)
     else:
-        assert found.met in (True, False)
+        assert found.verdict in {MET, MISSED}
 
 
 @pytest.mark.parametrize(
@@ -231,7 +246,7 @@ def test_a_run_keeps_and_judges_them(tmp_path, capsys):
     assert "requirement NOT MET: guidance.range >= 1 km; worst 0.01" in text.err
     found = findings(read(out))
     assert [f.name for f in found] == ["distance", "tracking", "pointing", "guidance.range >= 1 km"]
-    assert [f.met for f in found] == [True, True, True, False]
+    assert [f.verdict for f in found] == [MET, IDLE, IDLE, MISSED]
 
 
 def test_those_of_the_system_decide_only_if_strict(tmp_path, capsys):
@@ -241,6 +256,36 @@ def test_those_of_the_system_decide_only_if_strict(tmp_path, capsys):
     assert "NOT MET: distance" in capsys.readouterr().out
     assert main(["run", "sync_approach", *far, "--strict", "-q"]) == 1
     assert "NOT MET: distance" in capsys.readouterr().err
+
+
+def test_what_was_not_exercised_passes_no_gate(tmp_path, capsys):
+    out = tmp_path / "out.nc"
+    short = ["--stop", "1", "-o", str(out), "-q"]
+    late = "time < 1 min or guidance.range > 4 m"
+    assert main(["run", "sync_approach", *short]) == 0
+    assert main(["run", "sync_approach", *short, "--require", late]) == 1
+    said = capsys.readouterr().err.splitlines()
+    assert said == [
+        f"harness: requirement not exercised: {late}; the run ends at 1 s, before its time"
+    ]
+    assert main(["run", "sync_approach", *short, "--strict"]) == 1
+    said = capsys.readouterr().err.splitlines()
+    assert [line.split(" (")[0] for line in said] == [
+        "harness: requirement not exercised: tracking",
+        "harness: requirement not exercised: pointing",
+    ]
+    assert main(["report", str(out), "-o", str(tmp_path / "page.html")]) == 0
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert '<span class="chip idle">2 requirements not exercised</span>' in page
+    assert page.count('<span class="badge idle">not exercised</span>') >= 2
+
+
+def test_a_violated_safety_rule_passes_no_strict_gate(tmp_path, capsys):
+    inside = ["--set", "servicer.rho_0_H=[0,3,0]", "--stop", "1", "-o", str(tmp_path / "out.nc")]
+    assert main(["run", "sync_approach", *inside, "-q"]) == 0
+    assert capsys.readouterr().err == ""
+    assert main(["run", "sync_approach", *inside, "-q", "--strict"]) == 1
+    assert "harness: safety rule keep-out: violated, first at 0.00 s" in capsys.readouterr().err
 
 
 def test_report_judges_them_and_others(tmp_path, capsys):
@@ -269,15 +314,15 @@ def test_a_requirement_whose_fmu_was_swapped_is_not_judged():
     with load("ppc_tracking") as system:
         assert not system.requirements
     result = run("sync_approach", stop=1.0, require={"own": "controller.m_hat > 0 kg"})
-    assert findings(result)[-1].met
+    assert findings(result)[-1].verdict is MET
     assert findings(result)[-1].name == "own"
     lost = run("sync_approach", stop=1.0, swap={"controller": "pid_controller"})
-    assert all(f.met is not None for f in findings(lost))
-    assert finding(lost, "own", "controller.m_hat > 0 kg").met is None
+    assert all(f.verdict is not OPEN for f in findings(lost))
+    assert finding(lost, "own", "controller.m_hat > 0 kg").verdict is OPEN
 
 
 def test_the_build_reports_senseless_requirements():
-    toml = paths.PACKAGE.parent / "ssp" / "sync_approach.toml"
+    toml = paths.PACKAGE.parent / "ssp" / "sync_approach" / "system.toml"
     source = tomllib.loads(toml.read_text(encoding="utf-8"))
     source["requirements"] = {"a": "guidance.rang > 1", "b": "2 > 1 m"}
     with pytest.raises(StructureError) as refused:

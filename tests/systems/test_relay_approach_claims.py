@@ -103,7 +103,7 @@ def test_a_hold_too_short_to_be_judged_says_so(tmp_path, capsys):
     small = flight(SMALL)
     file.write(replace(small, time=small.time[::5], values=small.values[::5]))
     assert main(["report", str(file.path)]) == 1
-    assert "3 not judged" in capsys.readouterr().out
+    assert "3 not exercised" in capsys.readouterr().out
     reason = CLAIMS["constant distance"].evaluate(small).figure
     assert reason == "the run ends at 40000 s, less than 3000 s after the arrival"
 

@@ -118,7 +118,7 @@ def test_the_command_says_by_its_status_that_something_could_not_be_judged(
     file = ResultFile(tmp_path / "flight.nc")
     file.write(rows(result, slice(0, 9001, 10)))
     assert main(["report", str(file.path)]) == 1
-    assert "13 not judged" in capsys.readouterr().out
+    assert "13 not exercised" in capsys.readouterr().out
 
 
 # ---- verdicts follow the figures
