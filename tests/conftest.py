@@ -15,13 +15,17 @@ A test names its tool with `@pytest.mark.tool("libcosim", "libcosimpy")`: name, 
 distribution (or the version).
 """
 
+import re
 import shlex
 from importlib.metadata import PackageNotFoundError, version
+from inspect import signature
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
+
+from tests.each import Each, call_for_each
 
 settings.register_profile(
     "repeatable",
@@ -41,6 +45,14 @@ if hasattr(providers, "_get_local_constants"):
     # would be among the examples.
     NO_CONSTANTS = providers.Constants()
     providers._get_local_constants = lambda: NO_CONSTANTS
+
+REASONS = re.compile(
+    r"is not installed|no (gcc|aarch64|ziglang|C compiler)|of another compiler|nm for ELF|built"
+    r"|of POSIX|[Ll]inux|Windows|needs |/proc|a shell|only root|network of its own"
+    r"|saniti[sz]e|the system does not tell|is not to be parsed"
+    r"|^\w+ has (no|neither) |no input makes a step"
+)
+"""Why a test may be skipped: what a machine lacks, what an FMU has not got."""
 
 OUTCOMES: dict = {}
 """(tool, version, what was run) -> [(outcome, reason)]"""
@@ -70,9 +82,14 @@ def version_of(distribution):
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item, call):
     """Every report says which tool it is about; so it does when it comes from another process. That
-    of a property that failed at random says how to repeat it.
+    of a property that failed at random says how to repeat it. An unknown reason to skip is a
+    failure.
     """
     report = yield
+    if report.skipped and isinstance(report.longrepr, tuple):
+        reason = report.longrepr[2].removeprefix("Skipped: ")
+        if not (REASONS.search(reason) or item.get_closest_marker("interop")):
+            report.outcome, report.longrepr = "failed", f"skipped for an unknown reason: {reason}"
     seed = item.config.getoption("--hypothesis-seed", None)
     if report.failed and seed and item.get_closest_marker("hypothesis"):
         again = f"--hypothesis-profile=random --hypothesis-seed={seed}"
@@ -86,6 +103,17 @@ def pytest_runtest_makereport(item, call):
         reason = report.longrepr[2] if report.outcome == "skipped" else ""
         report.tool = [name, version_of(distribution), what, report.outcome, reason]
     return report
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pyfunc_call(pyfuncitem):
+    """A test of each of many things, in one go."""
+    names = signature(pyfuncitem.obj).parameters
+    given = {name: x for name, x in pyfuncitem.funcargs.items() if name in names}
+    if not any(isinstance(x, Each) for x in given.values()):
+        return None
+    call_for_each(pyfuncitem.obj, given)
+    return True
 
 
 def pytest_runtest_logreport(report):

@@ -3,40 +3,48 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
 
 import pytest
 
 from tests.compliance import description
-from tests.compliance.fmus import ARCHIVES
+from tests.compliance.fmus import TESTED
 from tests.compliance.probe import Fmu, Instance
-
-
-@pytest.fixture(scope="session", params=ARCHIVES, ids=lambda path: path.stem)
-def archive(request) -> Path:
-    return request.param
+from tests.each import Each
 
 
 @pytest.fixture(scope="session")
-def about(archive) -> description.Description:
-    return description.read(archive)
+def archive() -> Each:
+    return Each(TESTED, lambda path: path.stem)
 
 
 @pytest.fixture(scope="session")
-def fmu(archive, tmp_path_factory) -> Fmu:
-    return Fmu(archive, tmp_path_factory.mktemp(archive.stem))
+def about(archive) -> Each:
+    return archive.map(cache(description.read))
 
 
-@pytest.fixture
-def instance(fmu):
+@pytest.fixture(scope="session")
+def fmu(archive, tmp_path_factory) -> Each:
+    folder = tmp_path_factory.mktemp("fmus")
+    return archive.map(cache(lambda path: Fmu(path, folder / path.stem)))
+
+
+@pytest.fixture(scope="session")
+def instance(fmu) -> Each:
     """A fresh instance."""
-    with Instance(fmu) as one:
-        yield one
+    return fmu.within(Instance)
 
 
-@pytest.fixture
-def flying(fmu):
+@pytest.fixture(scope="session")
+def flying(fmu) -> Each:
     """An instance after five steps, at t = 0.5 s of an experiment that ends at 100 s."""
+    return fmu.within(_flying)
+
+
+@contextmanager
+def _flying(fmu: Fmu) -> Iterator[Instance]:
     with Instance(fmu) as one:
         one.start(stop=100.0)
         one.fly(5)

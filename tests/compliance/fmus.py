@@ -3,7 +3,7 @@
 collected.
 
 The environment variable SERVICING_FMUS_BUILD names another build folder, relative to the
-repository.
+repository; SERVICING_FMUS names the FMUs to test, between spaces, instead of all.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = ROOT / os.environ.get("SERVICING_FMUS_BUILD", "build")
 ARCHIVES = sorted((BUILD / "fmus").glob("*.fmu"))
+CHOSEN = os.environ.get("SERVICING_FMUS", "").split()
+TESTED = [path for path in ARCHIVES if not CHOSEN or path.stem in CHOSEN]
 
-if not ARCHIVES:  # pytest would skip tests that are parametrised over nothing
+if not ARCHIVES:
     raise pytest.UsageError(f"there are no FMUs in {BUILD / 'fmus'}: build them first (make build)")

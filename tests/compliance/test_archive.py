@@ -8,6 +8,7 @@ import shutil
 import stat
 import subprocess
 import zipfile
+from functools import cache
 from html.parser import HTMLParser
 from pathlib import PurePosixPath
 
@@ -25,6 +26,11 @@ ENDINGS = {"linux64": "so", "win64": "dll", "darwin64": "dylib", "aarch64-darwin
 @pytest.fixture(scope="session")
 def files(archive):
     """Contents by name."""
+    return archive.map(read)
+
+
+@cache
+def read(archive):
     with zipfile.ZipFile(archive) as opened:
         return {entry.filename: opened.read(entry) for entry in opened.infolist()}
 
@@ -32,11 +38,13 @@ def files(archive):
 @pytest.fixture(scope="session")
 def sources(files):
     """Texts of the source files by name."""
-    return {
-        name.removeprefix("sources/"): data.decode()
-        for name, data in files.items()
-        if name.startswith("sources/")
-    }
+    return files.map(
+        lambda files: {
+            name.removeprefix("sources/"): data.decode()
+            for name, data in files.items()
+            if name.startswith("sources/")
+        }
+    )
 
 
 def is_expected(path, fmu):

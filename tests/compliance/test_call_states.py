@@ -98,7 +98,7 @@ def test_a_failed_step_keeps_the_last_good_state_and_says_what_happened(fmu):
         assert last.value == 0.5
         (message,) = instance.host.errors[count:]
         assert message.startswith("fmi2DoStep: ")
-        assert "finite" in message
+        assert "finite" in message or "must be" in message
         assert "t = 10.5 s" in message
         assert_readable(message)
 

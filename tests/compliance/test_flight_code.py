@@ -13,6 +13,7 @@ from fmus.core.build import flight_rules
 from harness import load
 from harness.files.paths import systems
 from tests.bench.monolith import Monolith
+from tests.each import Each
 
 PAGE = flight_rules.FMUS.parent / "docs/flight_code.md"
 SOURCES = flight_rules.sources()
@@ -27,14 +28,14 @@ with_call_graphs = pytest.mark.skipif(
 )
 
 
-@pytest.fixture(params=SOURCES, ids=lambda path: path.stem)
-def source(request):
-    return request.param
+@pytest.fixture
+def source():
+    return Each(SOURCES, lambda path: path.stem)
 
 
-@pytest.fixture(params=FILES, ids=lambda path: path.name)
-def file(request):
-    return request.param
+@pytest.fixture
+def file():
+    return Each(FILES, lambda path: path.name)
 
 
 # ---- calls and stack ----

@@ -5,6 +5,8 @@ impossible models.
 
 from __future__ import annotations
 
+from functools import cache
+
 import pytest
 
 from tests.compliance import description
@@ -29,8 +31,12 @@ def is_accepted(fmu, values):
         return instance.call("fmi2ExitInitializationMode") is Status.OK
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def moves(fmu):
+    return fmu.map(cache(moves_of))
+
+
+def moves_of(fmu):
     """Other values of as many parameters as can be moved one after the other without breaking a
     rule of the model.
     """
@@ -166,21 +172,11 @@ SPOILED = [
 ]
 
 
-def spoiled_fmus():
-    """Every case on every FMU that has the parameter."""
-    for path in ARCHIVES:
-        parameters = {v.row for v in description.read(path).of("parameter")}
-        for row, value, rule in SPOILED:
-            if row in parameters and not (rule == "J_S - A_w" and "J_S" not in parameters):
-                yield pytest.param(
-                    path, row, value, rule, id=f"{path.stem}-{row}-{value}".replace(" ", "")
-                )
-
-
-@pytest.mark.parametrize(
-    ("archive", "row", "value", "rule"), list(spoiled_fmus()), indirect=["archive"]
-)
+@pytest.mark.parametrize(("row", "value", "rule"), SPOILED)
 def test_impossible_parameters_are_refused_with_name_and_rule(fmu, row, value, rule):
+    for needed in (row, "J_S") if rule == " - A_w" else (row,):
+        if needed not in {v.row for v in fmu.parameters}:
+            pytest.skip(f"{fmu.name} has no parameter {needed}")
     with Instance(fmu) as instance:
         instance.enter()
         instance.set(fmu.settings(**{row: value}))
@@ -192,8 +188,8 @@ def test_impossible_parameters_are_refused_with_name_and_rule(fmu, row, value, r
 
 
 def test_every_rule_is_tried_on_some_fmu():
-    tried = {case.values[1] for case in spoiled_fmus()}
-    assert {row for row, _, _ in SPOILED} == tried
+    rows = {v.row for path in ARCHIVES for v in description.read(path).of("parameter")}
+    assert {row for row, _, _ in SPOILED} <= rows
 
 
 def beyond(v):

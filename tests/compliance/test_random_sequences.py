@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from contextlib import closing
 from math import inf, nan
 
 import pytest
@@ -125,11 +126,9 @@ class Worker:
             self.process.communicate()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def worker(archive):
-    one = Worker(archive)
-    yield one
-    one.close()
+    return archive.within(lambda path: closing(Worker(path)))
 
 
 def function_of(verb, arguments):

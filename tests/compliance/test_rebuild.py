@@ -108,6 +108,10 @@ def by_compiler(unpacked):
     run(*command)
 
 
+FEW = [path for path in ARCHIVES if path.stem in ("ideal_propulsion", "pid_controller")]
+"""A plant and software: what `make test` compiles."""
+
+
 def compile_all(build, folder):
     """All FMUs by name, two at a time."""
     with ThreadPoolExecutor(2) as pool:
@@ -144,6 +148,14 @@ def test_sources_compiled_by_fmpy_give_the_bits_of_the_binary(fmu, compiled_by_f
 
 
 @needs_compiler
+def test_sources_of_a_plant_and_of_software_compiled_alone_give_the_bits_of_the_binary(tmp_path):
+    for archive in FEW:
+        alone = compiled_with(by_compiler, archive, tmp_path)
+        assert flight(alone) == flight(Fmu(archive, tmp_path / "built" / archive.stem))
+
+
+@pytest.mark.long
+@needs_compiler
 def test_sources_compiled_alone_without_optimisation_give_the_bits_of_the_binary(
     fmu, compiled_alone
 ):
@@ -160,10 +172,8 @@ def setting(name):
     return found[1] if found else ""
 
 
-def build_all(folder):
-    """Configure and build the FMUs once more, elsewhere, from the same sources; archives by
-    name.
-    """
+def build_again(archives, folder):
+    """Configure and build FMUs once more, elsewhere, from the same sources; archives by name."""
     same = [
         f"-D{name}={setting(name)}"
         for name in ("CMAKE_BUILD_TYPE", "CMAKE_C_COMPILER", "Python_EXECUTABLE")
@@ -176,17 +186,20 @@ def build_all(folder):
         folder,
         *filter(lambda text: text[-1] != "=", same),
     )
-    targets = [f"package_{path.stem}" for path in ARCHIVES]
+    targets = [f"package_{path.stem}" for path in archives]
     run("cmake", "--build", folder, "--parallel", "2", "--target", *targets)
     return {path.name: path.read_bytes() for path in (folder / "fmus").glob("*.fmu")}
 
 
 @needs_cmake
-def test_another_build_in_another_place_gives_the_same_bytes(tmp_path):
+@pytest.mark.parametrize(
+    "archives", [FEW[:1], pytest.param(ARCHIVES, marks=pytest.mark.long)], ids=["one", "all"]
+)
+def test_another_build_in_another_place_gives_the_same_bytes(archives, tmp_path):
     if not (BUILD / "CMakeCache.txt").is_file() or setting("SANITIZE") == "ON":
         pytest.skip(
             "the build under test has no cache, or holds paths of its own for the sanitizers"
         )
-    again = build_all(tmp_path / "a folder of another name")
-    assert {path.name for path in ARCHIVES} == set(again)
-    assert [path.name for path in ARCHIVES if path.read_bytes() != again[path.name]] == []
+    again = build_again(archives, tmp_path / "a folder of another name")
+    assert {path.name for path in archives} == set(again)
+    assert [path.name for path in archives if path.read_bytes() != again[path.name]] == []

@@ -13,11 +13,12 @@ from tests.compliance import api
 from tests.compliance.api import Status
 from tests.compliance.probe import Instance, excitation
 from tests.compliance.refusals import refused
+from tests.each import Each
 
 
-@pytest.fixture(params=range(5))
-def rng(request):
-    return random.Random(request.param)
+@pytest.fixture
+def rng():
+    return Each(range(5)).map(random.Random)
 
 
 def selection(rng, variables):

@@ -12,6 +12,7 @@ from types import SimpleNamespace as Case
 import numpy as np
 import pytest
 
+from tests.each import Each
 from tests.reference import adaptive, attitude, orbit
 from tests.reference.attitude import cross
 from tests.reference.body import Body
@@ -28,9 +29,9 @@ from tests.reference.jet import Jet
 from tests.reference.printed import G, X, Y, f_rel
 
 
-@pytest.fixture(params=range(20))
-def rng(request):
-    return np.random.default_rng(request.param)
+@pytest.fixture
+def rng():
+    return Each(range(20)).map(np.random.default_rng)
 
 
 def six(M):

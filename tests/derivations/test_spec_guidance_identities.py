@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.each import Each
 from tests.reference import attitude, guidance, jet, printed
 from tests.reference.attitude import cross
 from tests.reference.cases import EXACT, close, direction, tumbling
@@ -17,9 +18,9 @@ from tests.reference.jet import Jet
 from tests.reference.printed import ORBIT_NORMAL_H
 
 
-@pytest.fixture(params=range(20))
-def rng(request):
-    return np.random.default_rng(request.param)
+@pytest.fixture
+def rng():
+    return Each(range(20)).map(np.random.default_rng)
 
 
 def facing(c, held_H=None):

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.each import Each
 from tests.reference import attitude, guidance, orbit, paper_case, printed, servicer, target
 from tests.reference.attitude import cross, tilde
 from tests.reference.cases import (
@@ -27,9 +28,9 @@ from tests.reference.cases import (
 from tests.reference.printed import C, G
 
 
-@pytest.fixture(params=range(20))
-def rng(request):
-    return np.random.default_rng(request.param)
+@pytest.fixture
+def rng():
+    return Each(range(20)).map(np.random.default_rng)
 
 
 def test_matrix_of_rodrigues_parameters_is_the_passive_rotation_matrix(rng):

@@ -8,6 +8,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.each import Each
+
 from .driver import Kind, Unit
 
 
@@ -37,6 +39,6 @@ def fmu(kind):
         unit.close()
 
 
-@pytest.fixture(params=range(4))
-def rng(request):
-    return np.random.default_rng(request.param)
+@pytest.fixture
+def rng():
+    return Each(range(4)).map(np.random.default_rng)

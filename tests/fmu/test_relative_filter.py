@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from tests.each import Each
 from tests.reference import kalman
 from tests.reference.attitude import conjugate, dcm, multiply
 from tests.reference.cases import quaternion
@@ -25,9 +26,9 @@ from .theory import MU
 T = 0.1
 
 
-@pytest.fixture(params=range(2))
-def rng(request):
-    return np.random.default_rng(request.param)
+@pytest.fixture
+def rng():
+    return Each(range(2)).map(np.random.default_rng)
 
 
 WIDE = {"kappa": [0.01] * 5, "d": [0.05, 0.1, 0.15]}

@@ -6,11 +6,13 @@ knowledge (XML, FMI, drawing, the command line) has one place.
 from __future__ import annotations
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 import harness
+from tests.each import Each
 
 PACKAGE = Path(harness.__file__).parent
 
@@ -59,8 +61,13 @@ def room_of(file):
     return file.relative_to(PACKAGE).parts[0].removesuffix(".py")
 
 
+@cache
 def imports_of(file):
     """Modules that a file imports, wherever in it, those for type checking only included."""
+    return tuple(_imports_of(file))
+
+
+def _imports_of(file):
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.ImportFrom) and node.module:
             yield node.module
@@ -76,7 +83,11 @@ def ident(file):
     return file.relative_to(PACKAGE).as_posix()
 
 
-@pytest.mark.parametrize("file", FILES, ids=ident)
+@pytest.fixture
+def file():
+    return Each(FILES, ident)
+
+
 def test_imports_run_downward(file):
     room = room_of(file)
     assert room in FLOOR, f"{room} has no place in LAYERS"
@@ -87,7 +98,6 @@ def test_imports_run_downward(file):
                 assert FLOOR[other] < FLOOR[room], f"{ident(file)} imports {module}"
 
 
-@pytest.mark.parametrize("file", FILES, ids=ident)
 def test_libraries_stay_in_their_rooms(file):
     for module in imports_of(file):
         library = module.partition(".")[0]

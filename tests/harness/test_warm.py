@@ -16,6 +16,7 @@ from harness.master.changes import set_names
 from tests.harness.foreign_fmu import MODELS, Model, build, p, u, x, y
 
 SYSTEMS = sorted(paths.systems())
+FEW = ("relay_approach", "space_robot", "sync_approach")
 
 
 def same_bits(a, b):
@@ -51,7 +52,9 @@ def loads(monkeypatch):
 # ---- the systems of the project
 
 
-@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=() if n in FEW else pytest.mark.long) for n in SYSTEMS]
+)
 def test_every_set_of_every_system_has_the_bits_of_a_fresh_run(name, monkeypatch):
     with load(name) as system, Simulation(system) as simulation:
         simulation.fly(**short(name))

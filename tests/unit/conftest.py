@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.each import Each
+
 HERE = Path(__file__).parent
 CORE = HERE.parents[1] / "fmus/core"
 SOURCE = HERE / "core_headers.c"
@@ -108,6 +110,6 @@ def core(tmp_path_factory):
     return Core(ctypes.CDLL(str(library)))
 
 
-@pytest.fixture(params=range(20))
-def rng(request):
-    return np.random.default_rng(request.param)
+@pytest.fixture
+def rng():
+    return Each(range(20)).map(np.random.default_rng)

@@ -15,7 +15,7 @@ def same(a, b, tolerance=CLOSE):
 
 @pytest.fixture
 def R(rng):
-    return Rotation.random(random_state=rng)
+    return rng.map(lambda rng: Rotation.random(random_state=rng))
 
 
 def scalar_first(R):

@@ -26,7 +26,7 @@ def scaled(f, m):
 
 @pytest.fixture
 def w_alpha(rng):
-    return rng.normal(size=(2, 3))
+    return rng.map(lambda rng: rng.normal(size=(2, 3)))
 
 
 def test_product_of_two_polynomials(core, rng):

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""One statement about many things is one test: it is called for every one of them and lists all
+that break it.
+
+    @pytest.fixture
+    def rng():
+        return Each(range(20)).map(np.random.default_rng)
+
+A fixture that returns an `Each` stands for one value after the other; a fixture that depends on it
+maps it. A test with two of them is called for every pair.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import AbstractContextManager, ExitStack
+from itertools import product
+from typing import Any
+
+import pytest
+
+
+class Each:
+    """Values, each of them made anew for every call."""
+
+    def __init__(self, values: Iterable[Any], ident: Callable[[Any], str] = str) -> None:
+        self.values, self.ident, self.source = tuple(values), ident, self
+        assert self.values, "a test of each of nothing would pass"
+
+    def map(self, make: Callable[[Any], Any]) -> Each:
+        """What `make` makes of each value."""
+        return _Made(self, lambda value, stack: make(value))
+
+    def within(self, context: Callable[[Any], AbstractContextManager]) -> Each:
+        """What `context(value)` gives, entered for one call."""
+        return _Made(self, lambda value, stack: stack.enter_context(context(value)))
+
+    def made(self, chosen: dict[Each, Any], stack: ExitStack) -> Any:
+        return chosen[self]
+
+
+class _Made(Each):
+    def __init__(self, origin: Each, make: Callable[[Any, ExitStack], Any]) -> None:
+        self.origin, self.make, self.source = origin, make, origin.source
+
+    def made(self, chosen: dict[Each, Any], stack: ExitStack) -> Any:
+        if self not in chosen:
+            chosen[self] = self.make(self.origin.made(chosen, stack), stack)
+        return chosen[self]
+
+
+def call_for_each(test: Callable, given: Mapping[str, Any]) -> None:
+    """Calls the test for all combinations of the values.
+
+    Raises
+    ------
+    BaseExceptionGroup
+        of all failures, each with a note for which value.
+    pytest.skip.Exception
+        if every call was skipped, with all reasons.
+    """
+    sources = list(dict.fromkeys(x.source for x in given.values() if isinstance(x, Each)))
+    combinations = list(product(*(source.values for source in sources)))
+    wrong, failed, skipped = [], [], []
+    for values in combinations:
+        chosen = dict(zip(sources, values, strict=True))
+        names = [source.ident(value) for source, value in chosen.items()]
+        try:
+            with ExitStack() as stack:
+                test(**{n: _value(x, chosen, stack) for n, x in given.items()})
+        except pytest.skip.Exception as reason:
+            skipped.append(str(reason))
+        except (Exception, pytest.fail.Exception) as error:
+            error.add_note(f"for {', '.join(names)}")
+            wrong.append(error)
+            failed.append(" ".join(names))
+    if wrong:
+        raise BaseExceptionGroup(f"{len(wrong)} of {len(combinations)}: {', '.join(failed)}", wrong)
+    if len(skipped) == len(combinations):
+        pytest.skip("; ".join(sorted(set(skipped))))
+
+
+def _value(x: Any, chosen: dict[Each, Any], stack: ExitStack) -> Any:
+    return x.made(chosen, stack) if isinstance(x, Each) else x
