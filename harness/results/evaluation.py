@@ -149,6 +149,8 @@ def unit_of(node: ast.expr, unit: Callable[[str], str]) -> str:  # noqa: PLR0911
             return unit(f"parameter {path_of(argument)}")
         case ast.Call(func=ast.Name(id="degrees")):
             return "deg"
+        case ast.Call(func=ast.Name(id="angle")):
+            return "rad"
         case ast.Call(func=ast.Name(id="settling_time")):
             return "s"
         case ast.Call(func=ast.Name(id="steady"), args=[_, a]):

@@ -63,6 +63,14 @@ def _total(x: Array) -> Array:
     return np.asarray(np.sum(x, axis=-1))
 
 
+def _angle(q: Array, p: Array) -> Array:
+    """Angle between two attitudes [rad] by their unit quaternions, row by row; exact near zero: of
+    q and p the shorter of difference and sum is 2 sin(angle / 4), the longer 2 cos(angle / 4).
+    """
+    sizes = np.sort([_norm(q - p), _norm(q + p)], axis=0)
+    return np.asarray(4 * np.arctan2(*sizes))
+
+
 class Function(NamedTuple):
     """What a function of an expression computes, and the names of its arguments."""
 
@@ -72,6 +80,7 @@ class Function(NamedTuple):
 
 FUNCTIONS: dict[str, Function] = {
     "abs": Function(np.abs),
+    "angle": Function(_angle, ("q", "p")),
     "cos": Function(np.cos),
     "degrees": Function(np.degrees),
     "exp": Function(np.exp),

@@ -10,11 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from harness import read, run
 from harness.cli import main
 from harness.errors import StructureError, UsageError
 from harness.files import paths
+from harness.results.expressions import FUNCTIONS
 from harness.results.quantities import convert, unit
 from harness.results.requirements import finding, findings
 from harness.results.result import Result
@@ -245,8 +247,14 @@ def test_a_run_keeps_and_judges_them(tmp_path, capsys):
     assert "requirement met: distance (guidance.range >= 3.95 m); worst " in text.out
     assert "requirement NOT MET: guidance.range >= 1 km; worst 0.01" in text.err
     found = findings(read(out))
-    assert [f.name for f in found] == ["distance", "tracking", "pointing", "guidance.range >= 1 km"]
-    assert [f.verdict for f in found] == [MET, IDLE, IDLE, MISSED]
+    assert [f.name for f in found] == [
+        "distance",
+        "tracking",
+        "pointing",
+        "attitude",
+        "guidance.range >= 1 km",
+    ]
+    assert [f.verdict for f in found] == [MET, IDLE, IDLE, IDLE, MISSED]
 
 
 def test_those_of_the_system_decide_only_if_strict(tmp_path, capsys):
@@ -273,11 +281,42 @@ def test_what_was_not_exercised_passes_no_gate(tmp_path, capsys):
     assert [line.split(" (")[0] for line in said] == [
         "harness: requirement not exercised: tracking",
         "harness: requirement not exercised: pointing",
+        "harness: requirement not exercised: attitude",
     ]
     assert main(["report", str(out), "-o", str(tmp_path / "page.html")]) == 0
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert '<span class="chip idle">2 requirements not exercised</span>' in page
-    assert page.count('<span class="badge idle">not exercised</span>') >= 2
+    assert '<span class="chip idle">3 requirements not exercised</span>' in page
+    assert page.count('<span class="badge idle">not exercised</span>') >= 3
+
+
+def test_the_angle_between_attitudes():
+    """Against the rotation of scipy, for angles down to 1e-9 rad and either sign."""
+    axis = np.array([1.0, -2.0, 2.0]) / 3
+    angles = np.array([0.0, 1e-9, 1e-3, 1.0, 3.0, math.pi])
+    q = Rotation.from_rotvec([0.3, -1.2, 2.0])
+    p = q * Rotation.from_rotvec(angles[:, None] * axis)
+    sign = np.array([1, -1, 1, -1, 1, -1])[:, None]
+    found = FUNCTIONS["angle"].value(np.tile(q.as_quat(), (6, 1)), sign * p.as_quat())
+    np.testing.assert_allclose(found, angles, rtol=0, atol=2e-15)
+
+
+@pytest.mark.parametrize(("powered", "verdict"), [(False, MISSED), (True, MET)])
+def test_a_controller_without_torque_fails_the_attitude(powered, verdict):
+    """The law with true inertia points; with all gains and estimates 0 its torque is 0."""
+    sizes = {"K_att": 3, "P_att": 3, "eta_hat_0": 12}
+    rest = {f"controller.{name}": [0.0] * size for name, size in sizes.items()}
+    rest |= {"controller.Gamma_scale": 0.0, "controller.use_wheels": 0.0}
+    given = {"params": "informed"} if powered else {"set": rest}
+    result = run("sync_approach", every=100, **given)
+    found = {f.name: f for f in findings(result)}
+    assert found["attitude"].verdict is verdict
+    late = result.time >= 29 * 60
+    q, p = (result[name][late] for name in ("guidance.q_DN", "servicer.q_SN"))
+    off = np.degrees(2 * np.arccos(np.abs(np.sum(q * p, axis=1))))
+    assert found["attitude"].value == pytest.approx(off.max(), rel=1e-6)
+    if not powered:
+        assert off.max() > 90
+        assert found["distance"].verdict is MET
 
 
 def test_a_violated_safety_rule_passes_no_strict_gate(tmp_path, capsys):
