@@ -125,6 +125,7 @@ def test_a_function_has_its_own_number_of_arguments(text, wanted, result):
 
 def test_every_function_takes_as_many_arguments_as_it_says(result):
     given = {"x": "abs(a.r)", "time": "time", "error": "a.x", "band": "9", "percent": "50"}
+    given |= {"q": "a.r", "p": "a.r"}
     for name, function in FUNCTIONS.items():
         arguments = ", ".join(given[each] for each in function.arguments)
         assert np.isfinite(value(f"{name}({arguments})", result)).all()
