@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Instructions of a macro step, counted by callgrind of valgrind: free of the noise of the machine.
 
-    python -m tests.bench.instructions SYSTEM CONTENDER STEPS
+    python -m tests.bench.instructions SYSTEM CONTENDER STEPS [COMPONENT.PARAMETER=VALUE |
+        COMPONENT=FMU ...]
 
 is the program that is counted. The difference of a long and a short run holds nothing but macro
 steps: loading, initialisation and Python cost the same in both.
@@ -14,7 +15,7 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -70,17 +71,22 @@ def _counted(valgrind: str, system: str, contender: str, steps: int) -> int:
     return int(found[1])
 
 
-def fly(name: str, contender: str, steps: int) -> None:
-    """Fly a system of the project with one contender of tests.bench."""
+def fly(name: str, contender: str, steps: int, changes: Sequence[str] = ()) -> None:
+    """Fly a system of the project, with parameters set and FMUs swapped, with one contender of
+    tests.bench.
+    """
+    from harness.master.changes import apply
     from harness.ssp.library import load
     from tests.bench.contenders import CONTENDERS
 
+    swaps = [change for change in changes if "." not in change.partition("=")[0]]
+    values = [change for change in changes if change not in swaps]
     with load(name) as system:
-        chosen = dict(CONTENDERS)[contender](system)
+        chosen = dict(CONTENDERS)[contender](apply(system, set=values, swap=swaps))
         chosen.steps = steps
         with chosen:
             chosen.run()
 
 
 if __name__ == "__main__":
-    fly(sys.argv[1], sys.argv[2], int(sys.argv[3]))
+    fly(sys.argv[1], sys.argv[2], int(sys.argv[3]), sys.argv[4:])
