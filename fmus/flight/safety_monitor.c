@@ -6,7 +6,8 @@
  *   3 speed       |drho_H| <= v_0 + k |rho|
  *   4 passive     the drift without thrust for the next passive_time keeps out of the zone
  *   5 plume       the exhaust of F_cmd_S does not meet the target
- *   6 navigation  no longer than lost_time without a valid relative state
+ *   6 navigation  no longer than lost_time without a valid relative state; with use_range one that
+ *                 disagrees with an independent range is not valid
  *
  * Rules 1, 2, 3 and 5 are judged in continuous time: between two samples the servicer moves on the
  * cubic arc through both states, and what was in force at the first (approaching, F_cmd_S) is in
@@ -24,8 +25,7 @@
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "earth.h"
 #include "safety_judgement.h"
-
-#define NOT_YET (-1) /* time of what has not happened */
+#include "safety_range.h"
 
 typedef SafetyParameters Parameters;
 typedef SafetyInput Input;
@@ -38,6 +38,7 @@ typedef struct {
     double margin[RULES], least[RULES], t_first[RULES];
     double abort;
     vec3 dv_N;
+    RangeCheck range;
 } State;
 typedef struct {
     double margin[RULES], least_margin[RULES], nearest, passive_entry;
@@ -50,12 +51,13 @@ static const Model start = {
     .p = {EARTH, .use_J2 = 1, .keep_out_shape = ELLIPSOID, .keep_out_half = {2, 2, 2},
           .corridor_axis = {0, 1, 0}, .corridor_half_angle = PI / 9, .speed_at_zero = 0.1,
           .speed_slope = 0.01, .passive_step = 60, .plume_half_angle = PI / 9, .plume_range = 20,
-          .plume_force_min = 1e-3, .lost_time = 20, .abort_on = {1, 1, 1, 1, 1, 1}, .mass = 100,
-          .abort_force = 20, .abort_speed = 0.1},
+          .plume_force_min = 1e-3, .lost_time = 20, RANGE_CHECK, .abort_on = {1, 1, 1, 1, 1, 1},
+          .mass = 100, .abort_force = 20, .abort_speed = 0.1},
     .u = {.T = {.r = {7158140, 0, 0}, .v = {0, 7462.286, 0}, .q = {1, 0, 0, 0}},
           .S = {.r = {7158140, 20, 0}, .v = {-0.0208, 7462.286, 0}, .q = {1, 0, 0, 0}},
           .approaching = 1,
-          .relative_valid = 1},
+          .relative_valid = 1,
+          .range_time = NOT_YET},
 };
 
 #define MARGIN(rule, name, unit, text) \
@@ -130,9 +132,17 @@ static int armed(const Parameters *p, double t)
     return p->t_armed == 0 || reached(t, p->t_armed);
 }
 
-static void judge_navigation(const Parameters *p, const Input *u, State *x, double t)
+/* the states can be relied on: their source says so, and the independent range */
+static int valid(const Parameters *p, const Input *u, State *x, double t)
 {
-    if (u->relative_valid) x->t_valid = t;
+    if (!p->use_range || !armed(p, t)) return u->relative_valid != 0;
+    x->range = checked(p, u, x->range, t);
+    return u->relative_valid && !x->range.distrusted;
+}
+
+static void judge_navigation(const Parameters *p, State *x, int is_valid, double t)
+{
+    if (is_valid) x->t_valid = t;
     if (p->lost_time == 0 || !armed(p, t)) return;
     double since = p->t_armed > 0 ? larger(x->t_valid, p->t_armed) : x->t_valid;
     double left = since + p->lost_time - t;
@@ -207,7 +217,7 @@ static void publish(const State *x, Output *y)
 
 static State begun(double t)
 {
-    State x = {.begun = 1, .t = t, .t_valid = t};
+    State x = {.begun = 1, .t = t, .t_valid = t, .range = unchecked};
     for (int rule = 0; rule < RULES; rule++)
         x.margin[rule] = x.least[rule] = RESTING, x.t_first[rule] = NOT_YET;
     return x;
@@ -216,7 +226,7 @@ static State begun(double t)
 static void watch(const Parameters *p, const Input *u, State *x, Output *y, double t, double period)
 {
     if (!x->begun) *x = begun(t);
-    int judged = u->relative_valid && armed(p, t);
+    int is_valid = valid(p, u, x, t), judged = is_valid && armed(p, t);
     if (judged) {
         double t0 = x->seen ? x->t : t;
         Interval i = interval(p, x->seen ? &x->last : u, u, t0, t - t0);
@@ -228,7 +238,7 @@ static void watch(const Parameters *p, const Input *u, State *x, Output *y, doub
     x->seen = judged;
     x->foreseen = judged && !passive_rests(p, u);
     x->t = t;
-    judge_navigation(p, u, x, t);
+    judge_navigation(p, x, is_valid, t);
     decide(p, x);
     if (p->act && x->abort) y->F_safe_S = abort_force_S(p, u, x, period);
     publish(x, y);

@@ -20,6 +20,7 @@ typedef struct {
     double passive_time, passive_step, passive_period, passive_opens;
     double use_plume, plume_half_angle, plume_range, plume_force_min;
     double lost_time, t_armed;
+    double use_range, range_at_zero, range_slope, range_patience, range_tau;
     double abort_on[RULES];
     double act, mass, abort_force, abort_speed;
     vec3 abort_dv_H;
@@ -29,6 +30,7 @@ typedef struct {
     Body T, S;
     vec3 F_cmd_S;
     double approaching, relative_valid;
+    double range_meas, range_time, range_valid;
 } SafetyInput;
 
 #define SAFETY_PARAMETERS                                                                          \
@@ -71,15 +73,26 @@ typedef struct {
         NONNEGATIVE(abort_force, "N", "force of the abort manoeuvre; 0: free drift"),              \
         NONNEGATIVE(abort_speed, "m/s", "velocity increment outwards along the corridor"),         \
         PARAMETER(abort_dv_H, "m/s", "velocity increment in Hill axes; zero: along the corridor"), \
-        SAMPLE_PERIOD
+        SAMPLE_PERIOD,                                                                             \
+        SWITCH(use_range,                                                                          \
+               "1: an estimate that disagrees with the independent range is no valid state"),      \
+        NONNEGATIVE(range_at_zero, "m", "disagreement allowed at range 0"),                        \
+        NONNEGATIVE(range_slope, "1", "rise of that disagreement with the range"),                 \
+        NONNEGATIVE(range_patience, "s", "ranges disagree that long before the estimate is lost"), \
+        POSITIVE(range_tau, "s",                                                                   \
+                 "time constant with which dead reckoning on the estimated velocity follows the "  \
+                 "range")
 
-#define SAFETY_INPUTS                                                         \
-    BODY_INPUTS("T", T, "target"), BODY_INPUTS("S", S, "servicer"),           \
-        INPUT(F_cmd_S, "N", "commanded force, servicer axes"),                \
-        INPUT(approaching, "1",                                               \
-              "1: corridor and speed limit apply (0: after the approach was " \
-              "given up)"),                                                   \
-        INPUT(relative_valid, "1", "1: the states of target and servicer can be relied on")
+#define SAFETY_INPUTS                                                                        \
+    BODY_INPUTS("T", T, "target"), BODY_INPUTS("S", S, "servicer"),                          \
+        INPUT(F_cmd_S, "N", "commanded force, servicer axes"),                               \
+        INPUT(approaching, "1",                                                              \
+              "1: corridor and speed limit apply (0: after the approach was "                \
+              "given up)"),                                                                  \
+        INPUT(relative_valid, "1", "1: the states of target and servicer can be relied on"), \
+        OPTIONAL_INPUT(range_meas, "m", "independent range, with use_range"),                \
+        OPTIONAL_INPUT(range_time, "s", "its time; -1 = none yet"),                          \
+        OPTIONAL_SWITCH(range_valid, "1: there is a range of that time")
 
 static inline void check_acute(Problems *problems, const char *name, double angle)
 {
@@ -98,6 +111,8 @@ static inline void check_safety(const SafetyParameters *p, Problems *problems)
         refuse(problems, "passive_time", p->passive_time, "needs a keep-out zone (keep_out_shape)");
     if (p->passive_time > MOST_STEPS * p->passive_step)
         refuse(problems, "passive_step", p->passive_step, "must not be below passive_time / 1e5");
+    if (p->use_range && p->lost_time == 0)
+        refuse(problems, "use_range", p->use_range, "needs the rule on navigation (lost_time)");
     check_acute(problems, "corridor_half_angle", p->corridor_half_angle);
     check_acute(problems, "plume_half_angle", p->plume_half_angle);
 }

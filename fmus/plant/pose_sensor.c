@@ -13,8 +13,6 @@
 #include "sensor.h"
 #include "small_rotation.h"
 
-enum { RING = 8 };
-
 typedef struct {
     double sample_period;
     RandomStream random;
@@ -38,11 +36,7 @@ typedef struct {
     quat q_TK;
     double pose_time, pose_valid, pose_status;
 } Output;
-typedef struct {
-    double taken, index;
-    Output pose;
-} Slot;
-typedef struct { Slot ring[RING]; } State;
+LATE_STATE;
 MODEL_STRUCT;
 
 enum {
@@ -83,7 +77,7 @@ static const Variable variables[] = {
     NONNEGATIVE(fov, "rad", "half angle of the field of view about the boresight"),
     NONNEGATIVE(range_min, "m", "smallest range"),
     NONNEGATIVE(range_max, "m", "largest range"),
-    NONNEGATIVE(latency, "s", "from the exposure to the output, up to 7 periods"),
+    LATENCY_ROW,
     NONNEGATIVE(p_outlier, "1", "probability of an outlier"),
     NONNEGATIVE(outlier_r, "m", "largest outlier of the position, per axis"),
     NONNEGATIVE(outlier_theta, "rad", "largest outlier of the attitude, per axis"),
@@ -117,10 +111,8 @@ static void check(const Parameters *p, Problems *problems)
     check_probability(problems, "p_drop", p->outage.p_drop);
     check_probability(problems, "p_outlier", p->p_outlier);
     check_probability(problems, "p_flip", p->p_flip);
-    if (p->range_max <= p->range_min)
-        refuse(problems, "range_max", p->range_max, "must be above range_min");
-    if (p->latency > 7 * p->sample_period * (1 + ROUNDED_OFF))
-        refuse(problems, "latency", p->latency, "must be at most 7 sample periods");
+    check_range(problems, p->range_min, p->range_max);
+    check_latency(problems, p->latency, p->sample_period);
 }
 
 static vec3 position_seen(const Parameters *p, const Input *u, quat q_KN)
@@ -176,24 +168,6 @@ static Output seen(const Parameters *p, const Input *u, Sample s)
     return pose;
 }
 
-static Slot *slot(State *x, double index) { return &x->ring[(int)remainder_of(index, RING)]; }
-
-static void measure(const Parameters *p, const Input *u, State *x, Output *y, Sample s)
-{
-    (void)y;
-    *slot(x, s.index) = (Slot){1, s.index, seen(p, u, s)};
-}
-
-SAMPLED(expose, measure)
-
-/* the newest sample n with n P + latency < t */
-static void release(const Parameters *p, State *x, Output *y, double t)
-{
-    double n = sample_index(t - p->latency, p->sample_period) - 1;
-    const Slot *s = slot(x, n);
-    if (s->taken > 0 && s->index == n) *y = s->pose;
-}
-
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     (void)p, (void)u, (void)t;
@@ -201,10 +175,6 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
     *y = (Output){.q_TK = {1, 0, 0, 0}, .pose_time = -1};
 }
 
-static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
-{
-    expose(p, u, x, y, t, h);
-    release(p, x, y, t + h);
-}
+LATE_STEP(seen)
 
 FMU_MODEL("pose_sensor", "Camera that measures the pose of the target, with noise and latency");

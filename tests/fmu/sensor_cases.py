@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What the tests of the four sensors share."""
+"""What the tests of the sensors share."""
 
 from __future__ import annotations
 

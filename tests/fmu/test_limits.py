@@ -57,13 +57,16 @@ def below(name, row, limit, shared=None):
 
 
 PLAN = {"nodes": 8, "use_plan": 0}
-SENSORS = ("star_tracker", "gyro", "pose_sensor", "orbit_sensor")
+SENSORS = ("star_tracker", "gyro", "pose_sensor", "orbit_sensor", "range_sensor")
 PULSED = {"pulsed": 1, "pulse_period": 0.5, "sample_period": 0.1}
 ROWS = [
     *at_most("assembly", "eps_0", 1.0),
     *at_most("assembly", "h_0_S", 1500.0),
     ("pose_sensor", "latency", {"latency": 3.5 * (1 + NEAR)}, {"latency": 3.5 * (1 + OFF)}),
     ("pose_sensor", "range_max", {"range_min": 100 * DOWN}, {"range_min": 100}),
+    ("range_sensor", "latency", {"latency": 3.5 * (1 + NEAR)}, {"latency": 3.5 * (1 + OFF)}),
+    ("range_sensor", "range_max", {"range_min": 5000 * DOWN}, {"range_min": 5000}),
+    *at_most("range_sensor", "p_drop", 1),
     *(row for name in ("p_drop", "p_flip", "p_outlier") for row in at_most("pose_sensor", name, 1)),
     *((name, "seed", {"seed": 2**32 - 1}, {"seed": 2**32}) for name in SENSORS),
     *((name, "stream", {"stream": 2**32 - 1}, {"stream": 2**32}) for name in SENSORS),

@@ -204,7 +204,9 @@ def test_streams_and_seeds_are_independent(fmu):
     assert len(seen) == 4 * 10 * 6
 
 
-@pytest.mark.parametrize("sensor", ["star_tracker", "gyro", "pose_sensor", "orbit_sensor"])
+@pytest.mark.parametrize(
+    "sensor", ["star_tracker", "gyro", "pose_sensor", "orbit_sensor", "range_sensor"]
+)
 @pytest.mark.parametrize("value", [0.5, -1, 2.0**32])
 @pytest.mark.parametrize("name", ["seed", "stream"])
 def test_seed_and_stream_are_whole_numbers_of_32_bits(sensor, name, value, tmp_path):
@@ -212,7 +214,9 @@ def test_seed_and_stream_are_whole_numbers_of_32_bits(sensor, name, value, tmp_p
     assert not refusal(sensor, {name: 2.0**32 - 1}, tmp_path / "good")
 
 
-@pytest.mark.parametrize("sensor", ["star_tracker", "gyro", "pose_sensor", "orbit_sensor"])
+@pytest.mark.parametrize(
+    "sensor", ["star_tracker", "gyro", "pose_sensor", "orbit_sensor", "range_sensor"]
+)
 @pytest.mark.parametrize("period", [0, -0.5])
 def test_a_sensor_needs_a_period(sensor, period, tmp_path):
     assert "sample_period" in refusal(sensor, {"sample_period": period}, tmp_path)
@@ -220,5 +224,5 @@ def test_a_sensor_needs_a_period(sensor, period, tmp_path):
 
 def test_every_kind_of_sensor_has_a_stream_of_its_own(fmu):
     """Start values: no two alike, so that a system of one each needs none set."""
-    kinds = ("star_tracker", "gyro", "pose_sensor", "orbit_sensor")
-    assert [fmu(kind).get("stream") for kind in kinds] == [1, 2, 3, 4]
+    kinds = ("star_tracker", "gyro", "pose_sensor", "orbit_sensor", "range_sensor")
+    assert [fmu(kind).get("stream") for kind in kinds] == [1, 2, 3, 4, 5]

@@ -76,6 +76,9 @@ SENSORS_AND_FILTERS = {
     | {"sample_period": 0.5, "stream": 3, "fov": 0.5236, "range_min": 0.5, "range_max": 100}
     | {"latency": 0.3, "outlier_r": 2, "outlier_theta": 1, "p_drop": 0, "p_flip": 0},
     "orbit_sensor": FIX | {"sample_period": 1.0, "stream": 4, "p_drop": 0},
+    "range_sensor": {"sample_period": 0.5, "stream": 5, "p_drop": 0, "sigma_range_0": 0.1}
+    | {"sigma_range_1": 1e-3, "bias_0": 0, "sigma_bias_0": 0, "range_min": 0.5, "range_max": 5000}
+    | {"latency": 0.1, "r_TN_N": (20, 0, 0)},
     "attitude_filter": STARS
     | GYRO
     | {"q_AS": AHEAD, "acquire": 1, "q_AN": AHEAD, "gyro_time": -1, "star_time": -1}
@@ -224,7 +227,9 @@ CONTROLLERS = {
     | {"corridor_half_angle": radians(20), "speed_at_zero": 0.1, "speed_slope": 0.01}
     | {"passive_step": 60, "plume_half_angle": radians(20), "plume_range": 20}
     | {"plume_force_min": 1e-3, "lost_time": 20, "abort_on": (1,) * 6, "mass": 100}
-    | {"abort_force": 20, "abort_speed": 0.1, "approaching": 1, "relative_valid": 1},
+    | {"abort_force": 20, "abort_speed": 0.1, "approaching": 1, "relative_valid": 1}
+    | {"use_range": 0, "range_at_zero": 1, "range_slope": 0.01, "range_patience": 5}
+    | {"range_tau": 10, "range_meas": 0, "range_time": -1, "range_valid": 0},
 }
 CONTROLLERS |= {
     name: CONTROLLERS[name] | {"active": 1} for name in CONTROLLERS if name.endswith("_controller")

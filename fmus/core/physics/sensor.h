@@ -1,4 +1,5 @@
-/* sensor.h - what takes a sensor its measurement: outages, drop-outs, the Sun in the field of view.
+/* sensor.h - what takes a sensor its measurement: outages, drop-outs, the Sun in the field of view;
+ * latency.
  *
  * Sensors sample at n sample_period; an input is what the plant had at the call that contains the
  * sample. Equations: docs/models.md F.2. */
@@ -21,6 +22,49 @@
             measure(p, u, x, y, s);                                                                \
     }
 
+/* ---- latency: samples wait in a ring ---- */
+enum { RING = 8 };
+
+#define LATENCY_ROW NONNEGATIVE(latency, "s", "from the measurement to the output, up to 7 periods")
+
+/* defines Slot and State */
+#define LATE_STATE           \
+    typedef struct {         \
+        double taken, index; \
+        Output y;            \
+    } Slot;                  \
+    typedef struct { Slot ring[RING]; } State
+
+/* defines step(): seen(p, u, s) is the output of a sample; at the end of a step to t the newest
+ * sample n with n P + latency < t is published */
+#define LATE_STEP(seen)                                                                            \
+    static Slot *slot(State *x, double n) { return &x->ring[(int)remainder_of(n, RING)]; }         \
+    static void keep(const Parameters *p, const Input *u, State *x, Output *y, Sample s)           \
+    {                                                                                              \
+        (void)y;                                                                                   \
+        *slot(x, s.index) = (Slot){1, s.index, seen(p, u, s)};                                     \
+    }                                                                                              \
+    SAMPLED(measure, keep)                                                                         \
+    static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h) \
+    {                                                                                              \
+        measure(p, u, x, y, t, h);                                                                 \
+        double n = sample_index(t + h - p->latency, p->sample_period) - 1;                         \
+        const Slot *s = slot(x, n);                                                                \
+        if (s->taken > 0 && s->index == n) *y = s->y;                                              \
+    }
+
+static inline void check_latency(Problems *problems, double latency, double period)
+{
+    if (latency > 7 * period * (1 + ROUNDED_OFF))
+        refuse(problems, "latency", latency, "must be at most 7 sample periods");
+}
+
+static inline void check_range(Problems *problems, double range_min, double range_max)
+{
+    if (range_max <= range_min) refuse(problems, "range_max", range_max, "must be above range_min");
+}
+
+/* ---- no measurement ---- */
 typedef struct { double start, duration, p_drop; } Outage;
 
 #define OUTAGE_ROWS(member)                                                                \
