@@ -125,9 +125,9 @@ def plan_command(
     style: StyleOption = Look.SCREEN,
     changes: Any = None,
 ) -> None:
-    """Show what a guidance plans, without running the system.
+    """Show what a mission plans, without running the system.
 
-    Prints the history of the iteration and draws the momentum before and after.
+    Prints the plan as a table and draws it; fails if it cannot be flown.
     """
     from harness.figures.plots import overlay
     from harness.figures.style import style_of

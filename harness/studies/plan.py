@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Unpack
 
@@ -12,6 +14,8 @@ from harness.mission import Plan
 from harness.mission.library import everything, mission
 from harness.ssp.library import load
 from harness.system.model import System
+
+Planner = Callable[..., Plan]
 
 
 def plan(system: str | Path | System, **changes: Unpack[Changes]) -> Plan:
@@ -24,4 +28,15 @@ def plan(system: str | Path | System, **changes: Unpack[Changes]) -> Plan:
         planners = own.plans if own else ()
         if not planners:
             raise UsageError(f"{found.name}: its mission plans nothing")
-        return planners[0](found, **changes)
+        return _first(planners, found, **changes)
+
+
+def _first(planners: tuple[Planner, ...], system: System, **changes: Unpack[Changes]) -> Plan:
+    """The plan of the first planner that the system is for: of a system without a mission every
+    one is asked.
+    """
+    *others, last = planners
+    for planner in others:
+        with suppress(UsageError):
+            return planner(system, **changes)
+    return last(system, **changes)

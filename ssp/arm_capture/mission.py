@@ -11,13 +11,16 @@ from harness.mission.figure import DEGREES
 from ..shared.approach import approach
 from .figures import FIGURES
 from .measures import MEASURES
+from .plan import plan
+from .plan_figures import OVERLAYS
 from .scene import SCENE
 
-APPROACH = approach(FIGURES)
+APPROACH = approach(FIGURES, overlays=OVERLAYS)
 MISSION = replace(
     APPROACH,
     measures=(*MEASURES, *APPROACH.measures),
     scene=(SCENE,),
+    plans=(plan,),
     gauges=(
         Gauge("arm mode", "", "arm_guidance.arm_mode"),
         Gauge("tip error", "mm", "arm_guidance.position_error", factor=1e3),

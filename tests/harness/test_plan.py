@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from harness import run
 from harness.cli.app import main
 from harness.errors import UsageError
+from harness.ssp.library import load
 from harness.studies.plan import plan
 
 COARSE = {"guidance.nodes": 24}
@@ -46,6 +49,11 @@ def test_a_plan_that_cannot_be_found_says_why_and_fails(tmp_path, capsys):
     assert main(["plan", "transposition", *narrow, "-o", str(tmp_path)]) == 1
     assert "the rotation would exceed rotation_max" in capsys.readouterr().out
     assert [path.name for path in tmp_path.iterdir()] == ["planned_momentum.png"]
+
+
+def test_a_system_without_a_mission_is_planned_by_the_one_that_can(found):
+    with load("transposition") as system:
+        assert plan(replace(system, mission=""), set=COARSE).text() == found.text()
 
 
 def test_a_system_whose_mission_does_not_plan_is_wrong_use():

@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The plan of a capture before it is flown: whether the arm reaches the fixture from where the
+guidance holds the base, how far singular poses are, whether the stowed arm touches itself.
+
+Only guidance and target are run: where the fixture is from a base that stands on its reference,
+
+    r_QS = C_DN (C_TN^T p_QT_T - rho_ref_N),   X_E = -X_Q
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Unpack
+
+import numpy as np
+
+from harness.errors import UsageError
+from harness.master.changes import Changes, apply
+from harness.master.simulation import Simulation, simulate
+from harness.mission.figure import Array
+from harness.results.result import Result
+from harness.results.rotations import turned
+from harness.ssp.library import load
+from harness.system.model import System
+
+from ..shared.docking_scene import DOCKING, outward
+from .kinematics import ARM, arm_of
+from .reach import Limits, Reach, clearance, reach
+
+ALONE = ("guidance", "target")
+POSES = tuple(f"arm_guidance.joint_angle_{name}" for name in ("min", "max", "ready", "stowed"))
+GOALS = tuple(
+    f"arm_guidance.{name}"
+    for name in ("standoff", "seat_depth", "track_from", "manipulability_min")
+)
+KNOWN = (*ARM, *DOCKING, *POSES, *GOALS)
+INSTANTS = 60
+"""Places of the fixture that are judged."""
+LINE = np.arange(-1.2, 1.2001, 0.05)
+"""Places on the axis of the fixture, from the seat on outwards, whose reach is looked for [m]."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Reach of the stand before the fixture and of its seat: results with variables of component
+    plan, over time; line: reach on the axis of the fixture at the first instant.
+    """
+
+    stand: Result
+    seat: Result
+    line: Array
+    touches: tuple[float, tuple[int, int]]
+
+    @property
+    def histories(self) -> Mapping[str, Result]:
+        """Stand and seat."""
+        return {"stand": self.stand, "seat": self.seat}
+
+    @property
+    def good(self) -> bool:
+        """Whether stand and seat are reached at every instant, away from singular poses, and the
+        stowed arm does not touch itself.
+        """
+        return not any(self._reasons())
+
+    def text(self) -> str:
+        """Reach as a table, clearance, and the verdict."""
+        return "\n".join(self._lines())
+
+    def _lines(self) -> Iterator[str]:
+        yield "place      from S, base axes [m]   reached   least singular value, direction of E"
+        for name, r in self.histories.items():
+            row = int(np.argmin(r["plan.singular"]))
+            place = " ".join(f"{round(x, 3) + 0.0:7.3f}" for x in r["plan.place"][row])
+            worst = " ".join(f"{x:5.2f}" for x in r["plan.worst"][row])
+            held = r["plan.reached"]
+            pose = f"{r['plan.singular'][row]:20.3f}   {worst}" if held.all() else f"{'-':>20}"
+            yield f"{name:5}   {place}   {np.mean(held):8.0%}   {pose}"
+        yield self._room()
+        distance, (i, j) = self.touches
+        yield f"stowed: links {i} and {j} are nearest, {1e3 * distance:.0f} mm between them"
+        yield "; ".join(self._reasons()) or "planned: stand and seat are reached all the time"
+
+    def _room(self) -> str:
+        """How far the base may be off, on the axis of the fixture."""
+        held, seat = self.line, int(np.argmin(np.abs(LINE)))
+        if not held.any():
+            return "on the axis of the fixture nothing is reached"
+        if not held[seat]:
+            off = LINE[held][np.argmin(np.abs(LINE[held]))]
+            return f"the seat is reached from a base {abs(off):.2f} m {_way(off)}"
+        gaps = np.flatnonzero(np.logical_not(held))
+        low, high = gaps[gaps < seat], gaps[gaps > seat]
+        near = LINE[low[-1] + 1] if len(low) else LINE[0]
+        far = LINE[high[0] - 1] if len(high) else LINE[-1]
+        return (f"the seat stays in reach of a base {abs(near):.2f} m {_way(near)} to "
+                f"{abs(far):.2f} m {_way(far)}")  # fmt: skip
+
+    def _reasons(self) -> Iterator[str]:
+        for name, r in self.histories.items():
+            least = float(r.parameter(GOALS[3]))
+            if not r["plan.reached"].all():
+                yield f"not planned: the {name} is outside the reach of the arm"
+            elif r["plan.manipulability"].min() < least:
+                yield f"not planned: at the {name} manipulability is below {least:g}"
+        if self.touches[0] < 0:
+            yield "not planned: the stowed arm touches itself"
+
+
+def _way(off: float) -> str:
+    return "farther off" if off > 0 else "nearer"
+
+
+def plan(system: str | Path | System, **changes: Unpack[Changes]) -> Plan:
+    """The plan of a capture by arm; changes: those of run().
+
+    Raises UsageError if the system has no arm with its guidance, else what run() raises.
+    """
+    with load(system) as found:
+        whole = apply(found, **changes)
+        known = _parameters(whole)
+        flown = simulate(_alone(whole), every=1)
+    arm, limits, stowed = arm_of(known), limits_of(known), known.parameter(POSES[3])
+    time, fixture, out = _fixture(flown, known)
+    standoff, depth = (float(known.parameter(name)) for name in GOALS[:2])
+    places = [fixture - standoff * out, fixture + depth * out]
+    stand, seat = (
+        _result(flown, known, time, place, reach(arm, limits, place, out)) for place in places
+    )
+    line = reach(
+        arm, limits, places[1][0] + LINE[:, None] * out[0], np.tile(out[0], (len(LINE), 1))
+    )
+    return Plan(stand, seat, line.reached, clearance(arm, stowed[: len(arm.axis)]))
+
+
+def limits_of(known: Result) -> Limits:
+    """Joint limits and posture of the guidance of the arm."""
+    n = int(known.parameter(ARM[0]))
+    low, high, ready = (known.parameter(name)[:n] for name in POSES[:3])
+    return Limits(low, high, ready)
+
+
+def _parameters(system: System) -> Result:
+    """A result of no rows with the parameters of a system."""
+    known = Simulation(system).parameters()
+    names = {component.name for component in system.components}
+    table = replace(
+        known, time=np.zeros(0), values=np.zeros((0, len(known.columns))), parameters=known
+    )
+    if not (names.issuperset(ALONE) and table.holds(parameters=KNOWN)):
+        raise UsageError(f"{system.name}: it has no arm with its guidance; try arm_capture")
+    if table.parameter(ARM[0]) < 1:
+        raise UsageError(f"{system.name}: servicer.joints is 0: there is no arm to plan for")
+    return table
+
+
+def _alone(system: System) -> System:
+    """Guidance and target, and what they tell each other."""
+    kept = tuple(c for c in system.components if c.name in ALONE)
+    wires = tuple(
+        wire
+        for wire in system.connections
+        if {wire.source.component, wire.target.component} <= set(ALONE)
+    )
+    return replace(
+        system,
+        components=kept,
+        connections=wires,
+        sets=(),
+        alternatives=(),
+        strict=False,
+        requirements={},
+        declared={},
+    )
+
+
+def _fixture(flown: Result, known: Result) -> tuple[Array, Array, Array]:
+    """Times (rows,) [s], places of the fixture from S (rows, 3) [m], what X_E is to be (rows, 3),
+    base axes; from the time on at which the arm reaches for it. A reference belongs to the row
+    before the one where it is new.
+    """
+    rho, late = flown["guidance.rho_ref_N"], float(known.parameter(GOALS[2]))
+    new = np.array([0, *np.flatnonzero(np.diff(rho, axis=0).any(axis=1))])
+    new = new[flown.time[new] >= late] if (flown.time[new] >= late).any() else new
+    row = new[np.unique(np.linspace(0, len(new) - 1, INSTANTS).round().astype(int))]
+    q_T, q_D = flown["target.q_TN"][row], flown["guidance.q_DN"][row + 1]
+    place, X = known.parameter(DOCKING[2]), outward(known.parameter(DOCKING[3]))
+    to_D = q_D * (1, -1, -1, -1)
+    seen = turned(q_T, np.tile(place, (len(row), 1))) - rho[row + 1]
+    return (
+        flown.time[row],
+        turned(to_D, seen),
+        -turned(to_D, turned(q_T, np.tile(X, (len(row), 1)))),
+    )
+
+
+def _result(flown: Result, known: Result, time: Array, place: Array, found: Reach) -> Result:
+    """What is reached as histories of component plan."""
+    tables = {
+        "place": (place, "m"),
+        "error": (found.error, "m"),
+        "reached": (found.reached.astype(float), "1"),
+        "singular": (found.singular[:, -1], "1"),
+        "manipulability": (found.manipulability, "1"),
+        "worst": (found.worst, "1"),
+        "joint_angle": (found.angle, "rad"),
+    }
+    columns, units, values = [], [], []
+    for name, (history, unit) in tables.items():
+        one = history.ndim == 1
+        for k, column in enumerate(np.atleast_2d(history.T)):
+            columns.append(f"plan.{name}" if one else f"plan.{name}[{k + 1}]")
+            units.append(unit)
+            values.append(column)
+    return replace(
+        flown,
+        time=time,
+        columns=tuple(columns),
+        units=tuple(units),
+        values=np.stack(values, axis=1),
+        descriptions=(),
+        parameters=known.parameters,
+    )
