@@ -142,6 +142,10 @@ class Fmu:
         return self.settings(**dict.fromkeys([g for g in GRIDS if g not in switches], period))
 
 
+BUSY = {"select_force": 2.0, "select_torque": 2.0}
+"""Inputs at whose start value an FMU rests, and where it is at work."""
+
+
 def excitation(variables, k: int) -> dict[str, float]:
     """Values of inputs at step k: near the start values, different for every variable and step,
     within the bounds.
@@ -152,7 +156,8 @@ def excitation(variables, k: int) -> dict[str, float]:
 def _wave(v: description.Variable, wave: float) -> float:
     if (v.low, v.high) == (0, 1):
         return float(wave > 0)
-    return min(max(v.start + wave * (0.01 + 1e-6 * abs(v.start)), v.low), v.high)
+    start = BUSY.get(v.name, v.start)
+    return min(max(start + wave * (0.01 + 1e-6 * abs(start)), v.low), v.high)
 
 
 class Instance:
