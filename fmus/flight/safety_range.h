@@ -34,7 +34,7 @@ static const RangeCheck unchecked = {.stamp = NOT_YET, .since = NOT_YET};
 static inline void compare(const SafetyParameters *p, const SafetyInput *u, RangeCheck *c, double R,
                            double back)
 {
-    double range = u->range_meas, most = p->range_at_zero + p->range_slope * larger(range, 0);
+    double range = u->range_meas, most = p->range_at_zero + p->range_slope * range;
     if (!c->begun) c->reckoned = range + back;
     double off = range - (R - back), drift = range - (c->reckoned - back);
     double share = smaller(1, (u->range_time - c->stamp) / p->range_tau);

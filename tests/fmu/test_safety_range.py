@@ -115,6 +115,27 @@ def test_range_is_compared_at_its_own_time(fmu):
     assert first_loss(unit, lambda k: late(k) | {"range_time": k * H}, 40)[1] is not None
 
 
+def test_dead_reckoning_is_exact_under_constant_acceleration(fmu):
+    """Trapezoidal in the rate: 0.25 m off in the steady state if it were held over the sample."""
+    p = {"range_at_zero": 1e-6, "range_tau": 10, "range_patience": 0}
+
+    def pulled(k, a=0.1):
+        y, v = 50 + a * (k * H) ** 2 / 2, a * k * H
+        return told(k, y, v, y)
+
+    assert first_loss(fmu("safety_monitor", ALONE | p), pulled, 40) == (None, None)
+
+
+def test_an_estimate_called_invalid_is_not_compared_and_reckoning_begins_anew(fmu):
+    p = {"range_at_zero": 1e-6, "range_tau": 10, "range_patience": 0, "lost_time": 20}
+    unit = fmu("safety_monitor", ALONE | p)
+    for k in range(30):
+        gone = 10 <= k < 15
+        estimate = told(k, 7, 5, 100) if gone else told(k, 100, 0, 100)
+        unit.step(H, estimate | {"relative_valid": not gone})
+        assert unit.get("navigation_margin") == 20 - (k - 9) * H * gone, k
+
+
 @pytest.mark.parametrize("seed", [1, 2])
 def test_verdict_is_that_of_an_independent_recursion(fmu, seed):
     """Noise, gaps, estimates that come and go, three-dimensional motion at uneven ranges."""
@@ -167,8 +188,9 @@ def test_without_new_ranges_the_verdict_stays(fmu):
 
 
 def test_range_says_nothing_before_the_monitor_is_armed(fmu):
-    p = {"range_at_zero": 1.0, "range_patience": 0, "t_armed": 20}
-    assert first_loss(fmu("safety_monitor", ALONE | p), lambda k: told(k, 110, 0, 100))[0] == 20.5
+    """Its patience begins then too."""
+    p = {"range_at_zero": 1.0, "range_patience": 5, "t_armed": 20}
+    assert first_loss(fmu("safety_monitor", ALONE | p), lambda k: told(k, 110, 0, 100))[0] == 25
 
 
 def test_switched_off_the_range_moves_no_bit(fmu):
