@@ -12,9 +12,9 @@ import pytest
 from harness.claims.validated import markdown, table, validate
 from harness.cli import main
 from harness.errors import UsageError
-from servicing.ssp.validation.case import FOLDER, cases
-from servicing.ssp.validation.judge import judge
-from servicing.ssp.validation.library import Library
+from ssp.validation.case import FOLDER, cases
+from ssp.validation.judge import judge
+from ssp.validation.library import Library
 
 ALL = cases()
 WRONG = [

@@ -15,8 +15,8 @@ from harness.mission.measure import measured
 from harness.results.expressions import settling_time, steady_error
 from harness.results.result import Result
 from harness.results.rotations import rotation_angle
-from servicing.ssp.shared.measures import bands, definitions
-from servicing.ssp.shared.relative_motion import (
+from ssp.shared.measures import bands, definitions
+from ssp.shared.relative_motion import (
     attitude_error,
     position_error,
     range_,

@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from harness import run
-from servicing.ssp.shared.notes import notes
+from ssp.shared.notes import notes
 
 
 def told(**changes):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from harness.results.result import Result
-from servicing.ssp.space_robot.pitch import orbits, rotation_number, spectrum, strobe, swing
+from ssp.space_robot.pitch import orbits, rotation_number, spectrum, strobe, swing
 
 RATE = 0.01
 """Rate of the true anomaly [rad/s]."""

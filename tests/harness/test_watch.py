@@ -18,7 +18,7 @@ from harness.master.simulation import Simulation
 from harness.mission import gauge
 from harness.ssp.library import load
 from harness.ssp.writer import write_ssp
-from servicing.ssp.shared.relative_motion import attitude_error, position_error, range_
+from ssp.shared.relative_motion import attitude_error, position_error, range_
 
 ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 

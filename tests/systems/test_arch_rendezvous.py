@@ -20,7 +20,7 @@ from harness.claims.report import report
 from harness.mission import Verdict
 from harness.mission.library import campaigns
 from harness.system.tables import read_toml
-from servicing.ssp.arch_rendezvous.claims import PAPERS
+from ssp.arch_rendezvous.claims import PAPERS
 
 from ..reference import rendezvous as spre
 from ..reference.rendezvous import INSTANCES, NEVER, START

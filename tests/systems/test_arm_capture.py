@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from harness import run
-from servicing.ssp.arm_capture.measures import (
+from ssp.arm_capture.measures import (
     ALIGN,
     CLOSE,
     DEPLOY,

@@ -14,9 +14,9 @@ from harness import run
 from harness.cli.app import main
 from harness.errors import UsageError
 from harness.studies.plan import plan
-from servicing.ssp.arm_capture.kinematics import arm_of, jacobian, pose
-from servicing.ssp.arm_capture.plan import LINE, limits_of
-from servicing.ssp.arm_capture.reach import between, clearance, reach
+from ssp.arm_capture.kinematics import arm_of, jacobian, pose
+from ssp.arm_capture.plan import LINE, limits_of
+from ssp.arm_capture.reach import between, clearance, reach
 
 TOOL = {"servicer.p_EA_A": [0.3, 0.1, -0.2], "servicer.q_EA": [0.6, 0, 0, 0.8]}
 

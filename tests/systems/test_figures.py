@@ -19,8 +19,8 @@ from harness.figures.choice import figures_of
 from harness.figures.plots import overlay, paint, paint_overlay, plot
 from harness.results.files import ResultFile
 from harness.results.result import Result
-from servicing.ssp.shared.relative_motion import attitude_error, position_error
-from servicing.ssp.space_robot.pitch import strobe
+from ssp.shared.relative_motion import attitude_error, position_error
+from ssp.space_robot.pitch import strobe
 from tests.missions import FIGURES, OVERLAYS
 
 SYNC = {

@@ -13,7 +13,7 @@ import pytest
 
 from harness import load, run
 from harness.master.simulation import simulate
-from servicing.ssp.shared.relative_motion import range_
+from ssp.shared.relative_motion import range_
 
 from ..reference.attitude import dcm
 

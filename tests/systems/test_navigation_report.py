@@ -13,9 +13,9 @@ from scipy.stats import chi2
 from harness import run
 from harness.mission import Verdict
 from harness.results.result import Result
-from servicing.ssp.shared import estimates
-from servicing.ssp.shared import navigation_figures as figures
-from servicing.ssp.shared.navigation_claims import CLAIMS, PAPER
+from ssp.shared import estimates
+from ssp.shared import navigation_figures as figures
+from ssp.shared.navigation_claims import CLAIMS, PAPER
 from tests.missions import FIGURES, PAPERS
 
 from ..reference.attitude import conjugate, multiply

@@ -14,7 +14,7 @@ from harness.claims.report import report
 from harness.cli.app import main
 from harness.mission import Verdict
 from harness.results.files import ResultFile
-from servicing.ssp.relay_approach.claims import PAPER as KOZLOVA_FOMICHEV_2023
+from ssp.relay_approach.claims import PAPER as KOZLOVA_FOMICHEV_2023
 
 from .relay_case import BRAKES, GEO, HOLD, MAIN, NEWTON, PAPER, SMALL, flight, impulse
 

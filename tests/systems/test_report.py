@@ -26,7 +26,7 @@ from harness.report.bodies import uniform_box
 from harness.report.html import of_run, write
 from harness.report.thinning import kept_rows
 from harness.results.files import ResultFile
-from servicing.ssp.shared.safety import RESTING
+from ssp.shared.safety import RESTING
 from tests.harness.report_page import Page
 
 RUNS = {

@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 
 from harness import run
 from harness.mission.claim import Verdict
-from servicing.ssp.servicing_mission.claims import CLAIMS
-from servicing.ssp.servicing_mission.flight import increments, stays
+from ssp.servicing_mission.claims import CLAIMS
+from ssp.servicing_mission.flight import increments, stays
 
 MU = 3.986004415e14
 NOMINAL = [

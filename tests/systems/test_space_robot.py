@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from harness import run
-from servicing.ssp.space_robot.pitch import rotation_number
+from ssp.space_robot.pitch import rotation_number
 
 from ..fmu.robot_cases import PAPER, Q, pitch_constants, same_sign
 from ..reference.space_robot import Orbit, fly

@@ -12,8 +12,8 @@ from harness import run
 from harness.claims.report import report
 from harness.errors import ResultsError
 from harness.mission import Verdict
-from servicing.ssp.space_robot import claims as guo_2014
-from servicing.ssp.space_robot import evaluations as guo_measures
+from ssp.space_robot import claims as guo_2014
+from ssp.space_robot import evaluations as guo_measures
 from tests.missions import PAPERS
 
 from ..fmu.robot_cases import PAPER, Q, pitch_constants

@@ -13,7 +13,7 @@ import pytest
 from harness.mission import Verdict
 from harness.results.result import Result
 from harness.system.values import expand
-from servicing.ssp.sync_approach.claims import PAPER as ZHU_YANG_2009
+from ssp.sync_approach.claims import PAPER as ZHU_YANG_2009
 
 from .sync_case import PAPER, flight, reference_flight
 

@@ -16,7 +16,7 @@ from harness.errors import ResultsError
 from harness.mission import Verdict
 from harness.results.files import ResultFile, read
 from harness.results.result import Result
-from servicing.ssp.sync_approach.claims import PAPER as ZHU_YANG_2009
+from ssp.sync_approach.claims import PAPER as ZHU_YANG_2009
 
 from .sync_case import PAPER, flight
 

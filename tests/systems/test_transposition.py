@@ -12,7 +12,7 @@ import pytest
 
 from harness import run
 from harness.mission import Verdict
-from servicing.ssp.transposition.claims import PAPER as ZHANG_2016
+from ssp.transposition.claims import PAPER as ZHANG_2016
 
 from ..reference import transposition as reference
 from ..reference.assembly import Assembly, orbital_axes

@@ -11,7 +11,7 @@ from matplotlib.image import imread
 
 from harness import run
 from harness.figures.plots import overlay, paint, plot
-from servicing.ssp.transposition.tracking import attitude_error as tracking_error
+from ssp.transposition.tracking import attitude_error as tracking_error
 from tests.missions import FIGURES
 
 from ..reference.assembly import turned
