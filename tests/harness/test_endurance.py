@@ -49,13 +49,14 @@ def test_isolated_runs_leave_nothing(make, tmp_path, monkeypatch, count):
         with pytest.raises(RunError, match="SIGSEGV"):
             run(bad)
 
+    _, processes, _ = left(folder)  # those of tests before, as of a campaign that stays warm
     for k in range(6):
         fly(k)
     before = left(folder)
     for k in range(count):
         fly(k)
     assert left(folder) == before
-    assert before[1:] == (0, [])
+    assert before[1:] == (processes, [])
 
 
 WARM = """

@@ -26,7 +26,7 @@ from ..reference import rendezvous as spre
 from ..reference.rendezvous import INSTANCES, NEVER, START
 
 RESTING = 1e9
-SYSTEM = Path(__file__).parents[2] / "ssp" / "arch_rendezvous.toml"
+SYSTEM = Path(__file__).parents[2] / "ssp" / "arch_rendezvous" / "system.toml"
 MONITOR_ALONE = {"monitor.passive_time": 0}
 
 
