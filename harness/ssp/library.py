@@ -61,8 +61,21 @@ def _built(path: Path) -> System:
     return build.read(path, paths.fmus())
 
 
+_without_python: set[Path] = set()
+"""Folders that a file has named, not the user."""
+
+
+def leave_python(system: str | Path) -> None:
+    """Take no Python from the folder of a system that a results file names; UsageError if there is
+    no such system.
+    """
+    _without_python.add(find_system(system).resolve().parent)
+
+
 def take_mission(system: Path) -> None:
     """Take what the folder of a TOML offers beside it, from now on."""
+    if system.resolve().parent in _without_python:
+        return
     if system.suffix == ".toml" and any((system.parent / n).is_file() for n in (FILE, SYSTEM)):
         use(system.parent)
 

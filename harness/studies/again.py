@@ -19,7 +19,7 @@ from harness.master.changes import Changes, pairs
 from harness.results.files import read
 from harness.results.provenance import Provenance, differences
 from harness.results.result import Result
-from harness.ssp.library import find_system
+from harness.ssp.library import find_system, leave_python
 from harness.system.swap import find_fmu
 
 NAMED = ("set", "swap", "on", "latency")
@@ -49,6 +49,8 @@ def again(text: str, system: str | Path | None, changes: Changes) -> Again:
         from harness.studies.campaign.campaign import like  # with Dask and zarr
 
         found, own = like(text, system)
+        if system is None:
+            leave_python(found)
         return Again(found, _over(own, changes))
     model = read(Path(text))
     if (flown := model.provenance) is None:
@@ -56,6 +58,8 @@ def again(text: str, system: str | Path | None, changes: Changes) -> Again:
     if not (system or flown.source):
         raise UsageError(f"--like {text}: its system was made in Python, name an .ssp")
     found = system or flown.source
+    if system is None:
+        leave_python(found)
     both = _over(flown.changes(), changes)  # type: ignore[arg-type]
     for warning in _changed(flown, found, both):
         _log.warning("%s", warning)

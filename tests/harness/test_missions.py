@@ -216,6 +216,19 @@ def test_python_inside_an_archive_or_beside_a_result_is_never_run(alone):
     assert not list(alone.rglob("was-run"))
 
 
+def test_a_run_is_repeated_without_the_python_of_a_folder_that_only_the_file_names(alone):
+    assert main(["new", "mission", "mine"]) == 0
+    result = run("mine", stop=1.0)
+    bait = alone / "bait"
+    (alone / "mine").rename(bait)
+    (bait / "mission.py").write_text("import pathlib; pathlib.Path('was-run').write_text('')\n")
+    forged = replace(result, provenance=replace(result.provenance, source=str(bait)))
+    forged.save("forged.nc")
+    library._named.clear()
+    main(["run", "--like", "forged.nc", "-o", "again.nc"])
+    assert not (alone / "was-run").exists()
+
+
 def test_a_mission_is_named_by_its_folder(alone):
     with pytest.raises(UsageError, match="no such folder of a mission"):
         library.use(alone / "nowhere")
