@@ -220,5 +220,11 @@ def _used(path: Path) -> float:
         return 0.0
 
 
-def _size(path: Path) -> int:
-    return sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+def _size(place: Path) -> int:
+    """Bytes of an entry; what another process removes meanwhile counts for nothing."""
+    total = 0
+    for folder, _, files in os.walk(place):
+        for name in files:
+            with suppress(FileNotFoundError):
+                total += os.lstat(os.path.join(folder, name)).st_size
+    return total

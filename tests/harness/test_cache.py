@@ -154,9 +154,9 @@ for k in range(150):
 def test_processes_that_add_use_and_remove_at_once_do_not_disturb_each_other(place, tmp_path):
     files = [archive(tmp_path / f"{k}.zip", a=str(k)) for k in range(2)]
     command = [sys.executable, "-c", MANY, *map(str, files), "0", "1"]
-    with ThreadPoolExecutor(3) as pool:
-        done = [pool.submit(subprocess.run, command, capture_output=True) for _ in range(3)]
-        assert [job.result().stderr for job in done] == [b""] * 3
+    with ThreadPoolExecutor(6) as pool:
+        done = [pool.submit(subprocess.run, command, capture_output=True) for _ in range(6)]
+        assert [job.result().stderr for job in done] == [b""] * 6
 
 
 def test_a_check_is_repeated_only_for_other_content(place):
