@@ -13,6 +13,7 @@ from harness.results.expressions import (
     BINARY,
     FUNCTIONS,
     UNARY,
+    WINDOWED,
     Quantity,
     index_of,
     path_of,
@@ -22,7 +23,7 @@ from harness.results.quantities import convert
 from harness.results.result import Result
 
 
-def evaluate(node: ast.expr, look_up: Callable[[str], Any]) -> Any:  # noqa: PLR0911 - one per kind
+def evaluate(node: ast.expr, look_up: Callable[[str], Any]) -> Any:  # noqa: PLR0911, PLR0912 - one per kind
     """Value of an expression; look_up: value of `time`, `component.variable` or `parameter
     component.name`. ValueError where a number has a unit: resolved() first.
     """
@@ -49,6 +50,8 @@ def evaluate(node: ast.expr, look_up: Callable[[str], Any]) -> Any:  # noqa: PLR
             return look_up(f"parameter {path_of(argument)}")
         case ast.Call(func=ast.Name(id="last"), args=[a]):
             return _picked(a, -1, look_up)
+        case ast.Call(func=ast.Name(id=name)) if name in WINDOWED:
+            raise ValueError(f"{name}() is a condition of a requirement, not a number")
         case ast.Call(func=ast.Name(id=name), args=arguments):
             return FUNCTIONS[name].value(*(evaluate(a, look_up) for a in arguments))
         case ast.Subscript(value=a, slice=index):

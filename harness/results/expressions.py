@@ -9,6 +9,7 @@ is converted to that of the other side: `guidance.beta_t <= 2 deg`.
 from __future__ import annotations
 
 import ast
+import math
 import operator
 import re
 import warnings
@@ -18,6 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.results.quantities import convert
 from harness.spelling import did_you_mean
 
 Array = NDArray[np.float64]
@@ -101,6 +103,8 @@ FUNCTIONS: dict[str, Function] = {
     "total": Function(_total),
 }
 """Functions of an expression: a further argument of one of numpy may be where it writes to."""
+WINDOWED = {"always": ("x",), "eventually": ("x",), "until": ("x", "y")}
+"""Conditions over windows of time, with the conditions they are made of; up to two times follow."""
 
 BINARY: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -238,6 +242,9 @@ def _parts(node: ast.expr) -> list[ast.expr]:  # noqa: PLR0911 - one per kind
             if not path_of(argument):
                 raise ValueError("parameter() wants component.name")
             return []
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in WINDOWED:
+            window_of(node)
+            return arguments[: len(WINDOWED[name])]
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
             _check_call(name, arguments)
             return arguments
@@ -250,11 +257,37 @@ def _parts(node: ast.expr) -> list[ast.expr]:  # noqa: PLR0911 - one per kind
 def _check_call(name: str, given: Sequence[ast.expr]) -> None:
     """ValueError if there is no such function, or with another number of arguments."""
     if name not in FUNCTIONS:
-        raise ValueError(f"there is no function {name}{did_you_mean(name, FUNCTIONS)}")
+        known = (*FUNCTIONS, *WINDOWED)
+        raise ValueError(f"there is no function {name}{did_you_mean(name, known)}")
     wanted = FUNCTIONS[name].arguments
     if len(given) != len(wanted):
         arguments = "1 argument" if len(wanted) == 1 else f"{len(wanted)} arguments"
         raise ValueError(f"{name}({', '.join(wanted)}): expected {arguments}, got {len(given)}")
+
+
+def window_of(node: ast.Call) -> tuple[float, float]:
+    """Begin and end [s] of the window of always(), eventually() or until(), counted from the row;
+    ValueError. `60 s` alone is its end; without times it goes on to the end of the run.
+    """
+    assert isinstance(node.func, ast.Name)
+    conditions = WINDOWED[node.func.id]
+    head = f"{node.func.id}({', '.join(conditions)}, ...)"
+    times = [_seconds(each, head) for each in node.args[len(conditions) :]]
+    if len(node.args) < len(conditions) or len(times) > 2:
+        raise ValueError(f"{head}: expected {' and '.join(conditions)}, then at most two times")
+    begin, end = (0.0, *times)[-2:] if times else (0.0, math.inf)
+    if not 0 <= begin <= end:
+        raise ValueError(f"{head}: a window of {begin:g} to {end:g} s ends before it begins")
+    return begin, end
+
+
+def _seconds(node: ast.expr, head: str) -> float:
+    match node:
+        case ast.Constant(value=Quantity() as time):
+            return convert(float(time), time.unit, "s")
+        case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
+            return float(number)
+    raise ValueError(f"{head}: expected a time as `60 s`, got `{ast.unparse(node)}`")
 
 
 def path_of(node: ast.expr) -> str:

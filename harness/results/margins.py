@@ -1,0 +1,248 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Margins of conditions over the rows of a result: how far each is from failing."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.results.evaluation import evaluate, history, unit_in, unit_of
+from harness.results.expressions import BINARY, WINDOWED, variables, window_of
+from harness.results.quantities import convert
+from harness.results.result import Result
+from harness.results.windows import always, eventually, until, windows
+
+Array = NDArray[np.float64]
+
+
+class Margins:
+    """How far the conditions of an expression are from failing, row by row; negative: they fail.
+
+    guarded: conditions on time alone say when the others count.
+    """
+
+    def __init__(self, result: Result, guarded: bool) -> None:
+        self.result = result
+        self.guarded = guarded
+        self.look_up = partial(history, result)
+        self.undecided = False
+        """Whether some condition of a window hangs on what is no number."""
+
+    def over_windows(self, node: ast.expr) -> tuple[Array, Array]:
+        """Margin (rows,) of every row, and 1 where it holds, -1 where not; NaN: no evidence."""
+        match node:
+            case ast.UnaryOp(op=ast.Not() | ast.Invert(), operand=a) if has_window(a):
+                margin, sign = self.over_windows(a)
+                return -margin, -sign
+            case ast.BoolOp() | ast.BinOp(op=ast.BitAnd() | ast.BitOr()) if has_window(node):
+                pairs = [self.over_windows(part) for part in _joined(node)]
+                return _combined(pairs, largest=_extreme(node) is np.max)
+            case ast.Call(func=ast.Name(id=name)) if name in WINDOWED:
+                pairs = [self.over_windows(part) for part in parts_of(node)]
+                within = windows(self.result.time, *window_of(node), self.result.complete)
+                margin, sign = (STL[name](*parts, within) for parts in zip(*pairs, strict=True))
+                return margin, sign
+        truth, rows = self.rows_of(self.truth(node)), np.ones(len(self.result.time))
+        self.undecided |= bool(np.isnan(truth).any())
+        return self.of(node) * rows, np.where((truth == 1).all(axis=1), 1.0, -1.0) * rows
+
+    def truth(self, node: ast.expr) -> Array:
+        """1 where a condition holds, 0 where it does not, NaN where that hangs on what is no
+        number, with the rows and elements of its parts.
+        """
+        match node:
+            case ast.Compare(left=a, ops=[op], comparators=[b]):
+                sides = [evaluate(side, self.look_up) for side in (a, b)]
+                known = ~(np.isnan(sides[0]) | np.isnan(sides[1]))
+                return np.where(known, BINARY[type(op)](*sides), np.nan)
+            case ast.UnaryOp(op=ast.Not() | ast.Invert(), operand=a):
+                return 1 - self.truth(a)
+            case ast.BoolOp() | ast.BinOp(op=ast.BitAnd() | ast.BitOr()):
+                parts = np.array(np.broadcast_arrays(*map(self.truth, _joined(node))))
+                extreme, decides = _extreme(node), _decides(node)
+                return np.where((parts == decides).any(axis=0), decides, extreme(parts, axis=0))
+        value = np.asarray(evaluate(node, self.look_up), dtype=np.float64)
+        return np.where(np.isnan(value), np.nan, value != 0)
+
+    def of(self, node: ast.expr) -> Array:
+        """Margin of every row, or (1,) if the rows do not matter; -inf where it is not a number."""
+        match node:
+            case ast.Compare():
+                margin = self._elements(node).min(axis=1)
+                if self.guarded and is_timing(node):  # says when, not how well
+                    margin = np.where(self._holds(node), np.inf, -np.inf)
+            case ast.UnaryOp(op=ast.Not() | ast.Invert(), operand=a):
+                margin = -self.of(a)
+            case ast.BoolOp() | ast.BinOp(op=ast.BitAnd() | ast.BitOr()):
+                parts = np.broadcast_arrays(*map(self.of, _joined(node)))
+                margin = _extreme(node)(parts, axis=0)
+            case _:
+                margin = np.where(self._holds(node), 1.0, -1.0)
+        return np.where(np.isnan(margin), -np.inf, margin)
+
+    def exercised(self, node: ast.expr, looked: Any = True, negated: bool = False) -> bool:
+        """Whether every part that must hold was looked at in some row: where time alone does not
+        decide on the whole. looked: rows (rows,) that matter; negated: below a `not`.
+        """
+        if is_timing(node):
+            return not self.guarded
+        match node:
+            case ast.UnaryOp(op=ast.Not() | ast.Invert(), operand=a):
+                return self.exercised(a, looked, not negated)
+            case ast.BoolOp() | ast.BinOp(op=ast.BitAnd() | ast.BitOr()):
+                when = [part for part in _joined(node) if is_timing(part)]
+                further = [part for part in _joined(node) if not is_timing(part)]
+                if bool(_decides(node)) is negated:  # all must hold
+                    return all(self.exercised(part, looked, negated) for part in further)
+                for part in when:
+                    decided = self.rows_of(self.truth(part)) == _decides(node)
+                    looked = looked & ~decided.all(axis=1)
+                return any(self.exercised(part, looked, negated) for part in further)
+        return bool(np.any(looked))
+
+    def decisive(self, node: ast.expr, row: int) -> ast.expr:
+        """The part of a condition that has its margin in a row."""
+        match node:
+            case ast.UnaryOp(op=ast.Not() | ast.Invert(), operand=a):
+                return self.decisive(a, row)
+            case ast.BoolOp() | ast.BinOp(op=ast.BitAnd() | ast.BitOr()):
+                parts = _joined(node)
+                margins = [_at(self.of(part), row) for part in parts]
+                which = int(np.argmax(margins) if _extreme(node) is np.max else np.argmin(margins))
+                return self.decisive(parts[which], row)
+        return node
+
+    def value(self, node: ast.expr, row: int) -> tuple[float, str]:
+        """What is compared in a row, the element with the least margin, and its unit."""
+        shown, element = node, 0
+        if isinstance(node, ast.Compare):
+            shown = node.comparators[0] if isinstance(node.left, ast.Constant) else node.left
+            element = int(np.argmin(_at(self._elements(node), row)))
+        values = _at(self.rows_of(evaluate(shown, self.look_up)), row)
+        value = float(values[min(element, len(values) - 1)])
+        return _as_written(node, value, unit_of(shown, partial(unit_in, self.result)))
+
+    def _elements(self, node: ast.Compare) -> Array:
+        """Margins of a comparison by row and element."""
+        a, b = (evaluate(side, self.look_up) for side in (node.left, node.comparators[0]))
+        difference = np.asarray(a, dtype=np.float64) - np.asarray(b, dtype=np.float64)
+        return self.rows_of(SIGNED[type(node.ops[0])](difference))
+
+    def _holds(self, node: ast.expr) -> NDArray[np.bool_]:
+        return np.asarray((self.rows_of(self.truth(node)) == 1).all(axis=1))
+
+    def rows_of(self, values: Any) -> Array:
+        """Values as (rows, elements), or (1, elements) where the rows do not matter."""
+        array = np.asarray(values, dtype=np.float64)
+        rows = len(self.result.time)
+        history = array.ndim > 0 and len(array) == rows
+        return array.reshape(rows if history else 1, -1)
+
+
+STL: Mapping[str, Callable[..., Array]] = {
+    "always": always,
+    "eventually": eventually,
+    "until": until,
+}
+
+
+def _combined(pairs: Sequence[tuple[Array, Array]], largest: bool) -> tuple[Array, Array]:
+    """Margins and signs of joined conditions; no evidence of one leaves the others to decide."""
+    extreme, decides = (np.fmax, 1) if largest else (np.fmin, -1)
+    margins, signs = (np.array(each) for each in zip(*pairs, strict=True))
+    sign = extreme.reduce(signs)
+    open_ = np.isnan(signs).any(axis=0) & (sign != decides)
+    return np.where(open_, np.nan, extreme.reduce(margins)), np.where(open_, np.nan, sign)
+
+
+SIGNED: Mapping[type[ast.cmpop], Callable[[Array], Array]] = {
+    ast.Lt: np.negative,
+    ast.LtE: np.negative,
+    ast.Gt: np.positive,
+    ast.GtE: np.positive,
+    ast.Eq: lambda difference: -np.abs(difference),
+    ast.NotEq: np.abs,
+}
+"""Margin of a comparison by the difference of its sides."""
+
+
+def is_timing(node: ast.expr) -> bool:
+    """Whether a condition is one on time alone, beside parameters."""
+    named = variables(node)
+    return "time" in named and all(n == "time" or n.startswith("parameter ") for n in named)
+
+
+def _joined(node: ast.expr) -> list[ast.expr]:
+    if isinstance(node, ast.BoolOp):
+        return node.values
+    assert isinstance(node, ast.BinOp)
+    return [node.left, node.right]
+
+
+def _extreme(node: ast.expr) -> Callable[..., Array]:
+    """The least margin of all counts, or the largest of any."""
+    assert isinstance(node, ast.BoolOp | ast.BinOp)
+    return np.max if isinstance(node.op, ast.Or | ast.BitOr) else np.min
+
+
+def _decides(node: ast.expr) -> float:
+    """The truth of one part that decides on the whole, whatever the other parts are."""
+    return 1.0 if _extreme(node) is np.max else 0.0
+
+
+def _as_written(node: ast.expr, value: float, given: str) -> tuple[float, str]:
+    """A value in the unit that the user has compared it with."""
+    sides = [node.left, *node.comparators] if isinstance(node, ast.Compare) else []
+    units = [side.kind for side in sides if isinstance(side, ast.Constant) and side.kind]
+    return (convert(value, given, units[0]), units[0]) if units else (value, given)
+
+
+def _at(rows: Array, row: int) -> Any:
+    return rows[row if len(rows) > 1 else 0]
+
+
+# ---- what a condition is made of
+
+
+def _is_windowed(node: ast.expr) -> bool:
+    """Whether a condition is always(), eventually() or until()."""
+    return (
+        isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in WINDOWED
+    )
+
+
+def has_window(tree: ast.expr) -> bool:
+    """Whether a condition holds at the start of the run, not in every row."""
+    return any(_is_windowed(node) for node in ast.walk(tree) if isinstance(node, ast.Call))
+
+
+def parts_of(node: ast.expr) -> list[ast.expr]:
+    """Conditions that a condition joins, negates or looks at over a window; none of a leaf."""
+    match node:
+        case ast.UnaryOp(op=ast.Not() | ast.Invert(), operand=a):
+            return [a]
+        case ast.BoolOp() | ast.BinOp(op=ast.BitAnd() | ast.BitOr()):
+            return _joined(node)
+        case ast.Call(func=ast.Name(id=name), args=arguments) if name in WINDOWED:
+            return arguments[: len(WINDOWED[name])]
+    return []
+
+
+def leaves(node: ast.expr, inside: bool = False) -> Iterator[tuple[ast.expr, bool]]:
+    """Conditions that are not made of others, and whether they stand in a window."""
+    if not (parts := parts_of(node)):
+        yield node, inside
+    for part in parts:
+        yield from leaves(part, inside or _is_windowed(node))
+
+
+def unit_of_margin(tree: ast.expr, unit: Callable[[str], str]) -> str:
+    """Unit of the margin of a condition, "" if it is not known or there are several."""
+    compared = [x for x, _ in leaves(tree) if isinstance(x, ast.Compare) and not is_timing(x)]
+    units = {unit_of(x.left, unit) or unit_of(x.comparators[0], unit) for x in compared}
+    return units.pop() if len(units) == 1 else ""
