@@ -30,6 +30,7 @@ class Margins:
         self.result = result
         self.guarded = guarded
         self.look_up = partial(history, result)
+        self._known: dict[ast.expr, Any] = {}
         self.undecided = False
         """Whether some condition of a window hangs on what is no number."""
 
@@ -57,7 +58,7 @@ class Margins:
         """
         match node:
             case ast.Compare(left=a, ops=[op], comparators=[b]):
-                sides = [evaluate(side, self.look_up) for side in (a, b)]
+                sides = [self._evaluated(side) for side in (a, b)]
                 known = ~(np.isnan(sides[0]) | np.isnan(sides[1]))
                 return np.where(known, BINARY[type(op)](*sides), np.nan)
             case ast.UnaryOp(op=ast.Not() | ast.Invert(), operand=a):
@@ -123,15 +124,21 @@ class Margins:
         if isinstance(node, ast.Compare):
             shown = node.comparators[0] if isinstance(node.left, ast.Constant) else node.left
             element = int(np.argmin(_at(self._elements(node), row)))
-        values = _at(self.rows_of(evaluate(shown, self.look_up)), row)
+        values = _at(self.rows_of(self._evaluated(shown)), row)
         value = float(values[min(element, len(values) - 1)])
         return _as_written(node, value, unit_of(shown, partial(unit_in, self.result)))
 
     def _elements(self, node: ast.Compare) -> Array:
         """Margins of a comparison by row and element."""
-        a, b = (evaluate(side, self.look_up) for side in (node.left, node.comparators[0]))
+        a, b = (self._evaluated(side) for side in (node.left, node.comparators[0]))
         difference = np.asarray(a, dtype=np.float64) - np.asarray(b, dtype=np.float64)
         return self.rows_of(SIGNED[type(node.ops[0])](difference))
+
+    def _evaluated(self, side: ast.expr) -> Any:
+        """One side of a comparison, which truth, margin and worst value all look at."""
+        if side not in self._known:
+            self._known[side] = evaluate(side, self.look_up)
+        return self._known[side]
 
     def _holds(self, node: ast.expr) -> NDArray[np.bool_]:
         return np.asarray((self.rows_of(self.truth(node)) == 1).all(axis=1))

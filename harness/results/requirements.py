@@ -65,6 +65,11 @@ class Finding:
         return f"{shown}: {named}{f'; {self.detail}' if self.detail else ''}"
 
     @property
+    def told(self) -> str:
+        """The verdict in words, with its detail."""
+        return ", ".join(filter(None, [Kind.REQUIREMENT.word(self.verdict), self.detail]))
+
+    @property
     def judged(self) -> Judged:
         """What decides on the exit status."""
         return Judged(Kind.REQUIREMENT, self.name, self.verdict, str(self))
@@ -103,13 +108,19 @@ def _units(system: System) -> dict[str, dict[str, str]]:
     return tables
 
 
+def condition(text: str) -> ast.expr:
+    """The tree of a requirement; ValueError if it is none."""
+    tree = parsed(text)
+    _check(tree)
+    return tree
+
+
 def _problems(text: Any, known: Mapping[str, str]) -> Iterator[str]:
     if not isinstance(text, str):
         yield f"must be a text, not {text!r}"
         return
     try:
-        tree = parsed(text)
-        _check(tree)
+        tree = condition(text)
         unknown = [path for path in variables(tree) if path not in known]
         if not unknown:
             resolved(tree, lambda path: known[path])
@@ -184,8 +195,7 @@ def finding(result: Result, name: str, text: str) -> Finding:
     if not len(result.time):
         return Finding(name, text, Verdict.NOT_JUDGED, reason="nothing was recorded")
     try:
-        tree = parsed(text)
-        _check(tree)
+        tree = condition(text)
         found = Finding(
             name,
             text,

@@ -155,6 +155,7 @@ def _task(plan: Plan, found: Layout) -> Task:
         plan.folder,
         plan.every,
         texts,
+        dict(found.requirements),
         found.columns,
         kept,
         rows,

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -95,8 +96,8 @@ class _Draft:
         made = self._each("factors", factor)
         found = self._each("metrics", lambda _, text: metrics.metric(str(text), self.plan.folder))
         if self.plan.success is not None:
-            found["success"] = self._one(
-                "success", lambda: metrics.metric(str(self.plan.success), self.plan.folder)
+            found[SUCCESS] = self._one(
+                SUCCESS, lambda: metrics.read(SUCCESS, str(self.plan.success), self.plan.folder)
             )
         self.plan = Plan(
             table, self.plan.folder, tuple(made.values()), {k: m for k, m in found.items() if m}
@@ -201,7 +202,7 @@ class _Draft:
             if run == 0:
                 self._names(_kinds(ready[0][1].graph))
         if not self.problems:
-            self._measurable([found for _, found in ready])
+            self._measurable(ready)
         systems = [changed for changed, _ in ready]
         self._try(systems)
         if not self.problems:
@@ -237,10 +238,10 @@ class _Draft:
         if self.plan.keep and any(f.name == "step" for f in self.plan.factors):
             self.problems.append("keep: histories of runs with several macro steps do not fit")
 
-    def _measurable(self, structures: Sequence[Checked]) -> None:
+    def _measurable(self, structures: Sequence[tuple[System, Checked]]) -> None:
         """Metrics that no run can have; a success that every run has."""
-        sizes = {(s.graph.slots, s.steps): s for s in structures}  # others are alike
-        results = [_blank(found, self.plan.every) for found in sizes.values()]
+        sizes = {(s.graph.slots, s.steps): (system, s) for system, s in structures}  # others alike
+        results = [_blank(*found, self.plan.every) for found in sizes.values()]
         for name, each in self.plan.metrics.items():
             success = name == SUCCESS
             text = str(self.plan.success if success else self.plan.definition["metrics"][name])
@@ -275,7 +276,7 @@ def _layout(system: System, structures: Sequence[Checked]) -> Layout:
     kinds = _kinds(structures[0].graph)
     steps = max(found.steps for found in structures)
     begin, step = system.experiment.start, system.experiment.step
-    return Layout(kinds.columns, steps, begin, step or 0.0, kinds)
+    return Layout(kinds.columns, steps, begin, step or 0.0, kinds, system.requirements)
 
 
 def _kinds(graph: Graph) -> Result:
@@ -283,13 +284,15 @@ def _kinds(graph: Graph) -> Result:
     return _table(graph.slots, _table([slot for slot, _ in constants(graph)]))
 
 
-def _blank(found: Checked, every: int) -> Result:
+def _blank(system: System, found: Checked, every: int) -> Result:
     """A result with as many rows as a run leaves, all values 1, for a first look at metrics."""
     given = list(constants(found.graph))
     parameters = _table([slot for slot, _ in given], values=np.array([[x for _, x in given]]))
-    rows = len(recorded(found.steps, every))
-    values = np.broadcast_to(1.0, (rows, len(found.graph.slots)))
-    return _table(found.graph.slots, parameters, values)
+    steps = recorded(found.steps, every)
+    begin, step = system.experiment.start, system.experiment.step or 0.0
+    time = begin + step * np.asarray(steps, dtype=np.float64)
+    values = np.broadcast_to(1.0, (len(steps), len(found.graph.slots)))
+    return replace(_table(found.graph.slots, parameters, values), time=time)
 
 
 def _table(slots: Sequence[Slot], parameters: Result | None = None, values: Any = None) -> Result:

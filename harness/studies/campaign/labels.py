@@ -9,6 +9,7 @@ from typing import Any
 from harness.results.result import Result
 from harness.studies.campaign import metrics
 from harness.studies.campaign.plan import Plan
+from harness.studies.campaign.worker import VERDICTS
 
 Labels = Mapping[str, Any]
 
@@ -16,6 +17,11 @@ STATUS: Labels = {
     "long_name": "what became of the run",
     "flag_values": [0, 1, 2],
     "flag_meanings": "pending complete failed",
+}
+VERDICT: Labels = {
+    "long_name": "what became of a requirement",
+    "flag_values": [*range(len(VERDICTS))],
+    "flag_meanings": " ".join(v.name.lower() for v in VERDICTS),
 }
 TIME: Labels = {"units": "s", "long_name": "time"}
 END: Labels = {"units": "s", "long_name": "time of the last row"}
@@ -44,7 +50,7 @@ def of_variable(name: str, kinds: Result) -> Labels:
 def of_metric(name: str, plan: Plan, kinds: Result) -> Labels:
     """The unit that follows from its text, and the text itself."""
     if name == "success":
-        return {"units": "1", "long_name": str(plan.success)}
+        return {"units": "1", "long_name": plan.success or "all requirements are met"}
     text = str(plan.definition["metrics"][name])
     return _known({"units": metrics.unit(text, kinds), "long_name": text})
 

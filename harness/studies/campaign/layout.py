@@ -11,11 +11,12 @@ import numpy as np
 
 from harness.studies.campaign import labels
 from harness.studies.campaign.plan import Layout, Plan
-from harness.studies.campaign.worker import PENDING, SUCCESS, Task
+from harness.studies.campaign.worker import PENDING, SUCCESS, Task, metrics_of
 
 SCRATCH = "history_of_"
 """Histories that are kept only until their bands are known."""
-OWN = ("status", "message", "end_time", "last", "column", "column_units", "time", "percentile")
+OWN = ("status", "message", "end_time", "last", "column", "column_units", "time", "percentile",
+       "requirement", "requirement_text", "verdict")  # fmt: skip
 """Arrays that every dataset may have."""
 LONGEST = 200
 """Bytes of a name: every array is a folder, and a history has a prefix."""
@@ -48,7 +49,12 @@ def fields(plan: Plan, task: Task, found: Layout) -> Iterator[Field]:
         about = {"role": "factor", "whole": plan.whole(name), **labels.of_factor(name, kinds)}
         kind, fill = (str, "") if text else (np.float64, np.nan)
         yield Field(name, kind, (n, *shape), ("run", *axes), fill, about)
-    for name in task.metrics:
+    if task.requirements:
+        shape = (n, len(task.requirements))
+        yield Field("verdict", np.int8, shape, ("run", "requirement"), 0, labels.VERDICT)
+        yield _texts("requirement", [*task.requirements], "requirement")
+        yield _texts("requirement_text", [*task.requirements.values()], "requirement")
+    for name in metrics_of(task):
         about = {"role": "metric", **labels.of_metric(name, plan, kinds)}
         yield Field(name, np.float64, (n,), ("run",), about=about)
     for name in task.kept:
@@ -57,16 +63,16 @@ def fields(plan: Plan, task: Task, found: Layout) -> Iterator[Field]:
         about = {"role": "history", **labels.of_variable(name, kinds)}
         axes = ("run", "time", f"{name}_element")
         yield Field(label, np.float64, (n, len(task.rows), width), axes, about=about)
-    yield _texts("column", task.columns)
-    yield _texts("column_units", kinds.units)
+    yield _texts("column", task.columns, "column")
+    yield _texts("column_units", kinds.units, "column")
     if task.kept:
         time = found.start + np.array(task.steps, dtype=np.float64) * found.step
         yield Field("time", np.float64, time.shape, ("time",), about=labels.TIME, values=time)
 
 
-def _texts(name: str, values: Sequence[str]) -> Field:
+def _texts(name: str, values: Sequence[str], axis: str) -> Field:
     array = np.array(values, dtype=object)
-    return Field(name, str, array.shape, ("column",), "", values=array)
+    return Field(name, str, array.shape, (axis,), "", values=array)
 
 
 # ---- names

@@ -24,7 +24,9 @@ from harness.mission.library import everything, of_result
 from harness.results.evaluation import evaluate, history, resolved, unit_in, unit_of
 from harness.results.expressions import parsed
 from harness.results.expressions import variables as named
+from harness.results.requirements import condition, finding
 from harness.results.result import Result
+from harness.results.verdict import OPEN, Verdict
 
 Metric = Callable[[Result], Any]
 """One number of a result; what it gives is not to be trusted before value() has seen it."""
@@ -42,6 +44,26 @@ def metric(text: str, folder: Path) -> Metric:
         return _function(folder / file, name)
     tree = parsed(text, list(known), "measure")
     return partial(_evaluated, tree)
+
+
+def read(name: str, text: str, folder: Path) -> Metric:
+    """The metric of a name: `success` is a requirement, true in every row, or a function."""
+    if name != "success" or not is_condition(text):
+        return metric(text, folder)
+    condition(text)
+    return partial(_succeeded, text)
+
+
+def is_condition(text: str) -> bool:
+    """Whether a success is stated as a requirement, not as a function of a file."""
+    return bool(text) and not text.rpartition(":")[0].endswith(".py")
+
+
+def _succeeded(text: str, result: Result) -> bool:
+    found = finding(result, "success", text)
+    if found.verdict in OPEN:
+        raise ValueError(found.reason)
+    return found.verdict is Verdict.MET
 
 
 def _measures() -> dict[str, Measure]:

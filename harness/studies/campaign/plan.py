@@ -189,7 +189,8 @@ def _structural(name: str) -> bool:
 
 class Layout(NamedTuple):
     """What the dataset needs to know of the results: columns of a row, macro steps of the longest
-    run, start [s], macro step [s]; kinds: names, units and texts of variables and parameters.
+    run, start [s], macro step [s]; kinds: names, units and texts of variables and parameters;
+    requirements: their texts by name.
     """
 
     columns: tuple[str, ...]
@@ -197,3 +198,4 @@ class Layout(NamedTuple):
     start: float
     step: float
     kinds: Result
+    requirements: Mapping[str, str] = {}

@@ -190,6 +190,8 @@ class Store:
         self._put("last", place, [row.last for row in rows])
         for name in rows[0].metrics:
             self._put(name, place, [row.metrics[name] for row in rows])
+        if rows[0].verdicts:
+            self._put("verdict", place, [row.verdicts for row in rows])
         for name in self._histories:
             empty = np.full(self._opened(name).shape[1:], np.nan)
             plain = name.removeprefix(SCRATCH)

@@ -6,16 +6,17 @@ which runs are worth a look.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.results.quantities import with_unit
+from harness.results.verdict import Verdict
 from harness.spelling import one_line
 from harness.studies.campaign.store import Store
-from harness.studies.campaign.worker import COMPLETE, FAILED, PENDING, SUCCESS
+from harness.studies.campaign.worker import COMPLETE, FAILED, SUCCESS, VERDICTS
 
 Array = NDArray[np.float64]
 
@@ -137,60 +138,84 @@ def _varied(store: Store, flown: NDArray[np.bool_]) -> dict[str, Array]:
     return {name: column for name, column in columns.items() if np.ptp(column[flown]) > 0}
 
 
-class Success(NamedTuple):
-    """Runs that have succeeded, of those that could be judged; the first one that could not be and
-    how many there are.
+class Share(NamedTuple):
+    """Runs that have succeeded or met a requirement, of those that could be judged; the numbers of
+    those that have not and of those that could not be judged.
     """
 
     met: int
     judged: int
-    unjudged: int
-    first: int
+    missed: Sequence[int]
+    unjudged: Sequence[int]
 
     def interval(self) -> tuple[float, float]:
         """Of 95 %, for the probability of a success."""
         return wilson(self.met, self.judged)
 
+    def __str__(self) -> str:
+        low, high = (100 * bound for bound in self.interval())
+        share = 100 * self.met / self.judged
+        return f"{self.met} of {self.judged}, {share:.1f} % (95 %: {low:.1f} to {high:.1f} %)"
 
-def success(store: Store) -> Success | None:
-    """How often a campaign has succeeded, None if it does not say what that is. A run that has
-    failed has not succeeded.
-    """
+
+def _share(status: Array, met: NDArray[np.bool_], missed: NDArray[np.bool_]) -> Share:
+    """A run that has failed has met nothing, whatever it has recorded."""
+    complete, failed = status == COMPLETE, status == FAILED
+    met, missed = complete & met, (complete & missed) | failed
+    judged = int((met | missed).sum())
+    unjudged = np.flatnonzero(complete & ~met & ~missed).tolist()
+    return Share(int(met.sum()), judged, np.flatnonzero(missed).tolist(), unjudged)
+
+
+def success(store: Store) -> Share | None:
+    """How often a campaign has succeeded, None if nothing says what that is."""
     if SUCCESS not in store.names("metric"):
         return None
-    status, column = store.array("status"), store.array(SUCCESS)
-    open_ = np.flatnonzero((status == COMPLETE) & ~np.isfinite(column))
-    judged = int((status != PENDING).sum()) - len(open_)
-    met = int(((status == COMPLETE) & (column > 0)).sum())
-    return Success(met, judged, len(open_), int(open_[0]) if len(open_) else -1)
+    column = store.array(SUCCESS)
+    return _share(store.array("status"), column > 0, column == 0)
+
+
+def requirements(store: Store) -> dict[str, Share]:
+    """How often each requirement was met, by name; one that is not exercised is not judged."""
+    if "requirement" not in store.group:
+        return {}
+    status, verdict = store.array("status"), store.array("verdict")
+    met, missed = (verdict == VERDICTS.index(v) for v in (Verdict.MET, Verdict.NOT_MET))
+    names = store.array("requirement")
+    return {n: _share(status, met[:, k], missed[:, k]) for k, n in enumerate(names)}
 
 
 def unjudged(store: Store) -> str:
-    """What is wrong with a success that some run could not be judged by, "" if nothing is."""
-    found = success(store)
+    """What is wrong with a success of the campaign's own that some run could not be judged by, ""
+    if nothing is.
+    """
+    own = "success" in store.definition()[0]
+    return _unjudged(store, SUCCESS, success(store)) if own else ""
+
+
+def _unjudged(store: Store, name: str, found: Share | None) -> str:
     if found is None or not found.unjudged:
         return ""
-    flown = found.judged + found.unjudged
-    first = f"first run {found.first}{_why(store, found.first, SUCCESS)}"
-    return f"success: cannot be judged in {found.unjudged} of {flown} runs, {first}"
+    first = f"first run {found.unjudged[0]}{_why(store, found.unjudged[0], name)}"
+    flown = found.judged + len(found.unjudged)
+    return f"{name}: cannot be judged in {len(found.unjudged)} of {flown} runs, {first}"
 
 
 def _why(store: Store, run: int, name: str) -> str:
     """Why a metric of a complete run has no value, if that was said."""
+    name = name.removeprefix("requirement ")
     reasons = dict(part.partition(": ")[::2] for part in store.array("message")[run].splitlines())
     return f" ({one_line(reasons[name])})" if name in reasons else ""
 
 
 def _shares(store: Store) -> Iterator[str]:
-    found = success(store)
-    if found is not None and found.judged:
-        low, high = found.interval()
-        share = 100 * found.met / found.judged
-        yield (
-            f"success: {found.met} of {found.judged}, {share:.1f} % "
-            f"(95 %: {100 * low:.1f} to {100 * high:.1f} %)"
-        )
-    yield from filter(None, [unjudged(store)])
+    shares = {SUCCESS: success(store)}
+    shares |= {f"requirement {name}": share for name, share in requirements(store).items()}
+    for name, found in shares.items():
+        if found is not None and found.judged:
+            yield f"{name}: {found}"
+        if found is not None and found.unjudged:
+            yield _unjudged(store, name, found)
 
 
 def _missing(store: Store, metrics: Mapping[str, Array], status: Array) -> Iterator[str]:

@@ -19,9 +19,11 @@ from numpy.typing import NDArray
 
 from harness.errors import HarnessError, InterruptionError, RunError
 from harness.master.changes import Changes, as_in_a_file
+from harness.results.requirements import Finding, finding, findings
 from harness.results.result import Result
+from harness.results.verdict import Verdict
 from harness.ssp.library import take_mission
-from harness.studies.campaign.metrics import Metric, measured, metric
+from harness.studies.campaign.metrics import Metric, is_condition, measured, read
 from harness.studies.warm import Warm
 
 Array = NDArray[np.float64]
@@ -30,6 +32,8 @@ PENDING, COMPLETE, FAILED = 0, 1, 2
 """Status of a run."""
 SUCCESS = "success"
 """Name of the metric that is true for a run that has succeeded; one that failed has not."""
+VERDICTS = (Verdict.NOT_JUDGED, Verdict.MET, Verdict.NOT_MET, Verdict.NOT_EXERCISED)
+"""Verdicts on a requirement by their number in a dataset."""
 
 _log = logging.getLogger("harness")
 
@@ -38,9 +42,10 @@ _log = logging.getLogger("harness")
 class Task:
     """What all runs of a campaign have in common, as plain data.
 
-    metrics: texts by name; kept: variables whose histories are wanted, in recorded rows of these
-    numbers, after so many macro steps; patience: how long an FMU that is not ours may take for one
-    call [s]; piece: runs that a worker is given at once.
+    metrics: texts by name; requirements: texts of those of the system by name, judged in every run;
+    success is what `metrics` says, or all of them; kept: variables whose histories are wanted, in
+    recorded rows of these numbers, after so many macro steps; patience: how long an FMU that is not
+    ours may take for one call [s]; piece: runs that a worker is given at once.
     """
 
     key: str
@@ -48,6 +53,7 @@ class Task:
     folder: Path
     every: int
     metrics: dict[str, str]
+    requirements: dict[str, str]
     columns: tuple[str, ...]
     kept: tuple[str, ...] = ()
     rows: tuple[int, ...] = ()
@@ -57,8 +63,9 @@ class Task:
 
 
 class Row(NamedTuple):
-    """What is kept of one run; message: why it failed, or why a metric of it has no value;
-    histories: (rows, elements) by variable, NaN beyond its end.
+    """What is kept of one run; message: why it failed, or a line per metric without a value and per
+    requirement that is not met; verdicts: on the requirements, as places in VERDICTS; histories:
+    (rows, elements) by variable, NaN beyond its end.
     """
 
     status: int
@@ -66,6 +73,7 @@ class Row(NamedTuple):
     time: float
     last: Array
     metrics: dict[str, float]
+    verdicts: tuple[int, ...]
     histories: dict[str, Array]
 
 
@@ -86,7 +94,7 @@ def _pilot(task: Task) -> _Pilot:
     if task.key not in _pilots:
         close()
         take_mission(task.system)
-        found = {name: metric(text, task.folder) for name, text in task.metrics.items()}
+        found = {name: read(name, text, task.folder) for name, text in task.metrics.items()}
         _pilots[task.key] = _Pilot(task, Warm(task.system), found)
     return _pilots[task.key]
 
@@ -125,24 +133,47 @@ def _fly(pilot: _Pilot, changes: Changes) -> Row:
 def lost(task: Task, message: str, time: float = float("nan")) -> Row:
     """The row of a run that has left nothing but a message."""
     last = np.full(len(task.columns), np.nan)
-    return Row(FAILED, message, time, last, dict.fromkeys(task.metrics, float("nan")), {})
+    nothing = dict.fromkeys(metrics_of(task), float("nan"))
+    return Row(FAILED, message, time, last, nothing, (0,) * len(task.requirements), {})
+
+
+def metrics_of(task: Task) -> dict[str, None]:
+    """Names of what a run is measured by; success too, if anything says what that is."""
+    return dict.fromkeys((*task.metrics, *([SUCCESS] if task.requirements else [])))
 
 
 def _row(pilot: _Pilot, status: int, message: str, result: Result) -> Row:
     task = pilot.task
     metrics, reasons = measured(pilot.metrics, result)
+    judged = [f for f in findings(result) if f.name in task.requirements]
+    if task.requirements and SUCCESS not in metrics:
+        metrics[SUCCESS], reasons[SUCCESS] = _all_met(judged)
     if status == FAILED and SUCCESS in metrics:
         metrics[SUCCESS] = 0.0
     if status == COMPLETE:
-        message = "\n".join(f"{name}: {reason}" for name, reason in reasons.items())
+        told = {f.name: f.told for f in judged if f.verdict is not Verdict.MET}
+        told |= {name: reason for name, reason in reasons.items() if reason}
+        if metrics.get(SUCCESS) == 0 and is_condition(text := task.metrics.get(SUCCESS, "")):
+            told[SUCCESS] = finding(result, SUCCESS, text).told
+        message = "\n".join(f"{name}: {reason}" for name, reason in told.items())
+    verdicts = {f.name: VERDICTS.index(f.verdict) for f in judged if status == COMPLETE}
     return Row(
         status,
         message,
         float(result.time[-1]),
         _last(task, result),
         metrics,
+        tuple(verdicts.get(name, 0) for name in task.requirements),
         {name: _thinned(task, result[name]) for name in task.kept if name in result},
     )
+
+
+def _all_met(judged: Sequence[Finding]) -> tuple[float, str]:
+    """Whether all requirements of a run are met, and if nobody can say so, why."""
+    if any(f.verdict is Verdict.NOT_MET for f in judged):
+        return 0.0, ""
+    missing = next((f for f in judged if f.verdict is not Verdict.MET), None)
+    return (1.0, "") if missing is None else (float("nan"), f"{missing.name} {missing.told}")
 
 
 def _last(task: Task, result: Result) -> Array:
