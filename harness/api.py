@@ -12,14 +12,14 @@ from harness.master.changes import Changes, Pairs, pairs
 from harness.master.isolated import PATIENCE, guarded, simulate
 from harness.master.pacer import Pacer, timely
 from harness.master.simulation import Simulation
-from harness.results.files import read
+from harness.results.files import read, save
+from harness.results.result import Result
 from harness.ssp.library import load
 from harness.system.graph import say_warnings, say_warnings_of
 from harness.system.interface import read_interface
 from harness.system.model import System
 from harness.system.swap import find_fmu
 from harness.system.values import plain
-from harness.views import Result
 
 if TYPE_CHECKING:
     from harness.mission import Limits
@@ -197,3 +197,25 @@ def linearize(
     say_warnings_of(read_interface(path))
     model: linear.LinearModel = guarded([path], linear.linearize, path, at, step, given)
     return model
+
+
+def _plot(self: Result, *names: str) -> Any:
+    """A matplotlib Figure of variables, of the figure of that name, or of the first figure that the
+    result has; UsageError, ResultsError.
+    """
+    from harness.figures.plots import shown
+
+    return shown(self, names)
+
+
+def _report(self: Result, path: str | Path) -> Path:
+    """Write a page of HTML with plots, verdicts and a replay in space; HarnessError."""
+    from harness.report.html import write
+
+    return write(self, path)
+
+
+# attached here, so that results know nothing of those who draw them
+Result.plot = _plot
+Result.save = save
+Result.report = _report

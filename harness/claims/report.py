@@ -14,10 +14,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, repeat, zip_longest
 from typing import NamedTuple
 
-from harness.claims import safety
 from harness.claims.case import listed, unlike
 from harness.errors import ResultsError
-from harness.mission import Claim, Judgement, Paper
+from harness.mission import Claim, Judgement, Mission, Paper, RuleFinding
 from harness.mission.library import missing, notes_of, of_result
 from harness.results.requirements import Finding, findings
 from harness.results.result import Result
@@ -112,7 +111,7 @@ def _requirements(wanted: Sequence[Finding], width: int) -> list[Line]:
 
 def _safety(result: Result, width: int) -> list[Line]:
     """What the safety monitor has found, if there was one."""
-    text = safety.section(of_result(result), result).splitlines()
+    text = safety(of_result(result), result).splitlines()
     return [line for row in text for line in (_wrapped(row, width) or [Line("")])]
 
 
@@ -234,3 +233,28 @@ def _summary(judgements: Sequence[Judgement], other: bool) -> str:
         f"{count[verdict]} {Kind.CLAIM.word(verdict)}" for verdict in Verdict if count[verdict]
     ]
     return f"{len(judgements)} claims: {', '.join(parts)}{f'; {OTHER}' if other else ''}"
+
+
+HEADING = "Safety: least margin of every rule in force, between samples too"
+
+
+def rule_findings(mission: Mission, result: Result) -> list[RuleFinding]:
+    """What the monitors of a run have found, rule by rule."""
+    return [found for rules in mission.rules for found in rules(result)]
+
+
+def safety(mission: Mission, result: Result) -> str:
+    """One line per rule in force; "" if no monitor has watched the run, or no rule was in force."""
+    rows = list(_safety_rows(rule_findings(mission, result)))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = (
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    )
+    return "\n".join([HEADING, "", *lines]) if len(rows) > 1 else ""
+
+
+def _safety_rows(found: list[RuleFinding]) -> Iterator[tuple[str, ...]]:
+    yield "rule", "least margin", "verdict", "limit"
+    for each in found:
+        yield each.name, f"{each.margin:.4g} {each.unit}", each.state, each.limit

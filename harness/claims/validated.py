@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from itertools import groupby
 
 from harness.errors import UsageError
+from harness.mission.claim import Row
 from harness.mission.library import everything
-from harness.mission.validation import Row
 from harness.spelling import did_you_mean
 
 HEAD = """# Validation

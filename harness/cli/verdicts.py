@@ -11,8 +11,7 @@ from collections.abc import Collection, Iterator, Mapping
 
 import typer
 
-from harness.claims import safety
-from harness.claims.report import WIDTH, outcomes
+from harness.claims.report import WIDTH, outcomes, rule_findings
 from harness.claims.report import lines as report_lines
 from harness.errors import RequirementError
 from harness.mission.library import of_result
@@ -69,6 +68,6 @@ def insist(
 
 def _judged(result: Result, claims: bool) -> Iterator[Judged]:
     yield from (found.judged for found in findings(result))
-    yield from (found.judged for found in safety.findings(of_result(result), result))
+    yield from (found.judged for found in rule_findings(of_result(result), result))
     if claims:
         yield from outcomes(result)

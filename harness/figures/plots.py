@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from harness.errors import ResultsError
-from harness.figures.choice import figures_of, overlays_of
+from harness.figures.choice import figure_of, figures_of, overlays_of
 from harness.figures.limits import calm, cut_spikes, unit_of
 from harness.figures.style import (
     MANY,
@@ -29,7 +29,6 @@ from harness.figures.style import (
     time_axis,
     wrapped,
 )
-from harness.figures.variables import figure_of
 from harness.mission.figure import Array, Colour, Curve, Drawing, Figure, Overlay, Panel
 from harness.results.result import Result
 

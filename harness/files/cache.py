@@ -223,8 +223,8 @@ def _used(path: Path) -> float:
 def _size(place: Path) -> int:
     """Bytes of an entry; what another process removes meanwhile counts for nothing."""
     total = 0
-    for folder, _, files in os.walk(place):
-        for name in files:
+    for root, _, names in os.walk(place):
+        for name in names:
             with suppress(FileNotFoundError):
-                total += os.lstat(os.path.join(folder, name)).st_size
+                total += Path(root, name).lstat().st_size
     return total

@@ -14,15 +14,14 @@ from harness.mission.claim import (
     Condition,
     Judgement,
     Paper,
+    RuleFinding,
     at_least,
     at_most,
 )
 from harness.mission.figure import Curve, Drawing, Figure, Level, Overlay, Panel, Phase
-from harness.mission.gauge import Gauge
 from harness.mission.library import inherit
-from harness.mission.measure import Limits, Measure
+from harness.mission.measure import Gauge, Limits, Measure
 from harness.mission.mission import Mission, Plan, Scene
-from harness.mission.rule import RuleFinding
 from harness.results.verdict import Verdict
 
 __all__ = [

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A claim of a paper as data: what it says, how it is measured in a result, the bands that decide
-on the verdict.
+"""Statements with a verdict as data: a claim of a paper (what it says, how it is measured in a
+result, the bands that decide), a safety rule that was in force, numbers made by others.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.results.result import Result
-from harness.results.verdict import Verdict
+from harness.results.verdict import Judged, Kind, Verdict
 
 Array = NDArray[np.float64]
 Evaluation = Callable[[Result], tuple[float, ...]]
@@ -251,3 +251,60 @@ def at(result: Result, time: float) -> int:
 
 def _end(result: Result, reach: float) -> float:
     return max(float(result.time[-1]), reach)
+
+
+class RuleFinding(NamedTuple):
+    """A rule: its name, the least margin since the start and its unit, the time of the first
+    violation [s] (NaN: none), what the margin is, and the limit in words.
+    """
+
+    name: str
+    margin: float
+    unit: str
+    violated: float
+    text: str = ""
+    limit: str = ""
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether the rule was never violated."""
+        return Verdict.HOLDS if math.isnan(self.violated) else Verdict.VIOLATED
+
+    @property
+    def state(self) -> str:
+        """The verdict in words, with the first violation."""
+        since = "" if math.isnan(self.violated) else f", first at {self.violated:.2f} s"
+        return Kind.RULE.word(self.verdict) + since
+
+    @property
+    def judged(self) -> Judged:
+        """What decides on the exit status."""
+        return Judged(Kind.RULE, self.name, self.verdict, f"{self.name}: {self.state}")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One quantity of one case: the largest difference over its rows, in `unit`.
+
+    case: its name; tests: what it tests; source: name, where, licence of the numbers.
+    """
+
+    case: str
+    tests: str
+    source: Mapping[str, str]
+    quantity: str
+    difference: float
+    tolerance: float
+    unit: str
+
+    @property
+    def within(self) -> bool:
+        """Whether we agree; a difference that is not a number does not."""
+        return self.difference <= self.tolerance
+
+
+class Validation(NamedTuple):
+    """Cases: names: of all; answer: rows of the case of a name."""
+
+    names: Callable[[], Sequence[str]]
+    answer: Callable[[Sequence[str]], Sequence[Row]]

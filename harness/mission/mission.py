@@ -15,13 +15,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple, Protocol
 
-from harness.mission.claim import Paper
+from harness.mission.claim import Paper, RuleFinding, Validation
 from harness.mission.conventions import Bodies, Example
 from harness.mission.figure import Drawing, Figure, Overlay, Phase
-from harness.mission.gauge import Gauge
-from harness.mission.measure import Limits, Measure
-from harness.mission.rule import RuleFinding
-from harness.mission.validation import Validation
+from harness.mission.measure import Gauge, Limits, Measure
 from harness.results.result import Result
 
 

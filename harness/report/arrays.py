@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The numbers of a page: every array once, whoever draws it, in single precision."""
+"""The numbers of a page: every array once, whoever draws it, in single precision, and of a curve no
+more points than a screen shows, with every peak.
+
+The rows are cut into groups of equal length, and of each group the least and the largest value
+stay, where they are: whatever the zoom, a curve that is drawn from them reaches as far up and down
+as that of all rows.
+"""
 
 from __future__ import annotations
 
@@ -42,3 +48,34 @@ class Arrays:
     def size(self) -> int:
         """Characters of all arrays in the page."""
         return sum(len(kept["data"]) for kept in self.content.values())
+
+
+Rows = NDArray[np.intp]
+
+
+def kept_rows(values: Array, points: int) -> Rows:
+    """Rows of a history (rows,) that are drawn, in order, about `points` at most.
+
+    First and last row, of every group of rows the least, the largest and the first that is no
+    number: the curve keeps its gaps.
+    """
+    count = len(values)
+    if count <= points:
+        return np.arange(count)
+    length = -(-2 * count // points)
+    starts = np.arange(0, count, length)
+    filled = np.full(len(starts) * length, np.nan)
+    filled[:count] = values
+    groups = filled.reshape(len(starts), length)
+    number = np.isfinite(groups)
+    least = starts + np.where(number, groups, np.inf).argmin(axis=1)
+    largest = starts + np.where(number, groups, -np.inf).argmax(axis=1)
+    gaps = starts + number.argmin(axis=1)
+    found = np.unique(np.concatenate(([0, count - 1], least, largest, gaps[~number.all(axis=1)])))
+    return np.asarray(found[found < count])
+
+
+def kept_points(x: Array, y: Array, points: int) -> Rows:
+    """Rows of a curve in a plane that are drawn: the extremes of both coordinates."""
+    both = np.concatenate((kept_rows(x, points // 2), kept_rows(y, points // 2)))
+    return np.unique(both)

@@ -17,7 +17,7 @@ from harness.mission import Figure, Overlay
 from harness.report import facts, painted, plots
 from harness.report.arrays import Arrays
 from harness.report.plots import Canvas
-from harness.report.replay import replay_several
+from harness.report.scene import replay_several
 from harness.report.template import render
 from harness.results.files import read
 from harness.results.result import Result

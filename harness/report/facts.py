@@ -11,9 +11,8 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
-from harness.claims import safety
 from harness.claims.case import listed
-from harness.claims.report import OTHER, PaperJudged, judged
+from harness.claims.report import OTHER, PaperJudged, judged, rule_findings
 from harness.mission import Limits
 from harness.mission.library import missing, notes_of, of_result
 from harness.report.plots import number
@@ -130,7 +129,7 @@ def margins(result: Result) -> list[Facts]:
             "kind": found.verdict.value,
             "since": "" if found.verdict.fulfilled else f"{found.violated:g}",
         }
-        for found in safety.findings(of_result(result), result)
+        for found in rule_findings(of_result(result), result)
     ]
 
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from harness.report.arrays import kept_points
 from harness.report.plots import STYLES, Canvas, Plot
-from harness.report.thinning import kept_points
 
 SECONDS = {"time [s]": 1.0, "time [h]": 3600.0}
 """Labels of the time axis and their seconds."""

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from harness.mission import Phase
 from harness.mission.library import of_result
+from harness.report.arrays import kept_points
 from harness.report.plots import AXES, DASHES, Canvas, Plot
-from harness.report.thinning import kept_points
 from harness.results.result import Result
 
 Array = NDArray[np.float64]

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from harness.figures.limits import ROUNDING, unit_of
 from harness.mission import Curve, Figure, Panel
 from harness.mission.library import of_result
-from harness.report.arrays import Arrays
-from harness.report.thinning import kept_rows
+from harness.report.arrays import Arrays, kept_rows
 from harness.results.result import Result
 from harness.system.names import base
 

@@ -13,7 +13,7 @@ from harness.mission import Drawing, Figure
 from harness.report import facts, painted, phases, plots
 from harness.report.arrays import Arrays
 from harness.report.plots import Canvas
-from harness.report.replay import replay
+from harness.report.scene import replay
 from harness.report.template import render
 from harness.results.result import Result
 

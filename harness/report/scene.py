@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The replay of a run as data: bodies with their parts, where they are and how they stand at
-chosen rows, marks that belong to a body or to a frame.
+"""Which replay fits a result, and the replay as data: bodies with their parts, where they are and
+how they stand at chosen rows, marks that belong to a body or to a frame.
 
 Positions are relative to the origin of the scene, in N axes; attitudes are quaternions of the body
 relative to N, scalar first, v_N = q v_B q*. With the quaternion of the Hill frame the page turns
@@ -9,11 +9,14 @@ all of it into H axes.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.mission.library import of_result
+from harness.mission.mission import together
 from harness.report import bodies
 from harness.report.arrays import Arrays
 from harness.results.result import Result
@@ -134,3 +137,21 @@ def number(
         "values": arrays.keep(result[name][rows]),
         **({"words": words} if words else {}),
     }
+
+
+def replay(result: Result, arrays: Arrays) -> Scene | None:
+    """The replay of a result; None if it holds nothing that moves."""
+    if len(result.time) < 2:
+        return None
+    for kind in of_result(result).scene:
+        if result.holds(*kind.needs, parameters=kind.parameters):
+            return kind.build(result, arrays)
+    return None
+
+
+def replay_several(results: Mapping[str, Result], arrays: Arrays) -> Scene | None:
+    """The replay of several runs by label in one scene; None if their mission has none."""
+    for kind in together(map(of_result, results.values())).scene:
+        if kind.several and (found := kind.several(results, arrays)):
+            return found
+    return None

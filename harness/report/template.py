@@ -1,17 +1,50 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Templates of the folder `page` filled with texts, numbers, scripts and libraries."""
+"""Templates of the folder `page` filled with texts, numbers, scripts and libraries.
+
+Plotly draws the plots, and K3D brings three.js for the replay; their scripts are in their Python
+packages, of the extra `report`.
+"""
 
 from __future__ import annotations
 
+import base64
+import gzip
+import importlib.util
 import json
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 from harness.errors import HarnessError
-from harness.report import libraries
 from harness.report.arrays import Arrays
+
+SCRIPTS = {
+    "plotly": Path("package_data") / "plotly.min.js",
+    "k3d": Path("static") / "standalone.js",
+}
+"""Script of a library in its package."""
+
+
+@cache
+def script(library: str) -> str:
+    """Script of a library, compressed and as text; HarnessError naming the extra if it is not
+    there.
+    """
+    found = importlib.util.find_spec(library)
+    file = Path(found.origin).parent / SCRIPTS[library] if found and found.origin else None
+    if file is None or not file.is_file():
+        raise HarnessError(
+            f"a report needs {library}: pip install 'servicing-fmus[report]' (or {library})"
+        )
+    return base64.b64encode(gzip.compress(file.read_bytes(), 4, mtime=0)).decode()
+
+
+def available() -> bool:
+    """Whether all libraries are installed."""
+    return all(importlib.util.find_spec(library) for library in SCRIPTS)
 
 
 def render(template: str, arrays: Arrays, data: dict[str, Any], **texts: Any) -> str:
@@ -33,7 +66,7 @@ def render(template: str, arrays: Arrays, data: dict[str, Any], **texts: Any) ->
         **texts,
         data=_json(data),
         arrays=_json(arrays.content),
-        scripts={name: libraries.script(name) for name in libraries.SCRIPTS},
+        scripts={name: script(name) for name in SCRIPTS},
         style=_file("style.css"),
         code={name: _file(f"{name}.js") for name in ("page", "plots", "replay")},
         version=version("servicing-fmus"),

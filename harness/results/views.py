@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A result in a notebook: a short text, a table with units, xarray and pandas, figures, files.
 
-What draws, writes and reports stands above results and is attached there: harness.views.
+What draws, writes and reports stands above results and is attached there: harness.api.
 """
 
 from __future__ import annotations

@@ -5,9 +5,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
+
+from lxml import etree
 
 from harness.files.safe_xml import XmlElement
 
@@ -157,3 +160,13 @@ def some(things: Sequence[object]) -> str:
 def twice(values: Iterable[Hashable]) -> list[Any]:
     """Values that occur more than once."""
     return [value for value, count in Counter(values).items() if count > 1]
+
+
+def readable(root: XmlElement) -> bytes:
+    """A description in UTF-8 in which every variable says its `initial` where it has no default."""
+    copy = deepcopy(root)
+    for e in copy.iterfind("ModelVariables/ScalarVariable"):
+        pair = (e.get("causality", "local"), e.get("variability", "continuous"))
+        if pair not in DEFAULT_INITIAL and e.get("initial") is None:
+            e.set("initial", "calculated" if pair[0] == "output" else "exact")
+    return bytes(etree.tostring(copy, xml_declaration=True, encoding="UTF-8"))

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Attributes of the FMU as a whole: identity, default experiment, log categories, annotations."""
+"""The FMU as a whole: identity, default experiment, log categories, annotations, and what lies
+where in its archive (FMI 2.0, 2.3).
+"""
 
 from __future__ import annotations
 
@@ -104,3 +106,31 @@ def _annotated(d: Description) -> Iterator[tuple[str, XmlElement]]:
     yield from (("VendorAnnotations", e) for e in d.all("VendorAnnotations"))
     for variable in d.variables:
         yield from ((str(variable), e) for e in variable.element.iterfind("Annotations"))
+
+
+ROOT = (
+    "modelDescription.xml",
+    "model.png",
+    "documentation",
+    "licenses",
+    "sources",
+    "binaries",
+    "resources",
+    "extra",
+    "terminalsAndIcons",
+)
+"""What may lie at the top of the archive."""
+
+
+def stray_files(d: Description) -> Iterator[str]:
+    """Nothing but what the standard names lies at the top."""
+    tops = dict.fromkeys(name.partition("/")[0] for name in d.files)
+    yield from (f"{top}: has no place at the top of the archive" for top in tops if top not in ROOT)
+
+
+def missing_sources(d: Description) -> Iterator[str]:
+    """Every source file that is listed is there."""
+    there = set(d.files)
+    for name in dict.fromkeys(e.get("name") for e in d.all("*/SourceFiles/File")):
+        if f"sources/{name}" not in there:
+            yield f"the source file sources/{name} is listed, but not in the archive"

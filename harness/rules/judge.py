@@ -15,7 +15,7 @@ from lxml import etree
 from harness.errors import ArchiveError
 from harness.files.archive import inspect, read_entry
 from harness.files.safe_xml import UnsafeXmlError, XmlElement, parsed
-from harness.rules import definitions, files, header, structure, variables
+from harness.rules import definitions, header, structure, variables
 from harness.rules.description import TYPES, Description, Rule
 
 FILE = "modelDescription.xml"
@@ -33,8 +33,8 @@ ERRORS: tuple[Rule, ...] = (
 """Broken, they leave open what would be run."""
 
 WARNINGS: tuple[Rule, ...] = (
-    files.stray_files,
-    files.missing_sources,
+    header.stray_files,
+    header.missing_sources,
     header.odd_identifier,
     header.empty_name,
     header.empty_guid,

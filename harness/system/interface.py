@@ -19,8 +19,8 @@ from harness.errors import FmuError
 from harness.files import machine
 from harness.files.archive import head, inspect, unpacked_size
 from harness.files.paths import Stamp, is_file, stamp
+from harness.rules.description import readable
 from harness.rules.judge import Verdict, judge
-from harness.rules.mend import readable
 from harness.system.units import Unit
 
 FmpyObject = Any

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.mission.validation import Row
+from harness.mission.claim import Row
 
 from .case import Case
 from .flights import expected, fly

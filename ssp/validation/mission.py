@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from harness.mission import Mission
-from harness.mission.validation import Row, Validation
+from harness.mission.claim import Row, Validation
 
 from .case import cases
 from .judge import judge

@@ -20,7 +20,6 @@ LAYERS = (
     ("__init__", "__main__"),
     ("cli",),
     ("api",),
-    ("views",),
     ("authoring", "report"),
     ("studies", "exchange", "exports", "figures", "claims"),
     ("master",),

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.claims import safety
+from harness.claims.report import safety
 from harness.mission import Limits
 from harness.mission.library import everything
 from harness.mission.measure import measured
@@ -358,7 +358,7 @@ def test_a_run_without_violation_has_no_time_of_one():
 
 def test_the_report_ends_with_what_the_monitor_has_found():
     result = watched((-9.5, -5.8, 2.0, 1e9, 1e9, 20), (18.8, 8.15, -1, -1, -1, -1))
-    lines = safety.section(everything(), result).splitlines()
+    lines = safety(everything(), result).splitlines()
     assert [line.split()[0] for line in lines[3:]] == [
         "keep-out",
         "corridor",
@@ -368,4 +368,4 @@ def test_the_report_ends_with_what_the_monitor_has_found():
     assert "-9.5 m" in lines[3]
     assert lines[3].endswith("violated, first at 18.80 s")
     assert lines[5].endswith("holds")
-    assert not safety.section(everything(), watched((1e9,) * 6, (-1,) * 6))
+    assert not safety(everything(), watched((1e9,) * 6, (-1,) * 6))

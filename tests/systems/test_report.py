@@ -21,10 +21,10 @@ from harness.claims.report import judged
 from harness.cli.app import main
 from harness.errors import HarnessError
 from harness.mission.library import of_result
-from harness.report import libraries
+from harness.report import template
+from harness.report.arrays import kept_rows
 from harness.report.bodies import uniform_box
 from harness.report.html import of_run, write
-from harness.report.thinning import kept_rows
 from harness.results.files import ResultFile
 from ssp.shared.safety import RESTING
 from tests.harness.report_page import Page
@@ -477,12 +477,12 @@ def test_corrupt_and_missing_files_are_one_line(tmp_path, capsys):
 
 
 def test_a_missing_library_names_the_extra(monkeypatch):
-    libraries.script.cache_clear()
+    template.script.cache_clear()
     monkeypatch.setitem(sys.modules, "k3d", None)
-    monkeypatch.setattr(libraries.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(template.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(HarnessError, match=r"needs plotly: pip install 'servicing-fmus\[report\]'"):
-        libraries.script("plotly")
-    libraries.script.cache_clear()
+        template.script("plotly")
+    template.script.cache_clear()
 
 
 def test_the_command_writes_the_page(tmp_path, capsys):
