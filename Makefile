@@ -112,6 +112,7 @@ lint: build $(LINTERS)
 	$(BIN)/clang-format --dry-run --Werror $(C_FILES)
 	$(BIN)/codespell
 	$(BIN)/python .ci/licence_lines.py --check $(CODE)
+	$(BIN)/python .ci/size.py
 	$(BIN)/mypy
 
 # every C file with all warnings as errors; which warnings there are depends on the compiler
