@@ -29,7 +29,7 @@ from tests.each import Each, call_for_each
 
 settings.register_profile(
     "repeatable",
-    max_examples=25,
+    max_examples=12,
     derandomize=True,
     database=None,
     deadline=None,
