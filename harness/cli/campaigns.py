@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import typer
 
 from harness.figures import campaign as figures
 from harness.figures.style import style_of
@@ -17,12 +19,19 @@ from harness.studies.campaign import summary
 from harness.studies.campaign.campaign import Progress
 from harness.studies.campaign.store import Store
 
+MINUTE = 60.0
+
 
 @contextmanager
 def counting(title: str, wanted: bool) -> Iterator[Callable[[Progress], None] | None]:
-    """A bar on stderr with rate, remaining time and failures; None if unwanted."""
+    """A bar on stderr with rate, remaining time and failures, a line a minute where that is no
+    terminal; None if unwanted.
+    """
     if not wanted:
         yield None
+        return
+    if not sys.stderr.isatty():
+        yield _lines(title)
         return
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
@@ -46,6 +55,26 @@ def counting(title: str, wanted: bool) -> Iterator[Callable[[Progress], None] | 
         yield show
 
 
+def _lines(title: str) -> Callable[[Progress], None]:
+    """What writes a line after a block if the last one is a minute old."""
+    begin = last = time.monotonic()
+    first: int | None = None  # runs of an earlier session, and of the first block
+
+    def show(now: Progress) -> None:
+        nonlocal begin, last, first
+        clock = time.monotonic()
+        if first is None:
+            begin, first = clock, now.done
+        if clock - last < MINUTE:
+            return
+        last = clock
+        rate = (now.done - first) / (clock - begin) if clock > begin else 0.0
+        left = f", {(now.runs - now.done) / rate / MINUTE:.0f} min left" if rate else ""
+        typer.echo(f"{title}: {now.done} of {now.runs}, {now.failed} failed{left}", err=True)
+
+    return show
+
+
 def pictures(store: Store, folder: Path, ending: str, style: str) -> list[Path]:
     """Histograms of the metrics, each metric against the factors that matter, bands over time."""
     place = figures.Place(folder, ending, style_of(style), store.units())
@@ -59,9 +88,10 @@ def _pictures(store: Store, to: figures.Place) -> Iterator[Path]:
     if metrics:
         yield figures.histograms(metrics, to)
     for name, column in metrics.items() if factors else ():
-        shown = summary.ranked(factors, column)
-        draw = figures.chart if summary.is_grid(factors) else figures.scatter
-        yield draw(name, column, shown, to)
+        if summary.is_grid(factors):
+            yield figures.chart(name, column, factors, to)
+        elif shown := summary.ranked(factors, column):
+            yield figures.scatter(name, column, shown, to)
     for name in store.names("band"):
         numbers: Any = store.array("percentile").tolist()
         band = store.array(name)

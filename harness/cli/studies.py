@@ -74,6 +74,16 @@ DashboardOption = Annotated[
     bool, typer.Option("--dashboard", help="with Dask's pages, for users of this machine")
 ]
 ResumeOption = Annotated[bool, typer.Option("--resume", help="go on after an interruption")]
+HeldOption = Annotated[
+    Several,
+    typer.Option(
+        "--require", metavar="'success >= 99 %'", help="condition on shares, metrics; else status 1"
+    ),
+]
+ExpectedOption = Annotated[
+    bool,
+    typer.Option("--strict", help="[expected], or success of every run, decides on the status"),
+]
 
 
 @app.command("compare")
@@ -189,6 +199,8 @@ def campaign_command(  # noqa: PLR0913, PLR0917 - one argument per option
     insecure: InsecureOption = False,
     dashboard: DashboardOption = False,
     resume: ResumeOption = False,
+    require: HeldOption = None,
+    strict: ExpectedOption = False,
     ending: FormatOption = Format.PNG,
     style: StyleOption = Look.SCREEN,
     figures: FiguresOption = True,
@@ -202,9 +214,8 @@ def campaign_command(  # noqa: PLR0913, PLR0917 - one argument per option
     from harness.studies.campaign.campaign import campaign
 
     folder = output or Path("results") / f"{definition.stem}.zarr"
-    shown = not quiet and sys.stderr.isatty()
     problem = None
-    with counting(definition.stem, shown) as show:
+    with counting(definition.stem, not quiet) as show:
         try:
             found = campaign(
                 definition,
@@ -218,10 +229,12 @@ def campaign_command(  # noqa: PLR0913, PLR0917 - one argument per option
                 insecure=insecure,
                 dashboard=dashboard,
                 resume=resume,
+                require=require or (),
+                strict=strict,
                 progress=show,
                 said=(lambda text: None) if quiet else (lambda text: typer.echo(text, err=True)),
             )
-        except RequirementError as error:  # all is there, only not judged
+        except RequirementError as error:  # all is there
             found, problem = error.partial, error
     typer.echo(printable(found.summary()))
     place = figures_of(folder)
@@ -240,6 +253,8 @@ def study_command(  # noqa: PLR0913, PLR0917 - one argument per option
     output: DatasetOption = None,
     workers: WorkersOption = None,
     resume: ResumeOption = False,
+    require: HeldOption = None,
+    strict: ExpectedOption = False,
     ending: FormatOption = Format.PNG,
     style: StyleOption = Look.SCREEN,
     quiet: QuietOption = False,
@@ -262,6 +277,8 @@ def study_command(  # noqa: PLR0913, PLR0917 - one argument per option
         output,
         workers,
         resume=resume,
+        require=require,
+        strict=strict,
         ending=ending,
         style=style,
         quiet=quiet,

@@ -17,6 +17,7 @@ from harness.report.arrays import Arrays
 from harness.report.plots import Canvas, Plot, number
 from harness.report.template import render
 from harness.results.quantities import with_unit
+from harness.results.verdict import Judged, Verdict
 from harness.studies.campaign import summary
 from harness.studies.campaign.store import Store
 from harness.studies.campaign.worker import COMPLETE, FAILED, PENDING
@@ -27,8 +28,6 @@ DOTS = 3000
 """Runs that a plot shows as dots, at most."""
 POINTS = 1500
 """Points of an edge of a band."""
-FEW = 10
-"""Failed runs that are named."""
 
 
 def of_dataset(path: Path) -> str:
@@ -64,7 +63,10 @@ def _page(store: Store, path: Path) -> str:
         success=_success(store),
         metrics=[_metric(name, x) for name, x in shown.items()],
         worst=_worst(store, metrics, path) if metrics else None,
-        failures=_failures(store, status),
+        failures=_failures(store, path),
+        shares=[_named(n, s) for n, s in summary.requirements(store).items()],
+        expected=[_expectation(each) for each in summary.expectations(store)],
+        chance=[line for n, x in shown.items() if (line := summary.left_out(n, factors, x))],
         definition=[{"name": k, "value": _text(v)} for k, v in store.definition()[0].items()],
         points=canvas.points if canvas.thinned else 0,
         dots=DOTS if len(status) > DOTS else 0,
@@ -105,10 +107,24 @@ def _worst(store: Store, metrics: Mapping[str, Array], path: Path) -> dict[str, 
     return {"metric": name, "runs": rows}
 
 
-def _failures(store: Store, status: Array) -> list[str]:
-    found, messages = np.flatnonzero(status == FAILED), store.array("message")
-    named = [f"run {run}: {messages[run]}" for run in found[:FEW]]
-    return named + ([f"and {len(found) - FEW} more"] if len(found) > FEW else [])
+def _failures(store: Store, path: Path) -> list[dict[str, Any]]:
+    """Every run that has failed or not succeeded, why, and the command that repeats it."""
+    command = f"harness run {store.group.attrs['system']} --like {path}#"
+    return [
+        {"run": run, "why": why, "command": f"{command}{run}"}
+        for run, why in summary.failures(store).items()
+    ]
+
+
+def _named(name: str, found: summary.Share) -> dict[str, Any]:
+    """A requirement: in how many runs it was met."""
+    look = Verdict.NOT_MET if found.missed else Verdict.MET
+    look = look if found.judged else Verdict.NOT_EXERCISED
+    return {"name": name, "text": str(found), "look": look.value}
+
+
+def _expectation(each: Judged) -> dict[str, str]:
+    return {"text": each.text, "look": each.verdict.value}
 
 
 def _text(value: Any) -> str:

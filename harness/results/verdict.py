@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""One scale of verdicts for requirements, claims of papers and safety rules, and the one rule by
-which they decide on the exit status.
+"""One scale of verdicts for requirements, claims of papers, safety rules and what a campaign
+expects, and the one rule by which they decide on the exit status.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ class Kind(Enum):
     """What is judged, as it is called."""
 
     REQUIREMENT = "requirement"
+    EXPECTATION = "expectation"
     CLAIM = "claim"
     RULE = "safety rule"
 
@@ -42,6 +43,7 @@ class Kind(Enum):
 
 WORDS = {
     Kind.REQUIREMENT: {Verdict.MET: "met", Verdict.NOT_MET: "not met"},
+    Kind.EXPECTATION: {Verdict.MET: "as expected", Verdict.NOT_MET: "NOT as expected"},
     Kind.CLAIM: {
         Verdict.REPRODUCED: "reproduced",
         Verdict.PARTLY: "partly",

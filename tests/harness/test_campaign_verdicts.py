@@ -6,15 +6,20 @@ decides on the exit status.
 from __future__ import annotations
 
 import tomllib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import tomli_w
+from scipy import stats
 
 from harness import campaign
+from harness.cli.app import main
 from harness.errors import StructureError
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from harness.studies.campaign import summary
+from harness.studies.campaign.store import Store
 
 TOML = """
 name = "demo"
@@ -69,7 +74,9 @@ def test_a_requirement_whose_time_never_came_is_neither_met_nor_missed(system, t
     share = summary.requirements(found.store)["late"]
     assert (share.met, share.judged, share.unjudged) == (0, 0, [0, 1, 2, 3])
     assert np.isnan(found.store.array("success")).all()
-    line = "requirement late: cannot be judged in 4 of 4 runs, first run 0 (not exercised, the run"
+    line = (
+        "requirement late: not exercised in 4 of 4 runs, first run 0 (the run ends at 3 s, before"
+    )
     assert line in found.summary()
     assert "requirement small: 4 of 4, 100.0 %" in found.summary()
 
@@ -111,3 +118,172 @@ def test_a_success_that_no_run_can_tell_is_refused_before_the_first(system, tmp_
     with pytest.raises(StructureError, match=f"^campaign: success: .*{why}"):
         campaign(table(system, success=text), tmp_path / "c.zarr", workers=0)
     assert not (tmp_path / "c.zarr").exists()
+
+
+# ---- what decides on the exit status
+
+
+def held(system, tmp_path, *options, **more):
+    """Exit status of a campaign on the command line."""
+    text = tomli_w.dumps(table(system, **more))
+    (tmp_path / "c.toml").write_text(text)
+    command = ["campaign", "c.toml", "-o", "c.zarr", "--workers", "0", "--no-figures"]
+    return main([*command, *options])
+
+
+# of k = 0.5, 2, 3, 4: small is missed by 4 (y = 24 at the end), late by 0.5 and 2 (y = 4 k at 4 s)
+LOWER_3_OF_4 = 0.30064184258240
+
+
+@pytest.mark.parametrize(
+    ("text", "met"),
+    [
+        ("success >= 25 %", True),
+        ("success >= 0.25", True),
+        ("success > 25 %", False),
+        ("met(small) >= 75 %", True),
+        (f"lower(small) >= {LOWER_3_OF_4 - 1e-12}", True),
+        (f"lower(small) >= {LOWER_3_OF_4 + 1e-12}", False),
+        ("lower( success ) >= 25 %", False),
+        ("max(end) <= 24", True),
+        ("end <= 23", False),  # in every run
+        ("mean(end) > 14.24 and percentile(end, 50) == 15", True),
+    ],
+)
+def test_conditions_on_shares_and_metrics_decide(system, tmp_path, capsys, text, met):
+    assert held(system, tmp_path, "--require", text) == (0 if met else 1)
+    told = capsys.readouterr().err
+    assert (f"harness: requirement NOT MET: {text}; " in told) is not met
+
+
+def test_the_bound_is_that_of_wilson():
+    found = stats.binomtest(3, 4).proportion_ci(0.95, method="wilson")
+    assert abs(found.low - LOWER_3_OF_4) < 1e-12
+
+
+def test_a_condition_on_what_was_not_exercised_is_not_met(system, tmp_path, capsys):
+    fixed = {"stop": 3.0}
+    assert held(system, tmp_path, "--require", "met(late) >= 0 %", fixed=fixed) == 1
+    assert "requirement NOT EXERCISED: met(late) >= 0 %" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("sucess >= 99 %", "there is no such metric or variable: sucess (close: success)"),
+        ("met(smal) >= 99 %", "no requirement smal (close: small)"),
+        ("success", "is no condition, as `success >= 99 %` is one"),
+        ("success >= 99 m", "m"),
+        ("twice.y >= 3", "twice.y varies within a run"),
+    ],
+)
+def test_a_condition_that_makes_no_sense_is_refused_before_the_first_run(
+    system, tmp_path, capsys, text, why
+):
+    assert held(system, tmp_path, "--require", text) == 2
+    told = capsys.readouterr().err
+    assert told.startswith(f"harness: --require {text}: ")
+    assert why in told
+    assert not (tmp_path / "c.zarr").exists()
+
+
+@pytest.mark.parametrize(
+    ("expected", "strict", "status"),
+    [
+        ({"end": [14.0, 15.0]}, True, 0),  # mean 14.25
+        ({"end": [14.3, 15.0]}, True, 1),
+        ({"end": [14.3, 15.0]}, False, 0),
+        ({"success": [0.2, 0.3]}, True, 0),
+        ({"success": [0.6, 1.0]}, True, 1),
+        ({}, True, 1),  # nothing is expected: every run must succeed
+        ({}, False, 0),
+    ],
+)
+def test_what_a_campaign_expects_decides_if_strict(
+    system, tmp_path, capsys, expected, strict, status
+):
+    more = {"expected": expected} if expected else {}
+    assert held(system, tmp_path, *(["--strict"] if strict else []), **more) == status
+    told = capsys.readouterr()
+    for name in expected:
+        assert f"{name}: mean " in told.out
+        assert (f"harness: expectation {name}: mean" in told.err) == bool(status)
+
+
+def test_every_run_without_success_is_listed_with_why_and_its_command(system, tmp_path, capsys):
+    gains = {"twice.k": {"list": [0.5, 3.0, 4.0, 0.25]}, "bad.t_fail": {"list": [100.0, 3.0]}}
+    assert held(system, tmp_path, factors=gains) == 0
+    out = capsys.readouterr().out
+    wanted = {
+        0: "late: not met, worst 2 at 4 s",
+        1: "bad: step failed",
+        3: "bad: step failed",
+        4: "small: not met, worst 24 at 6 s",
+        5: "bad: step failed",
+        6: "late: not met, worst 1 at 4 s",
+        7: "bad: step failed",
+    }
+    assert main(["report", "c.zarr", "-o", "c.html"]) == 0
+    page = (tmp_path / "c.html").read_text()
+    for run, why in wanted.items():
+        assert f"failed: run {run}: {why}" in out
+        assert f"\n    harness run demo --like c.zarr#{run}\n" in out
+        assert why in page
+        assert f"harness run demo --like c.zarr#{run}<" in page
+    assert "run 2:" not in out
+    store = Store.open(tmp_path / "c.zarr")
+    assert [k for k, text in enumerate(store.array("message")) if text] == [*wanted]
+    assert store.group.attrs["repeat"] == "harness run demo --like DATASET#RUN"
+
+
+def test_without_a_terminal_a_line_a_minute_says_how_far_it_is(
+    system, tmp_path, capsys, monkeypatch
+):
+    clock = iter(range(0, 10_000, 45))
+    monkeypatch.setattr("harness.cli.campaigns.time", SimpleNamespace(monotonic=clock.__next__))
+    assert held(system, tmp_path) == 0
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("c: ")]
+    assert lines == ["c: 2 of 4, 0 failed, 2 min left", "c: 4 of 4, 0 failed, 0 min left"]
+    (tmp_path / "c.zarr").rename(tmp_path / "d.zarr")
+    assert held(system, tmp_path, "--quiet") == 0
+    assert not [x for x in capsys.readouterr().err.splitlines() if x.startswith("c: ")]
+
+
+# ---- what matters
+
+
+def test_what_may_be_chance_is_left_out_and_counted():
+    """Of ten factors that do not matter one is beyond the limit in about one campaign of twenty."""
+    limit = summary.chance(10, 200)
+    rng = np.random.default_rng(7)
+    largest = [
+        max(
+            abs(stats.spearmanr(rng.normal(size=200), rng.normal(size=200)).statistic)
+            for _ in range(10)
+        )
+        for _ in range(400)
+    ]
+    beyond = np.mean(np.array(largest) > limit)
+    assert 0.02 < beyond < 0.09
+    x = rng.normal(size=200)
+    factors = {"gain": x, "a": rng.normal(size=200), "b": rng.normal(size=200)}
+    assert [*summary.ranked(factors, x + 0.1 * rng.normal(size=200))] == ["gain"]
+    line = summary.left_out("end", factors, x)
+    assert (
+        line
+        == f"end: 2 of 3 factors within {summary.chance(3, 200):.2f}, which is chance in 200 runs"
+    )
+
+
+def test_a_symmetric_factor_has_one_row_per_element(tmp_path):
+    spread = {
+        "servicer.J_S": {"inertia": {"principal": [200, 250, 150], "spread": 0.1, "axes": 0.1}}
+    }
+    given = {"system": "sync_approach", "fixed": {"stop": 0.2}, "runs": 8, "factors": spread}
+    found = campaign(given, tmp_path / "c.zarr", workers=0)
+    names = [f"servicer.J_S[{k}]" for k in ("1,1", "1,2", "1,3", "2,2", "2,3", "3,3")]
+    assert [*summary.varying_factors(found.store)] == names
+    assert (
+        summary.factor_columns(found.store)["servicer.J_S[2,3]"]
+        == found.store.array("servicer.J_S")[:, 2, 1]
+    ).all()

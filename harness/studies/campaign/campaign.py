@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +14,7 @@ from harness.files.signals import held
 from harness.master.changes import Changes
 from harness.master.recorder import recorded
 from harness.ssp.library import find_system, name_of
+from harness.studies.campaign import gate, metrics
 from harness.studies.campaign.clusters import Workers, checked, prepare
 from harness.studies.campaign.credentials import Files
 from harness.studies.campaign.draft import read_plan
@@ -21,7 +22,7 @@ from harness.studies.campaign.engine import Block, Flown, crew
 from harness.studies.campaign.plan import Layout, Plan
 from harness.studies.campaign.store import Store, refuse_existing
 from harness.studies.campaign.summary import text, unjudged
-from harness.studies.campaign.worker import FAILED, Task
+from harness.studies.campaign.worker import FAILED, SUCCESS, Task
 from harness.studies.notes import said_once
 
 ROWS = 200
@@ -77,6 +78,8 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     insecure: bool = False,
     dashboard: bool = False,
     resume: bool = False,
+    require: Sequence[str] = (),
+    strict: bool = False,
     progress: Callable[[Progress], None] | None = None,
     said: Callable[[str], None] = lambda _: None,
 ) -> Campaign:
@@ -86,18 +89,21 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     one per processor, 0: this one), or jobs of SLURM; scheduler: address of a Dask scheduler;
     tls_ca, tls_cert, tls_key: PEM files, who may enter it (default: the configuration of Dask);
     insecure: it may be without TLS; dashboard: with Dask's pages, on this machine; resume: go on
-    with an interrupted campaign; progress: called after every block; said: called with what the
+    with an interrupted campaign; require: conditions on it, `lower(success) >= 99 %`, see
+    harness.studies.campaign.gate; strict: it must be as it expects itself, or, if it expects
+    nothing, every run must succeed; progress: called after every block; said: called with what the
     user should know.
 
     Raises UsageError, StructureError with all that is wrong before the first run, ResultsError, and
-    RequirementError if the success of a run could not be judged (`partial` is the campaign, which
-    is complete). A run that fails is a row of the dataset.
+    RequirementError if a condition is not met or the success of a run could not be judged
+    (`partial` is the campaign, which is complete). A run that fails is a row of the dataset.
     """
     tls = Files(*(None if file is None else Path(file) for file in (tls_ca, tls_cert, tls_key)))
     who = checked(Workers(workers, scheduler, slurm, tls, insecure, dashboard))
     prepare(who)
     with said_once():
         plan, found = read_plan(definition if isinstance(definition, Mapping) else Path(definition))
+    _refuse_conditions(plan, found, require)
     path, task = Path(output), _task(plan, found)
     with ExitStack() as life:
         store = _opened(path, plan, task, found, life) if resume and path.exists() else None
@@ -113,12 +119,23 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
             life.enter_context(store.alone())
         _keep(plan, store, flown, progress)
         store.finish()
-    return _judged(Campaign(path, store))
+    return _judged(Campaign(path, store), require, strict)
 
 
-def _judged(found: Campaign) -> Campaign:
-    if problem := unjudged(found.store):
-        error = RequirementError(problem)
+def _refuse_conditions(plan: Plan, found: Layout, require: Sequence[str]) -> None:
+    """UsageError at conditions that this campaign cannot be held to."""
+    success = [SUCCESS] if plan.success or found.requirements else []
+    texts = plan.definition.get("metrics", {})
+    units = {name: metrics.unit(str(text), found.kinds) for name, text in texts.items()}
+    if wrong := list(gate.wrong(require, [*found.requirements, *success], units)):
+        raise UsageError("\n".join(wrong))
+
+
+def _judged(found: Campaign, require: Sequence[str], strict: bool) -> Campaign:
+    problems = [*filter(None, [unjudged(found.store)])]
+    problems += gate.failures(found.store, require, strict)
+    if problems:
+        error = RequirementError("\n".join(problems))
         error.partial = found
         raise error
     return found

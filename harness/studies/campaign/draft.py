@@ -73,6 +73,7 @@ class _Draft:
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
         self.layout: Layout | None = None
+        self.requirements: Mapping[str, str] = {}
         self.problems: list[str] = []
 
     def read(self) -> None:
@@ -134,7 +135,7 @@ class _Draft:
 
     def _bounds(self, name: str, given: Any) -> None:
         known = self.plan.definition.get("metrics", {})
-        if name not in known:
+        if name not in known and name != SUCCESS:
             raise ValueError(f"there is no such metric{did_you_mean(name, known)}")
         numbers = isinstance(given, list) and len(given) == 2 and all(map(is_number, given))
         if not numbers or not given[0] <= given[1]:
@@ -200,6 +201,7 @@ class _Draft:
                 self._complain(f"run {run}", error)
                 continue
             if run == 0:
+                self.requirements = changed.requirements
                 self._names(_kinds(ready[0][1].graph))
         if not self.problems:
             self._measurable(ready)
@@ -231,6 +233,8 @@ class _Draft:
             elif key != "rows":
                 for variable in given:
                     self._known(f"keep.{key}", str(variable), result)
+        if SUCCESS in self.plan.expected and not (self.plan.success or self.requirements):
+            self.problems.append("expected.success: nothing says what success is")
         worst = str(self.plan.definition.get("worst", "")).lstrip("-")
         if worst and worst not in self.plan.metrics:
             close = did_you_mean(worst, self.plan.metrics)

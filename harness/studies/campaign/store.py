@@ -60,6 +60,7 @@ class Store:
             "digest": plan.digest,
             "system": name_of(plan.system),
             "block": block,
+            "repeat": f"harness run {name_of(plan.system)} --like DATASET#RUN",
         }
         with naming(path), ExitStack() as life:
             beside = new_beside(path.absolute(), folder=True)

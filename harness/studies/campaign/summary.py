@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.results.quantities import with_unit
-from harness.results.verdict import Verdict
+from harness.results.verdict import OPEN, Judged, Kind, Verdict
 from harness.spelling import one_line
 from harness.studies.campaign.store import Store
 from harness.studies.campaign.worker import COMPLETE, FAILED, SUCCESS, VERDICTS
@@ -23,6 +24,8 @@ Array = NDArray[np.float64]
 Z95 = 1.959963984540054
 """Quantile of the normal distribution for 95 %, two-sided."""
 WORST = 10
+LISTED = 100
+"""Runs without success that the summary lists; page and dataset have all."""
 DRAWN = 8
 """Factors that a metric is drawn against."""
 SHOWN = 5
@@ -63,15 +66,20 @@ def _mean_ranks(x: Array) -> Array:
 
 
 def factor_columns(store: Store) -> dict[str, Array]:
-    """Numbers of all factors, one column per element, by name; texts are numbered."""
+    """Numbers of all factors, one column per element, by name, of matrices that are symmetric in
+    every run those of the upper triangle; texts are numbered.
+    """
     columns = {}
     for name in store.names("factor"):
         values = store.array(name)
         if values.dtype.kind not in "fiu":
             values = np.unique(values, return_inverse=True)[1].astype(np.float64)
-        flat = values.reshape(len(values), -1)
-        for k in range(flat.shape[1]):
-            columns[f"{name}[{k + 1}]" if values.ndim > 1 else name] = flat[:, k]
+        square = values.ndim == 3 and values.shape[1] == values.shape[2]
+        mirrored = square and np.array_equal(values, np.swapaxes(values, 1, 2))
+        for place in np.ndindex(values.shape[1:]):
+            if not (mirrored and place[0] > place[1]):
+                element = ",".join(str(k + 1) for k in place)
+                columns[f"{name}[{element}]" if place else name] = values[:, *place]
     return columns
 
 
@@ -103,12 +111,31 @@ def is_grid(factors: Mapping[str, Array]) -> bool:
 
 
 def ranked(factors: Mapping[str, Array], column: Array, count: int = DRAWN) -> dict[str, Array]:
-    """The factors that matter most for a metric, by the size of their rank correlation."""
+    """The factors that matter most for a metric, by the size of their rank correlation, without
+    those of which it may be chance.
+    """
+    size = {n: abs(rank_correlation(x, column)) for n, x in factors.items()}
+    least = chance(len(factors), int(np.isfinite(column).sum()))
+    beyond = (name for name in factors if size[name] > least)
+    return {n: factors[n] for n in sorted(beyond, key=lambda n: -size[n])[:count]}
 
-    def rank(name: str) -> float:
-        return float(np.nan_to_num(abs(rank_correlation(factors[name], column))))
 
-    return {name: factors[name] for name in sorted(factors, key=rank, reverse=True)[:count]}
+def chance(factors: int, runs: int) -> float:
+    """Size that the largest rank correlation of so many factors that do not matter exceeds in one
+    campaign of twenty (Fieller et al. 1957: artanh(r) is normal, of variance 1.06 / (runs - 3)).
+    """
+    if runs <= 3 or not factors:
+        return 1.0
+    z = NormalDist().inv_cdf(1 - 0.05 / (2 * factors))
+    return math.tanh(z * math.sqrt(1.06 / (runs - 3)))
+
+
+def left_out(metric: str, factors: Mapping[str, Array], column: Array) -> str:
+    """How many factors of a metric are not named because of chance, "" if none is."""
+    runs = int(np.isfinite(column).sum())
+    count = len(factors) - len(ranked(factors, column, len(factors)))
+    within = f"within {chance(len(factors), runs):.2f}, which is chance in {runs} runs"
+    return f"{metric}: {count} of {len(factors)} factors {within}" if count else ""
 
 
 def text(store: Store, shown: str) -> str:
@@ -121,11 +148,11 @@ def text(store: Store, shown: str) -> str:
     lines += _shares(store)
     lines += ["", *_table(metrics, store.units())] if metrics else []
     lines += _missing(store, metrics, status)
-    lines += _expectations(store, metrics)
+    lines += [each.text for each in expectations(store)]
     factors = _varied(store, status != 0)
     if metrics and factors:
         lines += ["", "rank correlation with the factors", *_ranks(metrics, factors)]
-    lines += _failures(store, status)
+    lines += _failures(store, shown)
     if metrics:
         lines += ["", *_worst(store, metrics, shown)]
     return "\n".join(lines)
@@ -148,14 +175,21 @@ class Share(NamedTuple):
     missed: Sequence[int]
     unjudged: Sequence[int]
 
+    @property
+    def share(self) -> float:
+        """Of the runs that could be judged; NaN if there are none."""
+        return self.met / self.judged if self.judged else math.nan
+
     def interval(self) -> tuple[float, float]:
         """Of 95 %, for the probability of a success."""
         return wilson(self.met, self.judged)
 
     def __str__(self) -> str:
         low, high = (100 * bound for bound in self.interval())
-        share = 100 * self.met / self.judged
-        return f"{self.met} of {self.judged}, {share:.1f} % (95 %: {low:.1f} to {high:.1f} %)"
+        bounds = f" (95 %: {low:.1f} to {high:.1f} %)" if self.judged else ""
+        share = f", {100 * self.share:.1f} %{bounds}" if self.judged else ""
+        open_ = f", {len(self.unjudged)} not judged" if self.unjudged else ""
+        return f"{self.met} of {self.judged}{share}{open_}"
 
 
 def _share(status: Array, met: NDArray[np.bool_], missed: NDArray[np.bool_]) -> Share:
@@ -196,9 +230,12 @@ def unjudged(store: Store) -> str:
 def _unjudged(store: Store, name: str, found: Share | None) -> str:
     if found is None or not found.unjudged:
         return ""
-    first = f"first run {found.unjudged[0]}{_why(store, found.unjudged[0], name)}"
+    why, word = _why(store, found.unjudged[0], name), "cannot be judged"
+    if why.startswith(begin := f" ({OPEN[Verdict.NOT_EXERCISED]}, "):
+        why, word = f" ({why.removeprefix(begin)}", OPEN[Verdict.NOT_EXERCISED]
     flown = found.judged + len(found.unjudged)
-    return f"{name}: cannot be judged in {len(found.unjudged)} of {flown} runs, {first}"
+    count, first = len(found.unjudged), found.unjudged[0]
+    return f"{name}: {word} in {count} of {flown} runs, first run {first}{why}"
 
 
 def _why(store: Store, run: int, name: str) -> str:
@@ -213,7 +250,7 @@ def _shares(store: Store) -> Iterator[str]:
     shares |= {f"requirement {name}": share for name, share in requirements(store).items()}
     for name, found in shares.items():
         if found is not None and found.judged:
-            yield f"{name}: {found}"
+            yield f"{name}: {found._replace(unjudged=())}"
         if found is not None and found.unjudged:
             yield _unjudged(store, name, found)
 
@@ -227,13 +264,22 @@ def _missing(store: Store, metrics: Mapping[str, Array], status: Array) -> Itera
             yield f"{name}: no value in {len(found)} of {complete.sum()} runs, {first}"
 
 
-def _expectations(store: Store, metrics: Mapping[str, Array]) -> Iterator[str]:
-    """A verdict on the mean of every metric that the campaign expects something of."""
+def expectations(store: Store) -> Iterator[Judged]:
+    """A verdict on the mean of every metric that the campaign expects something of; of `success` it
+    is the share of the runs.
+    """
+    metrics = metric_columns(store)
     for name, (low, high) in store.definition()[0].get("expected", {}).items():
-        values = metrics[name][np.isfinite(metrics[name])]
+        share = success(store) if name == SUCCESS else None
+        values = metrics[name][np.isfinite(metrics[name])] if share is None else np.empty(0)
         mean = float(np.mean(values)) if len(values) else math.nan
-        verdict = "as expected" if low <= mean <= high else "NOT as expected"
-        yield f"{name}: mean {mean:.5g}, expected {low:g} to {high:g}: {verdict}"
+        mean = mean if share is None else share.share
+        verdict = Verdict.MET if low <= mean <= high else Verdict.NOT_MET
+        if math.isnan(mean) or (share is not None and share.unjudged):
+            verdict = Verdict.NOT_EXERCISED
+        what = f"mean {mean:.5g}, expected {low:g} to {high:g}"
+        line = f"{name}: {what}: {Kind.EXPECTATION.word(verdict)}"
+        yield Judged(Kind.EXPECTATION, name, verdict, line)
 
 
 def _table(metrics: Mapping[str, Array], units: Mapping[str, str]) -> Iterator[str]:
@@ -251,19 +297,33 @@ def _table(metrics: Mapping[str, Array], units: Mapping[str, str]) -> Iterator[s
 
 def _ranks(metrics: Mapping[str, Array], factors: Mapping[str, Array]) -> Iterator[str]:
     for name, column in metrics.items():
-        found = {f: rank_correlation(x, column) for f, x in factors.items()}
-        best = sorted((f for f in found if found[f] == found[f]), key=lambda f: -abs(found[f]))
-        if best:
-            yield f"  {name}: " + ", ".join(f"{f} {found[f]:+.2f}" for f in best[:SHOWN])
+        best = ranked(factors, column, SHOWN)
+        found = [f"{f} {rank_correlation(x, column):+.2f}" for f, x in best.items()]
+        if found:
+            yield f"  {name}: " + ", ".join(found)
+    lines = (left_out(name, factors, column) for name, column in metrics.items())
+    yield from (f"  left out: {line}" for line in lines if line)
 
 
-def _failures(store: Store, status: Array) -> Iterator[str]:
-    found = np.flatnonzero(status == FAILED)
-    messages = store.array("message")
-    for run in found[:WORST]:
-        yield f"failed: run {run}: {one_line(messages[run])}"
-    if len(found) > WORST:
-        yield f"failed: and {len(found) - WORST} more"
+def failures(store: Store) -> dict[int, str]:
+    """Why each run that has failed or not succeeded did so, by its number."""
+    found, messages = success(store), store.array("message")
+    runs = found.missed if found else np.flatnonzero(store.array("status") == FAILED).tolist()
+    told = {run: messages[run].splitlines() or [f"{SUCCESS}: not met"] for run in runs}
+    return {
+        run: "; ".join([line for line in lines if ": not met" in line] or lines)
+        for run, lines in told.items()
+    }
+
+
+def _failures(store: Store, shown: str) -> Iterator[str]:
+    found = failures(store)
+    system = store.group.attrs["system"]
+    for run, why in [*found.items()][:LISTED]:
+        yield f"failed: run {run}: {one_line(why)}"
+        yield f"    harness run {system} --like {shown}#{run}"
+    if len(found) > LISTED:
+        yield f"failed: and {len(found) - LISTED} more: `message` of the dataset, harness report"
 
 
 def worst(store: Store, metrics: Mapping[str, Array]) -> tuple[str, list[int]]:
