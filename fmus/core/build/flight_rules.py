@@ -141,6 +141,7 @@ class Calls:
 
 
 @cache
+@cache
 def calls(source: Path, optimisation: str) -> Calls:
     """Of the object file of a source."""
     with tempfile.TemporaryDirectory() as folder:
