@@ -4,55 +4,42 @@
  * with fmi2Error and a message; the instance stays as it was and usable. Only a step that fails
  * ends in the error state. */
 /* SPDX-License-Identifier: BSD-2-Clause */
+#include "fmi2_layer.h"
 #include "finite.h"
-#include "instance.h"
-#include "time_grid.h"
-
-enum {
-    LONGEST_STEP = 100000
-}; /* s; a longer communication step is taken for a mistake of the master */
+#include "life.h"
 
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
 const char *fmi2GetVersion(void) { return fmi2Version; }
 
 /* ---- life cycle ---- */
+/* The callback reads its last argument as a printf format, so a percent sign must not reach it. */
+static void hand_over(const Instance *instance, Status status, const char *category, char *line)
+{
+    for (char *c = line; *c; c++)
+        if (*c == '%') *c = ' ';
+    ((fmi2CallbackLogger)instance->call.logger)(instance->call.environment,
+                                                instance->name ? instance->name : "",
+                                                (fmi2Status)status, category, line);
+}
+
+static Callbacks callbacks_of(const fmi2CallbackFunctions *functions)
+{
+    return (Callbacks){hand_over, (void (*)(void))functions->logger,
+                       functions->componentEnvironment, functions->allocateMemory,
+                       functions->freeMemory};
+}
+
 static bool can_instantiate(const Instance *caller, fmi2Type type, fmi2String guid)
 {
     char buffer[GUID_SIZE], text[200];
     const char *expected = guid_of(&fmu_model, buffer);
     if (!caller->name || !*caller->name)
-        return failure(caller, "fmi2Instantiate", "the instance name is empty"), false;
+        return refuse_call(caller, "fmi2Instantiate", "the instance name is empty");
     if (type != fmi2CoSimulation)
-        return failure(caller, "fmi2Instantiate", "this FMU is for co-simulation only"), false;
+        return refuse_call(caller, "fmi2Instantiate", "this FMU is for co-simulation only");
     if (guid && strcmp(guid, expected) == 0) return true;
     snprintf(text, sizeof text, "wrong guid '%.60s', expected '%s'", guid ? guid : "", expected);
-    return failure(caller, "fmi2Instantiate", text), false;
-}
-
-static void make_new(Instance *instance)
-{
-    memcpy(instance->model, fmu_model.start, fmu_model.size);
-    instance->now = (Progress){.phase = INSTANTIATED, .stale = fmi2True, .stop = INFINITY};
-}
-
-static Instance *new_instance(const Instance *caller)
-{
-    size_t name_size = strlen(caller->name) + 1;
-    Instance *instance = allocate(caller, sizeof *instance);
-    if (!instance) return NULL;
-    *instance = *caller;
-    instance->name = allocate(caller, name_size);
-    instance->model = allocate(caller, memory_of(&fmu_model));
-    instance->good = allocate(caller, tail_size());
-    instance->guarded = allocate(caller, fmu_model.variable_count * sizeof *instance->guarded);
-    if (!instance->name || !instance->model || !instance->good || !instance->guarded) {
-        fmi2FreeInstance(instance);
-        return NULL;
-    }
-    list_guarded(instance);
-    memcpy(instance->name, caller->name, name_size);
-    make_new(instance);
-    return instance;
+    return refuse_call(caller, "fmi2Instantiate", text);
 }
 
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
@@ -61,7 +48,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
 {
     Instance caller = {.categories = logging ? LOG_ERRORS | LOG_WARNINGS | LOG_EVENTS : 0};
     (void)resources, (void)visible;
-    if (functions) caller.call = *functions;
+    if (functions) caller.call = callbacks_of(functions);
     union {
         fmi2String read;
         char *own;
@@ -69,21 +56,12 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     caller.name = text.own;
     if (!can_instantiate(&caller, type, guid)) return NULL;
     Instance *instance = new_instance(&caller);
-    if (!instance) failure(&caller, "fmi2Instantiate", "out of memory");
-    else log_message(instance, fmi2OK, LOG_EVENTS, "instantiated");
+    if (!instance) refuse_call(&caller, "fmi2Instantiate", "out of memory");
+    else log_message(instance, STATUS_OK, LOG_EVENTS, "instantiated");
     return instance;
 }
 
-void fmi2FreeInstance(fmi2Component c)
-{
-    Instance *instance = c;
-    if (!instance) return;
-    release(instance, instance->name);
-    release(instance, instance->model);
-    release(instance, instance->good);
-    release(instance, instance->guarded);
-    release(instance, instance);
-}
+void fmi2FreeInstance(fmi2Component c) { free_instance(c); }
 
 fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t count,
                                const fmi2String categories[])
@@ -109,13 +87,9 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerance_defined, f
     Instance *instance = c;
     (void)tolerance_defined, (void)tolerance;
     if (!allowed(instance, "fmi2SetupExperiment", INSTANTIATED)) return fmi2Error;
-    if (!isfinite(start))
-        return failure(instance, "fmi2SetupExperiment", "the start time must be finite");
-    if (stop_defined && !(stop > start))
-        return failure(instance, "fmi2SetupExperiment",
-                       "the stop time must be after the start time");
-    instance->now.start = instance->now.time = start;
-    instance->now.stop = stop_defined ? stop : INFINITY;
+    const char *rule = why_no_span(start, stop_defined, stop);
+    if (rule) return failure(instance, "fmi2SetupExperiment", rule);
+    set_span(instance, start, stop_defined, stop);
     return fmi2OK;
 }
 
@@ -127,40 +101,11 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component c)
     return fmi2OK;
 }
 
-/* outputs for the values set so far; evaluated when they are read, so that masters can propagate
- * start values */
-static bool refresh(Instance *instance, const char *function)
-{
-    if (!instance->now.stale) return true;
-    keep_good(instance);
-    if (!initialize_checked(instance, function, instance->model)) return put_back(instance), false;
-    instance->now.stale = fmi2False;
-    return true;
-}
-
-/* the shortest internal step or sample period; 0: there is none */
-static double finest_grid(const void *model)
-{
-    double finest = INFINITY;
-    for (size_t i = 0; i < fmu_model.variable_count; i++) {
-        const Variable *v = &fmu_model.variables[i];
-        double value = value_of(model, (Scalar){v, 0});
-        if (v->kind == GRID_ROW && value > 0) finest = smaller(finest, value);
-    }
-    return isfinite(finest) ? finest : 0;
-}
-
 fmi2Status fmi2ExitInitializationMode(fmi2Component c)
 {
     Instance *instance = c;
     if (!allowed(instance, "fmi2ExitInitializationMode", INITIALIZING)) return fmi2Error;
-    if (!refresh(instance, "fmi2ExitInitializationMode")) return fmi2Error;
-    instance->now.grid = finest_grid(instance->model);
-    instance->now.phase = STEPPING;
-    memcpy(instance->good, tail_const(fmu_model.start), tail_size()); /* no alarm stood before */
-    report_alarms(instance, instance->now.start);
-    log_message(instance, fmi2OK, LOG_EVENTS, "initialized");
-    return fmi2OK;
+    return leave_initialization(instance, "fmi2ExitInitializationMode") ? fmi2OK : fmi2Error;
 }
 
 fmi2Status fmi2Terminate(fmi2Component c)
@@ -234,7 +179,7 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t co
     for (size_t i = 0; i < count; i++)
         *pointer_to(instance->model, scalar_of(&fmu_model, vr[i])) = value[i];
     if (instance->now.phase == STEPPING) remember_call(&instance->written, &fmu_model, vr, count);
-    else instance->now.stale = fmi2True;
+    else instance->now.stale = true;
     return fmi2OK;
 }
 
@@ -260,49 +205,10 @@ fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t co
 }
 
 /* ---- step ---- */
-static bool too_late(const Progress *now, double t)
-{
-    return now->grid > 0 && fabs(t) / now->grid > most_grid_steps;
-}
-
-static const char *why_no_step(const Progress *now, double t, double h)
-{
-    if (!isfinite(t) || !isfinite(h)) return "time and step size must be finite";
-    if (h <= 0) return "the step size must be > 0";
-    if (h > LONGEST_STEP) return "the step size must be <= 100000 s";
-    if (too_many_substeps(now, h))
-        return "the step would take more than 1e7 internal steps (max_step, sample_period, T0)";
-    if (t + h == t) return "the step is lost in the rounding of the time";
-    if (too_late(now, t + h))
-        return "the time is beyond 2^53 internal steps or samples (max_step, sample_period, T0), "
-               "which cannot be counted";
-    if (fabs(t - now->time) > time_tolerance(now->time, 1e-2 * h))
-        return "the communication point is not the end of the last step";
-    if (t + h > now->stop + time_tolerance(now->stop, 1e-2 * h))
-        return "the step goes beyond the stop time";
-    return NULL;
-}
-
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean no_set_state_prior)
 {
     Instance *instance = c;
-    char text[240];
     (void)no_set_state_prior;
     if (!allowed(instance, "fmi2DoStep", STEPPING)) return fmi2Error;
-    const char *rule = why_no_step(&instance->now, t, h);
-    if (rule) {
-        snprintf(text, sizeof text, "t = %.17g s, step = %.17g s, expected t = %.17g s: %s",
-                 readable(t), readable(h), readable(instance->now.time), rule);
-        return failure(instance, "fmi2DoStep", text);
-    }
-    keep_good(instance);
-    if (!step_checked(instance, "fmi2DoStep", instance->model, instance->now.time, h)) {
-        put_back(instance);
-        instance->now.phase = FAILED;
-        return fmi2Error;
-    }
-    report_alarms(instance, instance->now.time + h);
-    instance->now.time = t + h;
-    instance->now.step = h;
-    return fmi2OK;
+    return advance(instance, "fmi2DoStep", t, h) ? fmi2OK : fmi2Error;
 }

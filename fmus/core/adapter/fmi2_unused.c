@@ -4,7 +4,7 @@
  * All variables are Real; inputs are held over a step (no input derivatives); a step is complete
  * when fmi2DoStep returns. */
 /* SPDX-License-Identifier: BSD-2-Clause */
-#include "instance.h"
+#include "fmi2_layer.h"
 
 static fmi2Status none(fmi2Component c, const char *function, unsigned phases, size_t count,
                        const char *text)
@@ -82,7 +82,7 @@ static fmi2Status no_status(fmi2Component c, const char *function, const void *v
     if (!value) return failure(instance, function, "missing pointer");
     snprintf(text, sizeof text, "%s: no such status, steps are complete when fmi2DoStep returns",
              function);
-    log_message(instance, fmi2Discard, LOG_WARNINGS, text);
+    log_message(instance, STATUS_DISCARD, LOG_WARNINGS, text);
     return fmi2Discard;
 }
 

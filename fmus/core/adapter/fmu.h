@@ -120,13 +120,14 @@ static inline double readable(double value) { return isnan(value) ? NAN : value 
 typedef struct {
     char text[4000]; /* of some fifty problems; more are counted */
     size_t count;
+    const char *part; /* "component." of a model that is part of a system, else "" */
 } Problems;
 
 static inline void refuse(Problems *all, const char *name, double value, const char *rule)
 {
     size_t used = strlen(all->text);
-    snprintf(all->text + used, sizeof all->text - used, "%s%s = %.9g: %s", all->count ? "; " : "",
-             name, readable(value), rule);
+    snprintf(all->text + used, sizeof all->text - used, "%s%s%s = %.9g: %s", all->count ? "; " : "",
+             all->part, name, readable(value), rule);
     all->count++;
 }
 
@@ -138,9 +139,14 @@ typedef struct {
     const void *start;
     const Variable *variables;
     size_t variable_count;
-    void (*check)(const void *model, Problems *problems);
+    void (*check)(void *model, Problems *problems); /* may work after the model too */
     void (*initialize)(void *model, double t);
     void (*step)(void *model, double t, double h);
+    /* of a system as one model (fused.h), else NULL and 0: */
+    double (*macro_step)(const void *model); /* s; communication steps are whole multiples of it */
+    const char *structure;  /* digest of how the parts are connected, for guid and states */
+    const Variable *judged; /* rows beyond the outputs whose rules every result must keep */
+    size_t judged_count;
 } ModelInterface;
 
 #ifndef FMU_MODEL_SYMBOL /* several models in one program: -DFMU_MODEL_SYMBOL=target_model */
@@ -150,9 +156,9 @@ typedef struct {
 extern const ModelInterface FMU_MODEL_SYMBOL;
 
 #define FMU_MODEL_OF(identifier, description, first_outputs, scratch)        \
-    static void check_model(const void *model, Problems *problems)           \
+    static void check_model(void *model, Problems *problems)                 \
     {                                                                        \
-        check(&((const Model *)model)->p, problems);                         \
+        check(&((Model *)model)->p, problems);                               \
     }                                                                        \
     static void initialize_model(void *model, double t)                      \
     {                                                                        \
@@ -175,7 +181,11 @@ extern const ModelInterface FMU_MODEL_SYMBOL;
                                              COUNT(variables),               \
                                              check_model,                    \
                                              initialize_model,               \
-                                             step_model}
+                                             step_model,                     \
+                                             NULL,                           \
+                                             NULL,                           \
+                                             NULL,                           \
+                                             0}
 
 #define FMU_MODEL(identifier, description) \
     FMU_MODEL_OF(identifier, description, initialize(&m->p, &m->u, &m->x, &m->y, t), 0)

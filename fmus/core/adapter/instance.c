@@ -12,17 +12,12 @@ static const char *category_name(unsigned category)
     return log_categories[category == LOG_ERRORS ? 0 : category == LOG_WARNINGS ? 1 : 2];
 }
 
-/* The callback reads its last argument as a printf format, so a percent sign must not reach it. */
-static void hand_over(const Instance *instance, fmi2Status status, unsigned category, char *line)
+static void hand_over(const Instance *instance, Status status, unsigned category, char *line)
 {
-    for (char *c = line; *c; c++)
-        if (*c == '%') *c = ' ';
-    instance->call.logger(instance->call.componentEnvironment, instance->name ? instance->name : "",
-                          status, category_name(category), line);
+    instance->call.hand_over(instance, status, category_name(category), line);
 }
 
-RARE void log_message(const Instance *instance, fmi2Status status, unsigned category,
-                      const char *text)
+RARE void log_message(const Instance *instance, Status status, unsigned category, const char *text)
 {
     char line[LINE_SIZE];
     if (!instance->call.logger || (category != LOG_ERRORS && !(instance->categories & category)))
@@ -31,13 +26,13 @@ RARE void log_message(const Instance *instance, fmi2Status status, unsigned cate
     hand_over(instance, status, category, line);
 }
 
-RARE fmi2Status failure(const Instance *instance, const char *function, const char *text)
+RARE bool refuse_call(const Instance *instance, const char *function, const char *text)
 {
     char line[LINE_SIZE];
-    if (!instance || !instance->call.logger) return fmi2Error;
+    if (!instance || !instance->call.logger) return false;
     snprintf(line, sizeof line, "%s: %s", function, text);
-    hand_over(instance, fmi2Error, LOG_ERRORS, line);
-    return fmi2Error;
+    hand_over(instance, STATUS_ERROR, LOG_ERRORS, line);
+    return false;
 }
 
 static const char *phase_name(Phase phase)
@@ -56,26 +51,25 @@ bool refuse_phase(const Instance *instance, const char *function)
     char text[120];
     if (!instance) return false;
     snprintf(text, sizeof text, "not allowed in the state '%s'", phase_name(instance->now.phase));
-    failure(instance, function, text);
-    return false;
+    return refuse_call(instance, function, text);
 }
 
 void *allocate(const Instance *instance, size_t bytes)
 {
-    bool own = !instance->call.allocateMemory || !instance->call.freeMemory;
-    return own ? calloc(1, bytes) : instance->call.allocateMemory(1, bytes);
+    bool own = !instance->call.allocate || !instance->call.release;
+    return own ? calloc(1, bytes) : instance->call.allocate(1, bytes);
 }
 
 void release(const Instance *instance, void *memory)
 {
-    bool own = !instance->call.allocateMemory || !instance->call.freeMemory;
+    bool own = !instance->call.allocate || !instance->call.release;
     if (!memory) return;
     if (own) free(memory);
-    else instance->call.freeMemory(memory);
+    else instance->call.release(memory);
 }
 
 /* every parameter against the rule of its row, then the rules of the model itself */
-static void check_parameters(const void *model, Problems *problems)
+static void check_parameters(void *model, Problems *problems)
 {
     char name[NAME_SIZE];
     for (size_t i = 0; i < fmu_model.variable_count; i++)
@@ -91,18 +85,26 @@ static void check_parameters(const void *model, Problems *problems)
 
 enum { FINDING_SIZE = NAME_SIZE + 400 }; /* a name, a value, a rule and the text of the row */
 
+/* outputs, and what is judged beside them */
+static const Variable *judged_row(size_t i) /* NULL: i is past the last one */
+{
+    const size_t beyond = i - fmu_model.variable_count;
+    if (i < fmu_model.variable_count) return &fmu_model.variables[i];
+    return beyond < fmu_model.judged_count ? &fmu_model.judged[beyond] : NULL;
+}
+
 static const char *first_broken_output(const void *model, char text[FINDING_SIZE])
 {
     char name[NAME_SIZE];
-    for (size_t i = 0; i < fmu_model.variable_count; i++)
-        for (size_t k = 0; k < fmu_model.variables[i].size; k++) {
-            Scalar s = {&fmu_model.variables[i], k};
+    const Variable *row;
+    for (size_t i = 0; (row = judged_row(i)); i++)
+        for (size_t k = 0; k < row->size && row->causality == OUTPUT_ROW; k++) {
+            Scalar s = {row, k};
             double value = value_of(model, s);
-            const char *rule =
-                s.row->causality == OUTPUT_ROW ? broken_rule(s.row->rule, value) : NULL;
+            const char *rule = broken_rule(row->rule, value);
             if (!rule) continue;
             snprintf(text, FINDING_SIZE, "%s = %.9g: %s (%s)", element_name(name, s),
-                     readable(value), rule, s.row->text);
+                     readable(value), rule, row->text);
             return text;
         }
     return NULL;
@@ -110,8 +112,8 @@ static const char *first_broken_output(const void *model, char text[FINDING_SIZE
 
 static void list_outputs(Instance *instance, bool alarms)
 {
-    for (size_t i = 0; i < fmu_model.variable_count; i++) {
-        const Variable *v = &fmu_model.variables[i];
+    const Variable *v;
+    for (size_t i = 0; (v = judged_row(i)); i++) {
         if (v->causality != OUTPUT_ROW || v->rule == ANY_VALUE) continue;
         for (size_t k = 0; k < v->size && (v->rule == ALARM_VALUE) == alarms; k++)
             add_to_runs(instance->guarded, &instance->guarded_count, (Scalar){v, k}, v->rule);
@@ -141,8 +143,7 @@ RARE static bool refuse_result(const Instance *instance, const char *function, c
     const char *what = first_broken_output(model, broken);
     snprintf(text, sizeof text, "result at t = %.9g s refused: %s", t,
              what ? what : "an internal state is not finite");
-    failure(instance, function, text);
-    return false;
+    return refuse_call(instance, function, text);
 }
 
 static bool result_is_good(const Instance *instance, const char *function, const void *model,
@@ -154,13 +155,11 @@ static bool result_is_good(const Instance *instance, const char *function, const
     return refuse_result(instance, function, model, t);
 }
 
-RARE static bool parameters_are_good(const Instance *instance, const char *function,
-                                     const void *model)
+RARE static bool parameters_are_good(const Instance *instance, const char *function, void *model)
 {
-    Problems problems = {{0}, 0};
+    Problems problems = {{0}, 0, ""};
     check_parameters(model, &problems);
-    if (problems.count) failure(instance, function, problems.text);
-    return problems.count == 0;
+    return problems.count == 0 || refuse_call(instance, function, problems.text);
 }
 
 bool initialize_checked(const Instance *instance, const char *function, void *model)
@@ -191,7 +190,7 @@ RARE static void report_alarm(const Instance *instance, Scalar s, double t)
 {
     char name[NAME_SIZE], text[FINDING_SIZE];
     snprintf(text, sizeof text, "t = %.9g s: %s (%s)", t, element_name(name, s), s.row->text);
-    log_message(instance, fmi2Warning, LOG_WARNINGS, text);
+    log_message(instance, STATUS_WARNING, LOG_WARNINGS, text);
 }
 
 void report_alarms(const Instance *instance, double t)

@@ -1,5 +1,7 @@
 /* instance.h - one instance of an FMU: the model, its last good state, progress, callbacks, log.
  *
+ * It knows no version of FMI: each has its files (fmi2*.c) over this one, life.h and state.h.
+ *
  * States and outputs are kept before a step and put back if one of its results is refused, so an
  * error leaves the last good state in place; parameters and inputs are constant in a step. There
  * are no globals: instances do not know of each other. */
@@ -7,7 +9,6 @@
 #ifndef INSTANCE_H
 #define INSTANCE_H
 
-#include "fmi2Functions.h"
 #include "known_calls.h"
 
 #include <stdbool.h>
@@ -22,17 +23,29 @@ typedef enum {
 } Phase; /* bits of masks */
 enum { ANY_PHASE = INSTANTIATED | INITIALIZING | STEPPING | TERMINATED | FAILED };
 enum { LOG_ERRORS = 1, LOG_WARNINGS = 2, LOG_EVENTS = 4 };
+typedef enum { STATUS_OK, STATUS_WARNING, STATUS_DISCARD, STATUS_ERROR } Status; /* FMI's numbers */
 
 typedef struct {
     Phase phase;
-    fmi2Boolean stale; /* outputs not yet evaluated for the values set in initialization mode */
+    int stale; /* outputs not yet evaluated for the values set in initialization mode */
     double start, time, stop,
         step;    /* s; stop: infinite if undefined; step: the last one, 0 before the first */
     double grid; /* s; internal steps and samples are no closer than this, 0 if there are none */
 } Progress;
 
+typedef struct Instance Instance;
+
+/* what the environment offers; hand_over: how a version of FMI brings a finished line to its logger */
 typedef struct {
-    fmi2CallbackFunctions call;
+    void (*hand_over)(const Instance *instance, Status status, const char *category, char *line);
+    void (*logger)(void); /* in the type of that version; NULL: nobody listens */
+    void *environment;
+    void *(*allocate)(size_t count, size_t size);
+    void (*release)(void *memory); /* both or none: calloc and free then */
+} Callbacks;
+
+struct Instance {
+    Callbacks call;
     char *name;
     unsigned categories; /* log categories switched on */
     Progress now;
@@ -41,7 +54,7 @@ typedef struct {
     Run *guarded;                      /* outputs with a rule beyond being finite */
     size_t guarded_count, alarm_count; /* alarms are the first of them */
     KnownCalls written, read;
-} Instance;
+};
 
 /* with text buffers that are to be no part of the stack of a step that goes well */
 #if defined __GNUC__
@@ -52,9 +65,9 @@ typedef struct {
 
 extern const char *const log_categories[3];
 
-void log_message(const Instance *instance, fmi2Status status, unsigned category, const char *text);
-fmi2Status failure(const Instance *instance, const char *function,
-                   const char *text);                              /* logs, returns fmi2Error */
+void log_message(const Instance *instance, Status status, unsigned category, const char *text);
+bool refuse_call(const Instance *instance, const char *function,
+                 const char *text);                                /* logs, returns false */
 bool refuse_phase(const Instance *instance, const char *function); /* logs, returns false */
 void *allocate(const Instance *instance, size_t bytes);
 void release(const Instance *instance, void *memory);
@@ -64,7 +77,7 @@ void release(const Instance *instance, void *memory);
 bool initialize_checked(const Instance *instance, const char *function, void *model);
 bool step_checked(const Instance *instance, const char *function, void *model, double t, double h);
 
-/* fill in the outputs with a rule, at most fmu_model.variable_count runs */
+/* fill in the outputs with a rule, at most variable_count + judged_count runs of fmu_model */
 void list_guarded(Instance *instance);
 
 /* warn of every alarm that has risen since the last good state */

@@ -113,6 +113,7 @@ static inline uint64_t fold_text(uint64_t hash, const char *text)
 static inline uint64_t fingerprint(const ModelInterface *m, uint64_t hash)
 {
     hash = fold_text(hash, m->name);
+    if (m->structure) hash = fold_text(hash, m->structure);
     for (size_t i = 0; i < m->variable_count; i++) {
         const Variable *v = &m->variables[i];
         unsigned char shape[] = {(unsigned char)v->causality, (unsigned char)v->size,

@@ -10,7 +10,7 @@
 
 #include "interface.h"
 
-enum { KNOWN_CALLS = 2, LONGEST_CALL = 128, MOST_RUNS = 32 };
+enum { KNOWN_CALLS = 2, LONGEST_CALL = 1024, MOST_RUNS = 64 };
 
 typedef struct {
     size_t first, count; /* doubles of the model */

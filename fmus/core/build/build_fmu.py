@@ -18,7 +18,8 @@ import fmpy
 
 CORE = Path(__file__).resolve().parents[1]
 LICENSE = CORE.parents[1] / "LICENSE"
-ADAPTER = [CORE / f"adapter/{part}.c" for part in ("fmi2", "fmi2_state", "fmi2_unused", "instance")]
+PARTS = ("fmi2", "fmi2_state", "fmi2_unused", "instance", "state")
+ADAPTER = [CORE / f"adapter/{part}.c" for part in PARTS]
 HEADERS = [CORE / room for room in ("adapter", "maths", "models", "ports", "physics")]
 SAME_BITS = ("-std=c99", "-ffp-contract=off", "-fno-tree-slp-vectorize", "-fno-math-errno")
 """The same bits everywhere: gcc 12 forms vfmaddsub in vectors of straight code in spite of the

@@ -10,6 +10,10 @@
 
 #include <stdlib.h>
 
+#ifndef EXPERIMENT /* of a whole system */
+#define EXPERIMENT "startTime=\"0\" stopTime=\"100\" stepSize=\"0.1\""
+#endif
+
 static int faults = 0;
 
 static void fault(const char *name, const char *what)
@@ -210,11 +214,11 @@ static void print_header(const char *version, const char *date, int sources, cha
            "generationDateAndTime=\"%s\" "
            "variableNamingConvention=\"structured\">\n",
            version, version, date);
-    printf("  <CoSimulation modelIdentifier=\"%s\" canHandleVariableCommunicationStepSize=\"true\" "
+    printf("  <CoSimulation modelIdentifier=\"%s\" canHandleVariableCommunicationStepSize=\"%s\" "
            "canGetAndSetFMUstate=\"true\" "
            "canSerializeFMUstate=\"true\" providesDirectionalDerivative=\"true\">\n    "
            "<SourceFiles>\n",
-           fmu_model.name);
+           fmu_model.name, fmu_model.macro_step ? "false" : "true");
     for (int i = 0; i < sources; i++) printf("      <File name=\"%s\"/>\n", source[i]);
     printf("    </SourceFiles>\n  </CoSimulation>\n");
 }
@@ -230,7 +234,7 @@ static void print_description(const char *version, const char *date, int sources
         "    <Category name=\"logStatusWarning\" description=\"questionable calls\"/>\n"
         "    <Category name=\"logEvents\" description=\"life cycle of the instance\"/>\n  "
         "</LogCategories>\n");
-    printf("  <DefaultExperiment startTime=\"0\" stopTime=\"100\" stepSize=\"0.1\"/>\n");
+    printf("  <DefaultExperiment " EXPERIMENT "/>\n");
     print_variables(model);
     printf("  <ModelStructure>\n");
     print_unknowns("Outputs", " dependencies=\"\"");
@@ -268,7 +272,7 @@ static void check_values(const void *model)
 
 static void *initialized_model(void)
 {
-    Problems problems = {{0}, 0};
+    Problems problems = {{0}, 0, ""};
     void *model = calloc(1, memory_of(&fmu_model));
     if (!model) exit(1);
     memcpy(model, fmu_model.start, fmu_model.size);

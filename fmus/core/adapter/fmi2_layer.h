@@ -1,0 +1,15 @@
+/* fmi2_layer.h - what the files of FMI 2.0 share: its functions, and a refused call in its terms. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef FMI2_LAYER_H
+#define FMI2_LAYER_H
+
+#include "fmi2Functions.h"
+#include "instance.h"
+
+static inline fmi2Status failure(const Instance *instance, const char *function, const char *text)
+{
+    refuse_call(instance, function, text);
+    return fmi2Error;
+}
+
+#endif

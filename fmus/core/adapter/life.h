@@ -1,0 +1,168 @@
+/* life.h - the life of an instance, whatever the version of FMI: made, initialised, stepped, freed. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef LIFE_H
+#define LIFE_H
+
+#include "finite.h"
+#include "instance.h"
+#include "time_grid.h"
+
+/* s; a longer communication step is taken for a mistake of the master */
+enum { LONGEST_STEP = 100000 };
+
+static inline void make_new(Instance *instance)
+{
+    memcpy(instance->model, fmu_model.start, fmu_model.size);
+    instance->now = (Progress){.phase = INSTANTIATED, .stale = true, .stop = INFINITY};
+}
+
+static inline void free_instance(Instance *instance)
+{
+    if (!instance) return;
+    release(instance, instance->name);
+    release(instance, instance->model);
+    release(instance, instance->good);
+    release(instance, instance->guarded);
+    release(instance, instance);
+}
+
+/* with the name, callbacks and log categories of the caller; NULL: out of memory */
+static inline Instance *new_instance(const Instance *caller)
+{
+    size_t name_size = strlen(caller->name) + 1;
+    size_t rows = fmu_model.variable_count + fmu_model.judged_count;
+    Instance *instance = allocate(caller, sizeof *instance);
+    if (!instance) return NULL;
+    *instance = *caller;
+    instance->name = allocate(caller, name_size);
+    instance->model = allocate(caller, memory_of(&fmu_model));
+    instance->good = allocate(caller, tail_size());
+    instance->guarded = allocate(caller, rows * sizeof *instance->guarded);
+    if (!instance->name || !instance->model || !instance->good || !instance->guarded) {
+        free_instance(instance);
+        return NULL;
+    }
+    list_guarded(instance);
+    memcpy(instance->name, caller->name, name_size);
+    make_new(instance);
+    return instance;
+}
+
+static inline const char *why_no_span(double start, bool stop_defined, double stop)
+{
+    if (!isfinite(start)) return "the start time must be finite";
+    return stop_defined && !(stop > start) ? "the stop time must be after the start time" : NULL;
+}
+
+static inline void set_span(Instance *instance, double start, bool stop_defined, double stop)
+{
+    instance->now.start = instance->now.time = start;
+    instance->now.stop = stop_defined ? stop : INFINITY;
+}
+
+/* outputs for the values set so far; evaluated when they are read, so that masters can propagate
+ * start values */
+static inline bool refresh(Instance *instance, const char *function)
+{
+    if (!instance->now.stale) return true;
+    keep_good(instance);
+    if (!initialize_checked(instance, function, instance->model)) return put_back(instance), false;
+    instance->now.stale = false;
+    return true;
+}
+
+/* the shortest internal step or sample period; 0: there is none */
+static inline double finest_grid(const void *model)
+{
+    double finest = INFINITY;
+    for (size_t i = 0; i < fmu_model.variable_count; i++) {
+        const Variable *v = &fmu_model.variables[i];
+        double value = value_of(model, (Scalar){v, 0});
+        if (v->kind == GRID_ROW && value > 0) finest = smaller(finest, value);
+    }
+    return isfinite(finest) ? finest : 0;
+}
+
+/* false: the parameters or the first outputs are refused */
+static inline bool leave_initialization(Instance *instance, const char *function)
+{
+    if (!refresh(instance, function)) return false;
+    instance->now.grid = finest_grid(instance->model);
+    instance->now.phase = STEPPING;
+    memcpy(instance->good, tail_const(fmu_model.start), tail_size()); /* no alarm stood before */
+    report_alarms(instance, instance->now.start);
+    log_message(instance, STATUS_OK, LOG_EVENTS, "initialized");
+    return true;
+}
+
+/* ---- step ---- */
+static inline bool too_late(const Progress *now, double t)
+{
+    return now->grid > 0 && fabs(t) / now->grid > most_grid_steps;
+}
+
+static inline const char *why_no_step(const Progress *now, double t, double h)
+{
+    if (!isfinite(t) || !isfinite(h)) return "time and step size must be finite";
+    if (h <= 0) return "the step size must be > 0";
+    if (h > LONGEST_STEP) return "the step size must be <= 100000 s";
+    if (too_many_substeps(now, h))
+        return "the step would take more than 1e7 internal steps (max_step, sample_period, T0)";
+    if (t + h == t) return "the step is lost in the rounding of the time";
+    if (too_late(now, t + h))
+        return "the time is beyond 2^53 internal steps or samples (max_step, sample_period, T0), "
+               "which cannot be counted";
+    if (fabs(t - now->time) > time_tolerance(now->time, 1e-2 * h))
+        return "the communication point is not the end of the last step";
+    if (t + h > now->stop + time_tolerance(now->stop, 1e-2 * h))
+        return "the step goes beyond the stop time";
+    return NULL;
+}
+
+/* one step of the model; false: it has failed, which ends the run */
+static inline bool take_step(Instance *instance, const char *function, double t, double h)
+{
+    keep_good(instance);
+    if (!step_checked(instance, function, instance->model, instance->now.time, h)) {
+        put_back(instance);
+        instance->now.phase = FAILED;
+        return false;
+    }
+    report_alarms(instance, instance->now.time + h);
+    instance->now.time = t + h;
+    instance->now.step = h;
+    return true;
+}
+
+/* the same in whole macro steps */
+static inline bool take_macro_steps(Instance *instance, const char *function, double t, double h)
+{
+    const double macro = fmu_model.macro_step(instance->model), steps = nearest_whole(h / macro);
+    if (steps == 1) return take_step(instance, function, t, h);
+    for (double k = 0; k < steps; k++)
+        if (!take_step(instance, function, t + k * macro, macro)) return false;
+    return true;
+}
+
+static inline const char *why_not_whole(const void *model, double h)
+{
+    const double macro = fmu_model.macro_step(model), steps = nearest_whole(h / macro);
+    bool whole = steps >= 1 && fabs(h - steps * macro) <= time_tolerance(0, 1e-2 * macro);
+    return whole ? NULL : "the step size must be a whole multiple of macro_step";
+}
+
+/* from the present time to t + h; false: the step is refused, or has failed, which ends the run */
+static inline bool advance(Instance *instance, const char *function, double t, double h)
+{
+    char text[240];
+    const char *rule = why_no_step(&instance->now, t, h);
+    if (!rule && fmu_model.macro_step) rule = why_not_whole(instance->model, h);
+    if (rule) {
+        snprintf(text, sizeof text, "t = %.17g s, step = %.17g s, expected t = %.17g s: %s",
+                 readable(t), readable(h), readable(instance->now.time), rule);
+        return refuse_call(instance, function, text);
+    }
+    return (fmu_model.macro_step ? take_macro_steps : take_step)(instance, function, t, h);
+}
+
+#endif

@@ -1,0 +1,31 @@
+/* state.h - states of an instance (plain copies of the model) and directional derivatives (differences
+ * on copies), whatever the version of FMI. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef STATE_H
+#define STATE_H
+
+#include "instance.h"
+
+size_t snapshot_size(void); /* bytes, in memory and serialized */
+
+/* into *state, which is made if it is NULL; false: out of memory */
+bool take_snapshot(const Instance *instance, void **state);
+void restore_snapshot(Instance *instance, const void *state);
+
+void write_snapshot(const void *state, void *bytes);
+
+/* a new state of bytes that have been written before, in place of *state; NULL, or why not */
+const char *read_snapshot(const Instance *instance, const void *bytes, size_t size, void **state);
+
+typedef struct {
+    const char *function; /* of FMI, for messages */
+    const unsigned *unknown, *known;
+    size_t unknowns, knowns;
+    const double *seed;
+} Direction;
+
+/* sensitivity of the unknowns to the knowns along the seed; false, with a message, if there is
+ * none */
+bool derive(const Instance *instance, const Direction *d, double sensitivity[]);
+
+#endif
