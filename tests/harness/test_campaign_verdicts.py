@@ -170,8 +170,8 @@ def test_a_condition_on_what_was_not_exercised_is_not_met(system, tmp_path, caps
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("sucess >= 99 %", "there is no such metric or variable: sucess (close: success)"),
-        ("met(smal) >= 99 %", "no requirement smal (close: small)"),
+        ("xsuccess >= 99 %", "there is no such metric or variable: xsuccess (close: success)"),
+        ("met(smallx) >= 99 %", "no requirement smallx (close: small)"),
         ("success", "is no condition, as `success >= 99 %` is one"),
         ("success >= 99 m", "m"),
         ("twice.y >= 3", "twice.y varies within a run"),
