@@ -67,7 +67,7 @@ def run(  # noqa: PLR0913 - every one is an option of the command line
     second, late: what a component elsewhere does that does not keep this pace, wait, hold or stop
     (docs/processors.md); changes: what shall be otherwise than the system says, see
     harness.master.changes.Changes (params, set, swap, map, on, latency, step, stop, algorithm,
-    require).
+    epoch, require).
 
     Raises UsageError, ArchiveError, StructureError, FmuError, or RunError, whose `partial` is what
     was recorded so far.

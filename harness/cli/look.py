@@ -234,8 +234,9 @@ def convert_command(
         typer.Option(metavar="COMPONENT", help="component (default: the first body)"),
     ] = None,
     epoch: Annotated[
-        str, typer.Option(metavar="DATE", help="UTC of t = 0")
-    ] = "2000-01-01T12:00:00",
+        str | None,
+        typer.Option(metavar="DATE", help="UTC of t = 0 (default: of the run, or J2000)"),
+    ] = None,
 ) -> None:
     """Write a result into a file of another kind.
 

@@ -56,7 +56,7 @@ StartOption = Annotated[
     typer.Option(metavar="C=FILE", help="start of a body: OEM of CCSDS or two-line elements"),
 ]
 EpochOption = Annotated[
-    str | None, typer.Option(metavar="DATE", help="UTC at which --start takes its files")
+    str | None, typer.Option(metavar="DATE", help="UTC of t = 0: for --start, the Sun, the result")
 ]
 InProcessOption = Annotated[
     bool, typer.Option("--in-process", help="foreign FMUs in this process too, for debugging")
@@ -126,22 +126,21 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
 def _started(
     system: str | None, start: list[str] | None, epoch: str | None, changes: Any
 ) -> dict[str, Any]:
-    """The changes with start values from files below those of --set."""
-    if not start:
-        if epoch is not None:
-            raise UsageError("--epoch: there are no files of --start")
+    """The changes with the epoch, and start values from files below those of --set."""
+    if not start and epoch is None:
         return dict(changes)
     from harness.exchange.start import start_values
     from harness.master.changes import pairs
     from harness.ssp.library import load
 
     if system is None:
-        raise UsageError("--start: SYSTEM is missing")
+        raise UsageError(f"--{'start' if start else 'epoch'}: SYSTEM is missing")
     with load(system) as found:
-        begun = start_values(found, dict(pairs("--start", start)), epoch, **changes)
+        begun = start_values(found, dict(pairs("--start", start or ())), epoch, **changes)
     for note in begun.notes:
         typer.echo(printable(f"note: {note}"))
-    return {**changes, "set": {**begun.values, **dict(pairs("--set", changes.get("set", ())))}}
+    given = {**begun.values, **dict(pairs("--set", changes.get("set", ())))}
+    return {**changes, "set": given, "epoch": begun.epoch}
 
 
 def _wanted(system: str | None, like: str | None, changes: Any) -> Any:

@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import ResultsError, UsageError
-from harness.exchange.instants import after, epoch_of
 from harness.mission.conventions import Bodies
 from harness.mission.library import everything, of_result
 from harness.results.result import Result
 from harness.spelling import did_you_mean
+from harness.system.instants import after, epoch_of
 
 Array = NDArray[np.float64]
 
 EPOCH = "2000-01-01T12:00:00"
-"""Instant of t = 0, unless the user names another: J2000."""
+"""Instant of t = 0 of a run without a date, unless the user names one: J2000."""
 EARTH_RADIUS = 6.3e6
 """Least distance of an orbit about the Earth from N [m]."""
 

@@ -23,7 +23,7 @@ from harness.results.result import Result
 Array = NDArray[np.float64]
 
 ORIGINATOR = "SERVICING-FMUS"
-ASSUMED = "N of the simulation is taken as EME2000, its t = 0 as the epoch given or J2000"
+ASSUMED = "N of the simulation is taken as EME2000; t = 0 is the epoch of the run, or J2000"
 
 
 def write_oem(result: Result, path: Path, body: str | None, epoch: str) -> None:
@@ -83,8 +83,12 @@ def _rows(result: Result, epoch: str, data: Array) -> Iterator[str]:
 
 
 def _texts(times: NDArray[np.datetime64]) -> list[str]:
-    """Instants to the microsecond where that says it all, as every reader takes them."""
-    return [str(text) for text in np.datetime_as_string(times.astype("datetime64[us]"))]
+    """Instants to the microsecond where that says it all, as every reader takes them, else to the
+    nanosecond: a microsecond is 8 mm of an orbit.
+    """
+    short = times.astype("datetime64[us]")
+    exact = bool((short == times).all())
+    return [str(text) for text in np.datetime_as_string(short if exact else times)]
 
 
 def _write(

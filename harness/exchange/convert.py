@@ -20,12 +20,13 @@ EXPORTS: Mapping[str, Export] = {".oem": write_oem, ".aem": write_aem, ".czml": 
 
 
 def convert(
-    source: str | Path, target: str | Path, body: str | None = None, epoch: str = EPOCH
+    source: str | Path, target: str | Path, body: str | None = None, epoch: str | None = None
 ) -> Path:
     """Write a result into another file by its ending; returns where it is.
 
     body: component whose ephemeris is wanted (default: the first, for CZML all); epoch: t = 0 in
-    UTC. Raises UsageError, ResultsError, HarnessError if a library is missing.
+    UTC (default: that of the run, else J2000). Raises UsageError, ResultsError, HarnessError if a
+    library is missing.
     """
     path = Path(target)
     if path.suffix not in (*WRITERS, *EXPORTS):
@@ -36,5 +37,6 @@ def convert(
     result = read(source)
     if path.suffix in WRITERS:
         return save(result, path)
-    EXPORTS[path.suffix](result, path, body, epoch)
+    own = result.provenance.epoch if result.provenance else ""
+    EXPORTS[path.suffix](result, path, body, epoch or own or EPOCH)
     return path

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.exchange.bodies import Body, bodies, instants
-from harness.exchange.instants import days_since_j2000
 from harness.files.libraries import library
 from harness.files.output import written
 from harness.results.result import Result
+from harness.system.instants import days_since_j2000
 
 Array = NDArray[np.float64]
 

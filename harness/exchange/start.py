@@ -15,24 +15,24 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, Unpack
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import UsageError
 from harness.exchange.czml import earth
-from harness.exchange.instants import J2000, days_since_j2000, epoch_of, moment
+from harness.exchange.sun import sun_direction
 from harness.exchange.two_line import problems
 from harness.files.libraries import library
 from harness.files.paths import contents
 from harness.files.temporary import PrivateFolder
-from harness.master.changes import Changes
 from harness.master.simulation import Simulation
 from harness.mission.conventions import Bodies
 from harness.mission.library import everything, mission
 from harness.results.result import Result
 from harness.spelling import did_you_mean
+from harness.system.instants import J2000, days_since_j2000, epoch_of, moment, written
 from harness.system.model import System
 
 Array = NDArray[np.float64]
@@ -63,40 +63,63 @@ class Source:
 
 @dataclass(frozen=True)
 class Start:
-    """Values of parameters by name, for `set` of run(), and what was assumed, one line each."""
+    """Values of parameters by name, for `set` of run(); what was assumed, one line each; the UTC of
+    t = 0, for `epoch`.
+    """
 
     values: Mapping[str, Any]
     notes: tuple[str, ...]
+    epoch: str
 
 
 def start_values(
     system: System,
     files: Mapping[str, str | Path],
     epoch: str | None = None,
-    **changes: Unpack[Changes],
+    **changes: Any,
 ) -> Start:
-    """Start values of components from files, for the system with these changes.
+    """Start values of components from files, for the system with these changes, see
+    harness.master.changes.Changes.
 
-    files: OEM or two-line elements by component; epoch: t = 0 in UTC (default: the first instant
-    that all files know). Raises UsageError (no such component, no such file, an epoch outside), and
-    HarnessError if a library of the extra `exchange` is missing.
+    files: OEM or two-line elements by component, may be none; epoch: t = 0 in UTC (default: that of
+    the system, else the first instant that all files know). What must know where the Sun is gets
+    its direction at that instant. Raises UsageError (no such component, no such file, an epoch
+    outside), and HarnessError if a library of the extra `exchange` is missing.
     """
     parameters = Simulation(system, **changes).parameters()
-    names = _names(system)
-    for component in files:
-        _check(component, system, parameters, names)
+    names = _names(system, needed=bool(files))
+    if names:
+        for component in files:
+            _check(component, system, parameters, names)
     sources = {component: _source(component, Path(file)) for component, file in files.items()}
-    instant = max(s.first for s in sources.values()) if epoch is None else epoch_of(epoch)
+    date = system.experiment.epoch if epoch is None else epoch
+    instant = epoch_of(date) if date or not files else max(s.first for s in sources.values())
     states = {component: _state(component, s, instant) for component, s in sources.items()}
-    states |= _beside(parameters, states, names)
+    values = _orbits(parameters, states, names) if names else {}
+    sun, told = _sun(parameters, names.sun if names else "", instant)
+    return Start(values | sun, (*_notes(sources, instant), *told), written(instant))
+
+
+def _orbits(parameters: Result, states: Mapping[str, State], names: Bodies) -> dict[str, Any]:
+    """Parameters that start bodies in these states, and beside them those that go along."""
     values: dict[str, Any] = {}
-    for component, state in states.items():
+    for component, state in {**states, **_beside(parameters, states, names)}.items():
         values |= {
             f"{component}.{names.semi_major_axis}": 0.0,  # then position and velocity count
             f"{component}.{names.start[0]}": state.r.tolist(),
             f"{component}.{names.start[1]}": state.v.tolist(),
         }
-    return Start(values, tuple(_notes(sources, instant)))
+    return values
+
+
+def _sun(parameters: Result, name: str, instant: np.datetime64) -> tuple[dict[str, Any], list[str]]:
+    """The direction to the Sun for all that must know it, and the line that says so."""
+    needing = [n for n in parameters.vectors if name and n.endswith(f".{name}")]
+    if not needing:
+        return {}, []
+    to_sun = sun_direction(np.array([instant]))[0].tolist()
+    shown = ", ".join(f"{x:.6f}" for x in to_sun)
+    return dict.fromkeys(needing, to_sun), [f"Sun at t = 0: {', '.join(needing)} = [{shown}]"]
 
 
 def _state(component: str, source: Source, instant: np.datetime64) -> State:
@@ -128,13 +151,15 @@ def _notes(sources: Mapping[str, Source], instant: np.datetime64) -> list[str]:
     return [f"t = 0 is {text} UTC", *axes]
 
 
-def _names(system: System) -> Bodies:
-    """The names of bodies in the mission of a system, else in any that is at hand."""
+def _names(system: System, needed: bool) -> Bodies | None:
+    """The names of bodies in the mission of a system, else in any that is at hand; UsageError if
+    they are needed and nobody has any.
+    """
     own = mission(system.mission) if system.mission else None
     found = (own.bodies if own else ()) or everything().bodies
-    if not found:
+    if needed and not found:
         raise UsageError(f"--start: no mission says how the bodies of {system.name} start")
-    return found[0]
+    return found[0] if found else None
 
 
 def _check(component: str, system: System, parameters: Result, names: Bodies) -> None:

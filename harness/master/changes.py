@@ -21,6 +21,7 @@ from harness.results.requirements import refused
 from harness.spelling import did_you_mean
 from harness.ssp.parameters import read_ssv
 from harness.system.graph import read_interfaces
+from harness.system.instants import epoch_of, written
 from harness.system.interface import read_interface
 from harness.system.mapping import has_port
 from harness.system.model import DEFAULT_SET, Origin, Port, Swap, System
@@ -46,6 +47,7 @@ class Changes(TypedDict, total=False):
     step: float | None
     stop: float | None
     algorithm: str | None
+    epoch: str | None
     require: Sequence[str] | Mapping[str, str]
 
 
@@ -61,6 +63,7 @@ def apply(  # noqa: PLR0913 - every one is an option of the command line
     step: float | None = None,
     stop: float | None = None,
     algorithm: str | None = None,
+    epoch: str | None = None,
     require: Sequence[str] | Mapping[str, str] = (),
 ) -> System:
     """Return the system with everything the user wants otherwise; the arguments are those of run().
@@ -81,7 +84,8 @@ def apply(  # noqa: PLR0913 - every one is an option of the command line
         system = _delayed(system, component, steps)
     if on:
         system = move(system, _places(system, on))
-    given = {"step": step, "stop": stop, "algorithm": algorithm}
+    date = None if epoch is None else written(epoch_of(epoch))
+    given = {"step": step, "stop": stop, "algorithm": algorithm, "epoch": date}
     changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     return replace(
         _required(system, require),

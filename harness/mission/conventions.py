@@ -19,7 +19,8 @@ class Bodies(NamedTuple):
     position [m], velocity [m/s], attitude: relative to an inertial frame; components: those that
     are bodies, in their order; start: position [m] and velocity [m/s]; semi_major_axis: 0 where
     these two count; field: of gravity [m3/s2]; beside: position and velocity relative to another
-    body in its Hill frame.
+    body in its Hill frame; sun: parameter of whatever must know where the Sun is, a unit vector
+    in the inertial frame ("": nothing does).
     """
 
     position: str
@@ -30,6 +31,7 @@ class Bodies(NamedTuple):
     semi_major_axis: str
     field: str
     beside: tuple[str, str]
+    sun: str = ""
 
     def found(self, result: Result) -> dict[str, str]:
         """Letters of the components that have a position, in the order of the result."""

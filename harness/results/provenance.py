@@ -45,10 +45,10 @@ class Provenance:
     as the user gave it; sha256: of the .ssp ("": the system was made in Python); params: named set
     or file, params_sha256: of the file; set: (`component.variable`, value) as given, text or value;
     swaps: other FMUs; on: (component, place) on other processors; maps: (their port, our name);
-    latency: (component, macro steps) as given; algorithm, step [s], stop [s], schedule, executor,
-    every: as run; timing: how well the pace of a clock was kept ("": there was none); requirements:
-    (name, text); command: command line (None: from Python); date: when the result was taken, UTC;
-    platform: of the host.
+    latency: (component, macro steps) as given; algorithm, step [s], stop [s], epoch (UTC of t
+    = 0, "": none), schedule, executor, every: as run; timing: how well the pace of a clock was kept
+    ("": there was none); requirements: (name, text); command: command line (None: from Python);
+    date: when the result was taken, UTC; platform: of the host.
     """
 
     version: str = ""
@@ -66,6 +66,7 @@ class Provenance:
     algorithm: str = ""
     step: float | None = None
     stop: float | None = None
+    epoch: str = ""
     schedule: tuple[Slot, ...] = ()
     requirements: tuple[tuple[str, str], ...] = ()
     executor: str = ""
@@ -87,8 +88,14 @@ class Provenance:
             "step": self.step,
             "stop": self.stop,
             "algorithm": self.algorithm or None,
+            "epoch": self.epoch or None,
         }
         return {name: value for name, value in changes.items() if value not in (None, {})}
+
+    @property
+    def time_units(self) -> str:
+        """CF units of the time: with the date of t = 0 if there is one."""
+        return f"seconds since {self.epoch}" if self.epoch else "s"
 
     def lines(self) -> list[str]:
         """What was flown, for reading: one fact per line."""
@@ -114,6 +121,7 @@ def flown(system: System, executor: str, every: int, timing: str = "") -> Proven
         algorithm=experiment.algorithm,
         step=experiment.step,
         stop=experiment.stop,
+        epoch=experiment.epoch,
         schedule=tuple(Slot(c.name, c.fmu.stem, c.every, c.latency) for c in system.components),
         requirements=tuple(system.requirements.items()),
         executor=executor,
@@ -251,6 +259,8 @@ def _lines(p: Provenance) -> Iterator[str]:
         yield "nothing changed"
     thinned = f", every {p.every} steps recorded" if p.every > 1 else ""
     yield f"stop {_g(p.stop)} s, macro step {_g(p.step)} s, {p.algorithm}{thinned}"
+    if p.epoch:
+        yield f"t = 0 is {p.epoch} UTC"
     if p.timing:
         yield f"paced: {p.timing}"
     yield f"harness {p.version}, {p.date}, {p.platform}"

@@ -73,6 +73,13 @@ _MEANT = {r"\\": "\\", r"\n": "\n"}
 _ESCAPED = re.compile(r"\\[\\n]")
 
 
+def time_labels(table: Table) -> dict[str, str]:
+    """CF attributes of the time."""
+    units = "s" if table.provenance is None else table.provenance.time_units
+    dated = {} if units == "s" else {"calendar": "proleptic_gregorian"}
+    return {"units": units, "long_name": "time", **dated}
+
+
 def attributes(table: Table) -> dict[str, Any]:
     """What is said of a whole result."""
     origin = {} if table.provenance is None else flat(table.provenance)

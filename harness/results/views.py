@@ -10,7 +10,7 @@ from collections.abc import Callable
 from html import escape
 from typing import Any, ClassVar
 
-from harness.results.variables import attributes, variables
+from harness.results.variables import attributes, time_labels, variables
 
 SHOWN = 400
 """Variables that a table in a notebook lists."""
@@ -61,8 +61,9 @@ class Views:
 
         content = {name: (axes, d[0], a) for name, axes, d, a in variables(self.parameters)}
         content |= {name: (("time", *axes), d, a) for name, axes, d, a in variables(self)}
-        time = ("time", self.time, {"units": "s", "long_name": "time"})
-        return xarray.Dataset(content, coords={"time": time}, attrs=attributes(self))
+        time = ("time", self.time, time_labels(self))
+        found = xarray.Dataset(content, coords={"time": time}, attrs=attributes(self))
+        return xarray.decode_cf(found)
 
     def to_dataframe(self) -> Any:
         """The result as a pandas.DataFrame: a column per scalar, time [s] as index; `attrs` holds

@@ -15,6 +15,7 @@ import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from harness.results import requirements
 from harness.spelling import did_you_mean
 from harness.ssp.writer import write_ssp
 from harness.system import graph, problems
+from harness.system.instants import moment, written
 from harness.system.interface import Interface
 from harness.system.model import Alternative, Component, Experiment, ParameterSet, Port, System
 from harness.system.schedule import macro_steps
@@ -47,7 +49,7 @@ KEYS = {
         "alternatives",
         "requirements",
     ),
-    "experiment": ("start", "stop", "step", "algorithm", "every"),
+    "experiment": ("start", "stop", "step", "algorithm", "every", "epoch"),
     "schedule": ("every", "latency"),
     "set": ("description", "experiment"),
     "set experiment": ("stop", "step"),
@@ -210,7 +212,20 @@ class _Builder:
         if every is not None and (every < 1 or every != round(every)):
             self.problems.append(f"[experiment] every: {every:g} is not a whole number from 1 on")
         algorithm = str(table.get("algorithm", "gauss-seidel"))
-        return Experiment(start or 0.0, stop, step, algorithm, round(every or 1))
+        return Experiment(
+            start or 0.0, stop, step, algorithm, round(every or 1), self._epoch(table)
+        )
+
+    def _epoch(self, table: Mapping[str, Any]) -> str:
+        """UTC of t = 0, a text or a date of TOML, which may have an offset."""
+        given = table.get("epoch", "")
+        if isinstance(given, datetime):
+            given = (given.astimezone(UTC) if given.tzinfo else given).isoformat().partition("+")[0]
+        try:
+            return written(moment(str(given))) if given else ""
+        except ValueError as error:
+            self.problems.append(f"[experiment] epoch: {given!r}: {error}")
+            return ""
 
     def _number(self, place: str, table: Mapping[str, Any], key: str) -> float | None:
         value = table.get(key)

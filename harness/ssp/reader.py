@@ -24,6 +24,7 @@ from harness.ssp.elements import ElementReader
 from harness.ssp.flatten import Flat
 from harness.ssp.parameters import read_ssv
 from harness.ssp.tree import Leaf
+from harness.system.instants import moment, written
 from harness.system.model import (
     Alternative,
     Component,
@@ -164,7 +165,17 @@ class _Reader:
             step=self._number(step, "baseStepSize"),
             algorithm="jacobi" if self.run is None else self.run.get("algorithm"),
             every=max(1, round(self._number(self.run, "every") or 1)),
+            epoch=self._epoch(),
         )
+
+    def _epoch(self) -> str:
+        """UTC of t = 0; what is no date says nothing and is a problem."""
+        text = "" if self.run is None else self.run.get("epoch", "")
+        try:
+            return written(moment(text)) if text else ""
+        except ValueError as error:
+            self.problems.append(f"epoch {text}: {error}")
+            return ""
 
     def _component(self, leaf: Leaf, flat: Flat, experiment: Experiment) -> Component:
         name = flat.names[leaf.place]

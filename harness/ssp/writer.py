@@ -284,6 +284,7 @@ class _Description:
             every=self.system.experiment.every if self.system.experiment.every > 1 else None,
             strict="true" if self.system.strict else "false",
             mission=self.system.mission or None,
+            epoch=self.system.experiment.epoch or None,
         )
         for c in self.system.components:
             child(run, "run:Component", name=c.name, every=c.every, latency=c.latency)

@@ -84,7 +84,8 @@ class Component:
 @dataclass(frozen=True)
 class Experiment:
     """Time span and macro step [s] of a run (None: the file does not say), the order of execution,
-    and that every N-th macro step is recorded unless told otherwise.
+    and that every N-th macro step is recorded unless told otherwise; epoch: UTC of t = 0 as
+    2026-01-31T12:00:00 ("": it has no date).
     """
 
     start: float = 0.0
@@ -92,6 +93,7 @@ class Experiment:
     step: float | None = None
     algorithm: str = "gauss-seidel"
     every: int = 1
+    epoch: str = ""
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ BODIES = Bodies(
     semi_major_axis="a",
     field="mu",
     beside=("rho_0_H", "drho_0_H"),
+    sun="sun_N",
 )
 CONTROLLER = Example(
     place="sync_approach.controller",

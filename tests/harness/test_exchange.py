@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 import scipy.io
+import xarray
 from astropy import units
 from astropy.coordinates import GCRS, TEME, CartesianDifferential, CartesianRepresentation
 from astropy.time import Time
@@ -26,10 +27,12 @@ from harness.errors import HarnessError, ResultsError, UsageError
 from harness.exchange.ccsds import write_oem
 from harness.exchange.convert import convert
 from harness.exchange.czml import ROWS, earth
-from harness.exchange.instants import days_since_j2000, epoch_of
 from harness.exchange.start import _source, start_values
+from harness.exchange.sun import AU, EARTH, SUN, shadow, sun_direction
+from harness.report.facts import head
 from harness.results.result import Result
 from harness.ssp.library import load
+from harness.system.instants import days_since_j2000, epoch_of
 
 EPOCH = "2026-03-01T06:00:00"
 ISS = (
@@ -499,7 +502,7 @@ def test_start_on_the_command_line(out, tmp_path, capsys):
     assert main(["run", "sync_approach", *start, "--epoch", "2026-03-01T06:00:05"]) == 0
     assert "note: t = 0 is 2026-03-01T06:00:05.000000 UTC" in capsys.readouterr().out
     assert ("target.a", 0.0) in read(again).provenance.set
-    assert main(["run", "sync_approach", "--epoch", EPOCH, "-o", str(again)]) == 2
+    assert read(again).provenance.epoch == "2026-03-01T06:00:05"
 
 
 def test_a_missing_library_names_its_extra(monkeypatch, result, tmp_path):
@@ -512,3 +515,139 @@ def test_a_missing_library_names_its_extra(monkeypatch, result, tmp_path):
     with pytest.raises(HarnessError, match=r"pyarrow: pip install 'servicing-fmus\[exchange\]'"):
         result.save(tmp_path / "x.parquet")
     assert erfa.__name__ == "erfa"
+
+
+# ---- the epoch belongs to the run
+
+
+def test_an_ephemeris_comes_back_with_its_dates_and_to_a_millimetre(out, tmp_path):
+    """OEM -> --start -> OEM: the same instants, and at each of them the same place of the orbit."""
+    first = convert(out, tmp_path / "first.oem", "target", "2026-03-01T06:00:00.123456")
+    start = ["--start", f"target={first}", "--stop", "30", "-o", str(tmp_path / "again.nc")]
+    assert main(["run", "sync_approach", *start]) == 0
+    again = convert(tmp_path / "again.nc", tmp_path / "again.oem", "target")
+    rows = [_ephemeris(path) for path in (first, again)]
+    count = min(map(len, rows))
+    assert count > 100
+    for (then, was), (now, found) in zip(rows[0][:count], rows[1][:count], strict=True):
+        assert now == then
+        assert np.abs(1e3 * (found[:3] - was[:3])).max() < 1e-3
+    assert "START_TIME = 2026-03-01T06:00:00.123456\n" in again.read_text()
+
+
+def _ephemeris(path):
+    lines = path.read_text().partition("META_STOP\n")[2].splitlines()
+    rows = [line.split() for line in lines]
+    return [(row[0], np.array(row[1:], dtype=float)) for row in rows]
+
+
+def test_two_line_elements_give_the_run_their_date(tmp_path, monkeypatch):
+    """The epoch of the elements, day 194.88612269 of 2020, counted by astropy."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "iss.tle").write_text(ISS)
+    command = ["run", "sync_approach", "--start", "target=iss.tle", "--stop", "1", "-o", "run.nc"]
+    assert main(command) == 0
+    assert main(["convert", "run.nc", "-o", "target.oem", "--body", "target"]) == 0
+    begin = re.search(r"START_TIME = (\S+)", (tmp_path / "target.oem").read_text())[1]
+    day = Time("2020-01-01T00:00:00", scale="utc") + 193.88612269 * units.day
+    assert abs((Time(begin, scale="utc") - day).to_value("s")) < 1e-5
+    assert main(["convert", "run.nc", "-o", "all.czml"]) == 0
+    packets = json.loads((tmp_path / "all.czml").read_text())
+    assert packets[0]["clock"]["currentTime"].startswith(begin[:19])
+    with xarray.open_dataset(tmp_path / "run.nc") as dataset:
+        assert dataset["time"].values[0] == np.datetime64(begin, "ns")
+        assert dataset["time"].values[-1] == np.datetime64(begin, "ns") + np.timedelta64(1, "s")
+    assert xarray.Dataset.equals(read("run.nc").to_xarray(), xarray.open_dataset("run.nc"))
+
+
+@pytest.mark.parametrize("epoch", ["2026-01-31T12:00:00", "2026-01-31T13:00:00+01:00"])
+def test_a_system_has_its_epoch_in_its_file_and_keeps_it(tmp_path, epoch):
+    for quoted in (f'"{epoch}"', epoch) if "+" not in epoch else (epoch,):
+        text = (
+            f'extends = "sync_approach"\nname = "dated"\n[experiment]\nepoch = {quoted}\nstop = 1\n'
+        )
+        (tmp_path / "dated.toml").write_text(text)
+        result = run(tmp_path / "dated.toml")
+        assert result.provenance.epoch == "2026-01-31T12:00:00"
+        result.save(tmp_path / "out.nc")
+        oem = convert(tmp_path / "out.nc", tmp_path / "x.oem").read_text()
+        assert "START_TIME = 2026-01-31T12:00:00.000000\n" in oem
+        given = convert(tmp_path / "out.nc", tmp_path / "y.oem", None, EPOCH).read_text()
+        assert f"START_TIME = {EPOCH}.000000\n" in given
+    assert run(tmp_path / "dated.toml", epoch=EPOCH).provenance.epoch == EPOCH
+
+
+def test_an_epoch_that_is_no_date_is_a_problem_of_the_system(tmp_path):
+    text = 'extends = "sync_approach"\nname = "dated"\n[experiment]\nepoch = "soon"\n'
+    (tmp_path / "dated.toml").write_text(text)
+    with pytest.raises(HarnessError, match=r"\[experiment\] epoch: 'soon': expected a date as"):
+        run(tmp_path / "dated.toml")
+    with pytest.raises(UsageError, match="--epoch soon: expected a date"):
+        run("sync_approach", epoch="soon", stop=0.1)
+
+
+def test_the_sun_stands_where_the_almanac_has_it():
+    """Low-precision formula of the Astronomical Almanac (0.01 deg), mean equinox of date, taken
+    back to J2000 by the precession in longitude of 1.3970 deg per century.
+    """
+    times = np.array(["2000-03-20T07:35", "2026-06-21T08:24", "2026-11-22T19:00"], "datetime64[ns]")
+    n = days_since_j2000(times)
+    longitude, anomaly = np.radians(280.460 + 0.9856474 * n), np.radians(357.528 + 0.9856003 * n)
+    longitude += np.radians(1.915) * np.sin(anomaly) + np.radians(0.020) * np.sin(2 * anomaly)
+    longitude -= np.radians(1.3970) * n / 36525
+    tilt = np.radians(23.4393)
+    wanted = np.stack(
+        [np.cos(longitude), np.cos(tilt) * np.sin(longitude), np.sin(tilt) * np.sin(longitude)], -1
+    )
+    off = np.degrees(np.arccos(np.sum(wanted * sun_direction(times), axis=1)))
+    assert off.max() < 0.02
+
+
+def test_the_sun_reaches_the_sensors(tmp_path, capsys):
+    command = ["run", "sync_approach_navigated", "--stop", "0.1", "-o", str(tmp_path / "n.nc")]
+    assert main([*command, "--epoch", EPOCH]) == 0
+    result = read(tmp_path / "n.nc")
+    wanted = sun_direction(np.array([EPOCH], "datetime64[ns]"))[0]
+    for sensor in ("star_tracker", "pose_sensor"):
+        assert result.parameter(f"{sensor}.sun_N").tolist() == wanted.tolist()
+    assert "note: Sun at t = 0: " in capsys.readouterr().out
+    away = ["--set", "star_tracker.sun_N=[0, 0, 1]"]
+    assert main([*command, "--epoch", EPOCH, *away]) == 0
+    assert read(tmp_path / "n.nc").parameter("star_tracker.sun_N").tolist() == [0, 0, 1]
+
+
+def test_the_shadow_is_the_part_of_the_disc_behind_the_earth():
+    """A disc of 400 000 points behind a sphere, from umbra through penumbra to light."""
+    towards, across = np.array([1.0, 0, 0]), np.array([0, 1.0, 0])
+    radius, angle = np.meshgrid(
+        np.sqrt((np.arange(400) + 0.5) / 400), np.arange(1000) * 0.002 * np.pi
+    )
+    disc = np.stack([radius * np.cos(angle), radius * np.sin(angle)], -1).reshape(-1, 2)
+    for height in (0.5e6, 6.28e6, 6.33e6, 6.36e6, 6.39e6, 6.5e6):
+        r = -7.0e6 * towards + height * across
+        centre = AU * towards - r
+        up = np.cross(centre / np.linalg.norm(centre), [0, 0, 1.0])
+        points = centre + SUN * (disc[:, :1] * up + disc[:, 1:] * np.array([0, 0, 1.0]))
+        rays = points / np.linalg.norm(points, axis=1, keepdims=True)
+        along = -(rays @ r)
+        hidden = (along > 0) & (np.linalg.norm(r + along[:, None] * rays, axis=1) < EARTH)
+        found = float(shadow(r[None], towards[None])[0])
+        assert abs(found - hidden.mean()) < 2e-3
+    assert shadow(np.array([[7e6, 0, 0]]), towards[None])[0] == 0.0
+
+
+def test_a_dated_result_says_when_it_is_in_the_shadow():
+    """Against a shadow that is a cylinder; the penumbra takes some ten seconds."""
+    result = run("sync_approach", stop=1800.0, every=10, epoch=EPOCH)
+    r, to_sun = result["servicer.r_SN_N"], sun_direction(np.array([EPOCH], "datetime64[ns]"))[0]
+    beside = np.linalg.norm(r - np.outer(r @ to_sun, to_sun), axis=1)
+    dark = np.flatnonzero((r @ to_sun < 0) & (beside < EARTH))
+    assert 0 == dark[0] < dark[-1] < 1790
+    (line,) = [note for note in head(result)["notes"] if "shadow" in note]
+    body, begin, end = re.fullmatch(
+        r"(\w+) in the shadow of the Earth: (\S+) to (\S+) s", line
+    ).groups()
+    assert (body, float(begin)) == ("servicer", 0.0)
+    assert 0 <= float(end) - result.time[dark[-1]] < 15
+    undated = replace(result, provenance=replace(result.provenance, epoch=""))
+    assert not [note for note in head(undated)["notes"] if "shadow" in note]

@@ -19,7 +19,7 @@ from harness.results.formats.columns import flat_columns, numbers, refuse_nul
 from harness.results.provenance import Provenance, from_flat
 from harness.results.result import Result
 from harness.results.soundness import refuse_size
-from harness.results.variables import PROVENANCE, attributes, variables
+from harness.results.variables import PROVENANCE, attributes, time_labels, variables
 
 PACKED = 1000
 """Values from which a variable is compressed, without loss."""
@@ -42,7 +42,7 @@ def write(result: Result, path: Path) -> None:
     import netCDF4
 
     refuse_nul(result)
-    time = {"units": "s", "long_name": "time"}
+    time = time_labels(result)
     content = {
         name: (axes, data[0], about) for name, axes, data, about in variables(result.parameters)
     }

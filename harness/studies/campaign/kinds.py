@@ -67,6 +67,7 @@ CHANGES = {
     "step": NUMBER,
     "stop": NUMBER,
     "algorithm": TEXT,
+    "epoch": TEXT,
 }
 """Changes of run() that a campaign may fix."""
 KEPT = {"histories": TEXTS, "bands": TEXTS, "rows": COUNT}

@@ -33,6 +33,14 @@ def moment(text: str) -> np.datetime64:
         raise ValueError(f"expected a date as 2026-01-31T12:00:00 ({error})") from error
 
 
+def written(instant: np.datetime64) -> str:
+    """A date as moment() reads it, in the digits that say it all: 0, 6 or 9 of a second."""
+    for shorter in (instant.astype("datetime64[s]"), instant.astype("datetime64[us]")):
+        if shorter == instant:
+            return str(np.datetime_as_string(shorter))
+    return str(np.datetime_as_string(instant.astype("datetime64[ns]")))
+
+
 def epoch_of(text: str) -> np.datetime64:
     """The instant of the option --epoch; UsageError."""
     try:
