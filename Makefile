@@ -26,7 +26,7 @@ C_FILES := $(shell find $(CODE) -name '*.[ch]')
         sanitize lint warnings format coverage bench wheel dist clean
 help:
 	@echo "make demo | test | test-browser | test-interop | test-long | pil | validation | gallery |"
-	@echo "     lint | warnings | format | coverage | sanitize | bench | wheel | dist | clean"
+	@echo "     lint | warnings | format | coverage | sanitize | bench | site | wheel | dist | clean"
 
 $(TOOLS): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and \
@@ -56,8 +56,9 @@ demo: build
 test: build
 	$(PYTEST)
 
-# pages in a headless Chromium, which the system brings (Debian: apt-get install chromium)
-test-browser: build
+# pages and the documentation site in a headless Chromium, which the system brings (Debian: apt-get
+# install chromium)
+test-browser: build site
 	$(RUN) $(PIP) --no-build-isolation --editable '.[test,browser]'
 	$(BIN)/pytest -m browser -rs
 
@@ -139,6 +140,25 @@ coverage: build $(LINTERS)
 	$(BIN)/gcovr build/coverage --exclude fmus/core/build --txt \
 	  --html-details build/coverage/c/index.html
 
+# the documentation pages in build/site: first runs what they quote, then writes the Markdown, then
+# HTML, strictly; they need no network to be read
+SITE  := $(VENV)/.site
+PAGES := $(shell find .ci/pages docs examples -type f) mkdocs.yml CONTRIBUTING.md CHANGELOG.md
+$(SITE): $(TOOLS) pyproject.toml
+	$(PIP) $$($(BIN)/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); \
+	  print(*p['project']['optional-dependencies']['site'])")
+	@touch $@
+
+build/site-facts/facts.json: $(READY)
+	$(BIN)/python .ci/pages build/site-facts --facts
+
+build/site/index.html: build/site-facts/facts.json $(PAGES) $(SITE)
+	$(BIN)/python .ci/pages build/site-facts build/site-pages
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+
+.PHONY: site
+site: build/site/index.html
+
 bench: build
 	$(BIN)/python -m tests.bench sync_approach
 
@@ -159,7 +179,7 @@ dist: build
 	$(PIP) ziglang==0.13.0
 	$(BIN)/python fmus/core/build/cross_compile.py --fmus build/fmus -o dist/fmus
 
-wheel: build
+wheel: build site
 	$(RUN) $(BIN)/pip wheel --quiet --no-build-isolation --no-deps --wheel-dir dist .
 
 clean:

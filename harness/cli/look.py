@@ -43,6 +43,28 @@ def list_command(
     typer.echo(printable(listing.text(system)))
 
 
+@app.command("docs")
+def docs_command(
+    where: Annotated[
+        bool, typer.Option("--where", help="Print the path of the first page, open nothing")
+    ] = False,
+) -> None:
+    """Open the documentation of this version in a browser.
+
+    The pages lie in the package; no network is needed.
+    """
+    from harness.files import paths
+
+    page = paths.site()
+    if page is None:
+        raise UsageError("this installation has no documentation pages; `make site` builds them")
+    typer.echo(str(page))
+    if not where:
+        import webbrowser
+
+        webbrowser.open(page.as_uri())
+
+
 @app.command("show")
 @takes_changes("params", "set", "swap", "map", "step")
 def show_command(

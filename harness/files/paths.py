@@ -95,6 +95,12 @@ def examples() -> Path | None:
     return _first(PACKAGE / "data" / "examples", PACKAGE.parent / "examples")
 
 
+def site() -> Path | None:
+    """First page of the documentation site, or None if this installation has none."""
+    pages = (PACKAGE / "data" / "site" / "index.html", BUILD / "site" / "index.html")
+    return next((page for page in pages if page.is_file()), None)
+
+
 def _first(*folders: Path) -> Path | None:
     return next((folder for folder in folders if folder.is_dir()), None)
 

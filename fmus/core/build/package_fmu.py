@@ -76,32 +76,63 @@ def table(rows: list[dict[str, str]]) -> str:
     return f"<table>{head}{''.join(body)}</table>"
 
 
-def opening_comment(source: Path) -> str:
+def opening_comment(source: str) -> str:
     """Text of the first comment of a C file without its stars."""
-    match = re.match(r"/\*(.*?)\*/", source.read_text(encoding="utf-8"), re.DOTALL)
-    assert match is not None, f"{source}: no opening comment"
+    match = re.match(r"/\*(.*?)\*/", source, re.DOTALL)
+    assert match is not None, "the C file has no opening comment"
     return "\n".join(line.removeprefix(" *").rstrip() for line in match[1].splitlines())
 
 
-def documentation(description: ElementTree.Element, source: Path) -> str:
-    """documentation/index.html: equations and source from the model file, tables from the model
-    description.
+def timing(rows: list[dict[str, str]]) -> str:
+    """When a model computes, by the parameters that say so."""
+    named = {row["name"] for row in rows if row["causality"] == "parameter"}
+    if "sample_period" in named:
+        return (
+            "Sampled: it computes at the multiples of sample_period (0: at every communication"
+            " point) and holds its outputs in between."
+        )
+    if "max_step" in named:
+        return (
+            "Continuous: it integrates with fixed steps of at most max_step on the grid"
+            " k max_step; inputs are held over a communication step."
+        )
+    return "It computes once in every communication step, with the inputs held over the step."
+
+
+def chapters(description: ElementTree.Element, source: str) -> list[tuple[str, str]]:
+    """Titles and HTML of the documentation of a model, from its interface and its C file: the page
+    in the .fmu and that of the site.
     """
     rows = read_rows(description)
+    alarms = set(re.findall(r"\bALARM\((\w+)", source))
+    state = re.search(r"^typedef struct \{(?:(?!^typedef).)*?\} State;", source, re.M | re.S)
+    parts = [
+        ("Equations and source", f"<pre>{html.escape(opening_comment(source))}</pre>"),
+        ("Timing", f"<p>{timing(rows)} Outputs are latched at the end of a step and after "
+         "initialization.</p>"),
+    ]  # fmt: skip
+    for causality, title in SECTIONS.items():
+        chosen = [r for r in rows if r["causality"] == causality]
+        parts.append((title, table(chosen) if chosen else "<p>none</p>"))
+    raised = [r for r in rows if r["name"] in alarms]
+    parts.append(("Alarms", table(raised) if raised else "<p>none</p>"))
+    if state:
+        parts.append(("State", f"<pre>{html.escape(state[0])}</pre>"))
+    return parts
+
+
+def documentation(description: ElementTree.Element, source: str) -> str:
+    """documentation/index.html: one page of all chapters."""
     name = html.escape(description.attrib["modelName"])
     text = html.escape(description.attrib["description"])
     parts = [
         "<!DOCTYPE html><html lang='en'><head><meta charset='utf-8'>",
         f"<title>{name}</title><style>{STYLE}</style></head><body>",
         f"<h1>{name}</h1><p>{text}</p><p><img src='model.png' alt='ports of {name}'></p>",
-        f"<h2>Equations and source</h2><pre>{html.escape(opening_comment(source))}</pre>",
         "<p>SI units, radians. Frames: N inertial, H Hill frame of the target orbit,",
-        "T target body, S servicer body, D desired servicer body. Outputs are latched at the end",
-        "of a step and after initialization.</p>",
+        "T target body, S servicer body, D desired servicer body.</p>",
+        *(f"<h2>{title}</h2>{body}" for title, body in chapters(description, source)),
     ]
-    for causality, title in SECTIONS.items():
-        chosen = [r for r in rows if r["causality"] == causality]
-        parts.append(f"<h2>{title}</h2>" + (table(chosen) if chosen else "<p>none</p>"))
     return "\n".join([*parts, "</body></html>", ""])
 
 
@@ -152,7 +183,9 @@ def main() -> None:
     files = {
         "modelDescription.xml": a.description.read_bytes(),
         "model.png": png,
-        "documentation/index.html": documentation(description, a.source[0]).encode(),
+        "documentation/index.html": documentation(
+            description, a.source[0].read_text(encoding="utf-8")
+        ).encode(),
         "documentation/model.png": png,
         "licenses/license.txt": a.license.read_bytes(),
         **{

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The pages of the documentation site: those of docs/, and those made from the code and from runs.
+
+python .ci/pages build/site-facts --facts   # runs cases and missions: facts.json and figures
+python .ci/pages build/site-facts build/site-pages      # the Markdown that mkdocs reads
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import commands
+import keys
+import missions
+import models
+import papers
+import python
+import validation
+from text import ROOT, relinked
+
+EXAMPLES = ROOT / "examples"
+FILES = {
+    "CONTRIBUTING.md": "contributing.md",
+    "CHANGELOG.md": "changelog.md",
+    "SECURITY.md": "security.md",
+    "CITATION.cff": "reference/papers.md",
+    "README.md": "index.md",
+    "examples/README.md": "examples/index.md",
+}
+"""Pages by the files of the repository outside docs/ that they show."""
+
+
+def homes() -> dict[str, str]:
+    """Page of the site by file of the repository; files that pages show belong to it."""
+    docs = (p for p in (ROOT / "docs").rglob("*") if p.is_file())
+    found = {f"docs/{p}": str(p) for p in (d.relative_to(ROOT / "docs") for d in docs)}
+    found |= dict(missions.equations().values())
+    found |= {f"examples/{p.name}": f"examples/{p.stem}.md" for p in scripts()}
+    return {k.replace("\\", "/"): v.replace("\\", "/") for k, v in (found | FILES).items()}
+
+
+def scripts() -> list[Path]:
+    """Examples that a page shows."""
+    return [p for p in sorted(EXAMPLES.iterdir()) if p.suffix in {".py", ".c", ".ipynb"}]
+
+
+def pages(facts: Mapping[str, Any]) -> Iterator[tuple[str, str | bytes]]:
+    """All pages and pictures of the site, from the repository and generated."""
+    known = homes()
+    for source, page in known.items():
+        path = ROOT / source
+        if page.startswith("examples/") and path.suffix != ".md":
+            yield page, example(path)
+        elif path.suffix == ".md" and source != "README.md":
+            yield page, relinked(path.read_text(encoding="utf-8"), source, page, known)
+        elif source.startswith("docs/"):
+            yield page, path.read_bytes()
+    parts = {letter: page for letter, (_, page) in missions.equations().items()}
+    yield from commands.pages()
+    yield from keys.pages()
+    yield from python.pages()
+    yield from papers.pages()
+    yield from models.pages(facts, parts)
+    yield from missions.pages(facts, parts)
+    yield from validation.pages(facts)
+
+
+def example(path: Path) -> str:
+    """The page of a script; of a notebook its cells."""
+    kind = {".c": "c", ".py": "python", ".ipynb": "python"}[path.suffix]
+    text = path.read_text(encoding="utf-8")
+    if path.suffix == ".ipynb":
+        cells = json.loads(text)["cells"]
+        text = "\n\n".join("".join(c["source"]) for c in cells if c["cell_type"] == "code")
+    return f"# {path.name}\n\n```{kind}\n{text.strip()}\n```\n"
+
+
+def write(folder: Path, facts: Mapping[str, Any]) -> None:
+    """Write all pages into a folder."""
+    for name, content in pages(facts):
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+def collect(folder: Path) -> None:
+    """Run what the pages quote."""
+    folder.mkdir(parents=True, exist_ok=True)
+    found = {"validation": validation.facts(), "missions": missions.facts(folder / "figures")}
+    (folder / "facts.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
+
+
+def main(facts: Path, target: str) -> None:
+    """Collect facts, or write the pages."""
+    if target == "--facts":
+        collect(facts)
+        return
+    folder = Path(target)
+    shutil.rmtree(folder, ignore_errors=True)
+    write(folder, json.loads((facts / "facts.json").read_text(encoding="utf-8")))
+    shutil.copytree(facts / "figures", folder / "reference/missions/figures")
+    import mathjax  # django-static-mathjax, of the extra `site`
+
+    engine = Path(mathjax.__path__[0]) / "static/mathjax/es5/tex-svg.js"
+    shutil.copy(engine, folder / "javascripts/tex-svg.js")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), sys.argv[2])

@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""One page per mission: its systems with diagrams and sets, figures of a run, verdicts."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from text import ROOT, between, table
+
+from harness.files import paths
+from harness.mission.library import mission, places, systems_in
+from harness.system.model import System
+
+SSP = ROOT / "ssp"
+DOTS = 80
+MOST_CASES = 8
+"""Runs of one mission."""
+
+
+def names() -> list[str]:
+    """Missions of the project that have a system."""
+    return sorted(
+        name for name, place in places().items()
+        if place.folder.parent == SSP and systems_in(place.folder)
+    )  # fmt: skip
+
+
+def facts(pictures: Path) -> dict[str, Any]:
+    """The runs that the papers describe: verdicts of their claims and requirements, and the figures
+    of the first run as pictures.
+    """
+    return {name: [_run(case, pictures if not i else None, name)
+                   for i, case in enumerate(_cases(name))] for name in names()}  # fmt: skip
+
+
+def _cases(name: str) -> list[Any]:
+    """The default run of a mission and the cases of its papers, those of one claim set once."""
+    from harness.mission import Case
+
+    found = mission(name)
+    assert found is not None
+    cases = [Case(name), *(paper.cases[0] for paper in found.claims if paper.cases)]
+    return list({(c.system, c.params, c.swap): c for c in cases}.values())[:MOST_CASES]
+
+
+def _run(case: Any, pictures: Path | None, name: str) -> dict[str, Any]:
+    from harness import run
+    from harness.claims.report import judged
+    from harness.results.requirements import findings
+    from harness.results.verdict import Kind
+
+    result = run(case.system, params=case.params, swap=dict(case.swap))
+    drawn = [] if pictures is None else draw_figures(result, pictures, name)
+    wanted = [
+        (f.name, f.text, Kind.REQUIREMENT.word(f.verdict), f.detail) for f in findings(result)
+    ]
+    papers = [
+        {
+            "title": each.paper.title,
+            "deviations": list(each.deviations),
+            "claims": [
+                (c.text, c.where, c.criterion(c.reproduced), j.figure, Kind.CLAIM.word(j.verdict))
+                for c, j in each.claims
+            ],
+        }
+        for each in judged(result)
+        if each.paper.cases
+    ]
+    swaps = "".join(f" --swap {c}={f}" for c, f in case.swap)
+    params = "" if case.params == "default" else f" --params {case.params}"
+    command = f"harness run {case.system}{params}{swaps} -o out.nc"
+    return {"command": command, "figures": drawn, "requirements": wanted, "papers": papers}
+
+
+def draw_figures(result: Any, folder: Path, name: str) -> list[tuple[str, str]]:
+    """File and title of the figures of a run."""
+    import io
+
+    from PIL import Image
+
+    from harness.figures.plots import paint
+    from harness.figures.style import SCREEN
+    from harness.mission.library import of_result
+
+    drawn = []
+    folder.mkdir(parents=True, exist_ok=True)
+    for figure in [f for f in of_result(result).figures if f.fits(result)][:MOST_FIGURES]:
+        file = io.BytesIO()
+        with SCREEN.used():
+            paint(figure, result).savefig(file, dpi=DOTS)
+        path = folder / f"{name}_{figure.name}.png"
+        Image.open(file).convert("RGB").quantize(64).save(path, "png", optimize=True)
+        drawn.append((path.name, figure.title))
+    return drawn
+
+
+MOST_FIGURES = 12
+
+
+def pages(facts: Mapping[str, Any], parts: Mapping[str, str]) -> Iterator[tuple[str, str | bytes]]:
+    """Pages and diagrams."""
+    from harness.exports.draw import svg
+    from harness.ssp.library import load
+
+    rows = []
+    for name in names():
+        systems = []
+        for system in systems_in(places()[name].folder):
+            with load(paths.systems()[system]) as found:
+                systems.append(found)
+                yield f"reference/missions/{system}.svg", svg(found)
+        rows.append((f"[`{name}`]({name}.md)", systems[0].description, str(len(systems))))
+        runs = facts.get("missions", {}).get(name, ())
+        yield f"reference/missions/{name}.md", page(name, systems, runs, parts)
+    titles = ("Mission", "Purpose", "Systems")
+    yield "reference/missions/index.md", INDEX + table(titles, rows)
+
+
+INDEX = """# Missions
+
+A mission is a folder of `ssp/`: its systems and parameter sets, figures, measures, claims and
+campaigns. `harness list` prints all of them.
+
+"""
+
+
+def page(name: str, systems: list[System], runs: Any, parts: Mapping[str, str]) -> str:
+    """The page of one mission."""
+    here = f"reference/missions/{name}.md"
+    equations = next((p for p in parts.values() if p.endswith(f"/{name}.md")), "")
+    lines = [f"# {name}\n\n{systems[0].description}\n"]
+    if equations:
+        lines.append(f"Equations, corrections to the paper and results: "
+                     f"[equations]({between(here, equations)}).\n")  # fmt: skip
+    lines += [line for run in runs for line in _verdicts(run)]
+    if runs and runs[0]["figures"]:
+        lines.append("## Figures\n\nOf `harness run " + name + "`, drawn by `harness plot`.\n")
+        lines += [f"![{title}](figures/{file})\n" for file, title in runs[0]["figures"]]
+    lines.append("## Systems\n")
+    lines += [line for system in systems for line in _system(system)]
+    return "\n".join(lines)
+
+
+def _verdicts(run: Mapping[str, Any]) -> Iterator[str]:
+    if not run["requirements"] and not run["papers"]:
+        return
+    yield f"## `{run['command']}`\n"
+    if run["requirements"]:
+        rows = [(n, f"`{t}`", verdict, detail) for n, t, verdict, detail in run["requirements"]]
+        yield table(("Requirement", "Condition", "Verdict", "Closest"), rows)
+    for paper in run["papers"]:
+        yield f"{paper['title']}.\n"
+        if paper["deviations"]:
+            yield f"Not the case of the paper: {'; '.join(paper['deviations'])}.\n"
+        yield table(("Claim", "Where", "Reproduced if", "Here", "Verdict"), paper["claims"])
+
+
+def _system(system: System) -> Iterator[str]:
+    experiment = system.experiment
+    yield f"### {system.name}\n\n{system.description}\n"
+    yield f"![Block diagram of {system.name}]({system.name}.svg)\n"
+    yield (f"{experiment.stop:g} s in macro steps of {experiment.step:g} s, "
+           f"{experiment.algorithm}.\n")  # fmt: skip
+    rows = [
+        (f"`{c.name}`", f"[`{Path(c.fmu).stem}`](../fmus/{Path(c.fmu).stem}.md)", _rate(c))
+        for c in system.components
+    ]
+    yield table(("Component", "FMU", "Schedule"), rows)
+    if system.sets:
+        rows = [(f"`{s.name}`", s.description or "") for s in system.sets]
+        yield table(("Parameter set", "What differs"), [r[:2] for r in rows])
+
+
+def _rate(component: Any) -> str:
+    every = "every macro step" if component.every == 1 else f"every {component.every} macro steps"
+    late = f", {component.latency} late" if component.latency else ""
+    return every + late
+
+
+def equations() -> dict[str, tuple[str, str]]:
+    """Letter of docs/models.md: file in the repository and page of the site."""
+    text = (ROOT / "docs/models.md").read_text(encoding="utf-8")
+    found = re.findall(r"^\| ([A-Z]) \| \[[^\]]*\]\(\.\./(ssp/(\w+)/(\w+)\.md)\)", text, re.M)
+    return {
+        letter: (path, f"reference/equations/{folder if file == 'equations' else file}.md")
+        for letter, path, folder, file in found
+    }

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""One page per FMU, from what lies in the .fmu itself, and what it has been checked against."""
+
+from __future__ import annotations
+
+import ast
+import html
+import importlib.util
+import json
+import re
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from text import ROOT, between, table
+
+from harness.files import paths
+
+MODELS = re.compile(r"docs/models\.md ([A-L])\b(\.\d+)?")
+
+
+def package() -> Any:
+    """The module that writes the page in the .fmu."""
+    file = ROOT / "fmus/core/build/package_fmu.py"
+    spec = importlib.util.spec_from_file_location("package_fmu", file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def sides() -> dict[str, list[str]]:
+    """Names of the FMUs of both sides."""
+    return {
+        side: sorted(p.stem for p in (ROOT / "fmus" / side).glob("*.c") if p.stem in paths.fmus())
+        for side in ("plant", "flight")
+    }
+
+
+def pages(facts: Mapping[str, Any], parts: Mapping[str, str]) -> Iterator[tuple[str, str | bytes]]:
+    """Pages and pictures; parts: page of the equations by its letter."""
+    writer, found = package(), []
+    for side, names in sides().items():
+        for name in names:
+            with zipfile.ZipFile(paths.fmus()[name]) as archive:
+                description = ElementTree.fromstring(archive.read("modelDescription.xml"))
+                source = archive.read(f"sources/{name}.c").decode()
+                yield f"reference/fmus/{name}.png", archive.read("model.png")
+            found.append((side, name, description.attrib["description"]))
+            here = f"reference/fmus/{name}.md"
+            lines = [
+                *_head(name, side, description.attrib["description"]),
+                *_chapters(writer.chapters(description, source), here, parts),
+                *("## Where it runs\n", *_uses(name), "## Checks\n", *_checks(name, facts)),
+            ]
+            yield here, "\n".join(lines)
+    yield "reference/fmus/index.md", index(found)
+
+
+def index(found: Sequence[tuple[str, str, str]]) -> str:
+    """The list of all FMUs."""
+    lines = [INDEX]
+    for side, title in (("plant", "Plants, actuators, sensors"), ("flight", "Flight software")):
+        rows = [(f"[`{name}`]({name}.md)", text) for s, name, text in found if s == side]
+        lines.append(f"## {title}\n\n" + table(("FMU", "Purpose"), rows))
+    return "\n".join(lines)
+
+
+INDEX = """# FMUs
+
+Every FMU is an FMI 2.0 co-simulation FMU and stands alone. The same text lies in each .fmu as
+`documentation/index.html`. Units are SI units and radians; frames: [Notation](../../notation.md).
+"""
+
+
+def _head(name: str, side: str, text: str) -> Iterator[str]:
+    yield f"# {name}\n\n{text}.\n"
+    yield f"![Ports of {name}]({name}.png)\n"
+    yield f"`{side}` · source `fmus/{side}/{name}.c` · `harness show {name}`\n"
+
+
+def _chapters(
+    chapters: Sequence[tuple[str, str]], page: str, parts: Mapping[str, str]
+) -> Iterator[str]:
+    for title, body in chapters:
+        linked = MODELS.sub(lambda m: _linked(m, page, parts), body)
+        yield f'## {title}\n\n<div class="wide" markdown="0">{linked}</div>\n'
+
+
+def _linked(found: re.Match[str], page: str, parts: Mapping[str, str]) -> str:
+    target = between(page, parts[found[1]]).replace(".md", ".html")
+    return f'<a href="{target}">{found[1]}{found[2] or ""}</a>'
+
+
+@lru_cache(maxsize=1)
+def components() -> list[tuple[str, str, str]]:
+    """System, component and FMU, of all systems."""
+    from harness.ssp.library import load
+
+    rows = []
+    for system, path in paths.systems().items():
+        with load(path) as found:
+            rows += [(system, c.name, Path(c.fmu).stem) for c in found.components]
+    return rows
+
+
+def _uses(name: str) -> Iterator[str]:
+    """The places of an FMU in the systems."""
+    uses = [f"`{system}.{place}`" for system, place, fmu in components() if fmu == name]
+    yield (", ".join(uses) if uses else f"By `--swap COMPONENT={name}`.") + "\n"
+
+
+def _checks(name: str, facts: Mapping[str, Any]) -> Iterator[str]:
+    """Published numbers, flight processors, tests."""
+    cases = [c for c in facts.get("validation", ()) if name in c["fmus"]]
+    if cases:
+        yield "Published numbers ([all cases](../../validation.md)):\n"
+        yield table(
+            ("Case", "Quantity", "Difference", "Tolerance"),
+            (
+                (f"[`{c['name']}`](../../validation/{c['family']}.md#{c['name']})",
+                 f"`{q}`", f"{max(d['difference']):.1e} {d['unit']}", f"{d['tolerance']:.1e}")
+                for c in cases
+                for q, d in c["quantities"].items()
+            ),
+        )  # fmt: skip
+    if rows := _processors(name):
+        yield "On emulated flight processors ([all](../../targets.md)):\n"
+        yield table(("Processor", "Instructions per step", "Stack [bytes]", "Equal bits"), rows)
+    statements = [s for file in _tests(name) for s in _statements(file)]
+    yield f"Tests of this FMU alone (`tests/fmu/`), beside {COMPLIANCE}:\n"
+    yield "".join(f"* {html.escape(s)}\n" for s in statements) or "* none\n"
+
+
+COMPLIANCE = "the life cycle and interface tests of every FMU (`tests/compliance/`)"
+
+
+def _processors(name: str) -> list[tuple[str, str, str, str]]:
+    """Rows of docs/targets.md, which `make targets` writes."""
+    lines = (ROOT / "docs/targets.md").read_text(encoding="utf-8").splitlines()
+    rows = [[c.strip() for c in line.strip("|").split("|")] for line in lines if line[:1] == "|"]
+    titles = next((row for row in rows if "processor" in row), [])
+    found = [dict(zip(titles, row, strict=False)) for row in rows if row[0] == name]
+    return [(r["processor"], r["instructions"], r["stack"], r["equal bits"]) for r in found]
+
+
+def _tests(name: str) -> list[Path]:
+    return sorted((ROOT / "tests/fmu").glob(f"test_{name}*.py"))
+
+
+def _statements(file: Path) -> Iterator[str]:
+    """What the tests of a file state by their names."""
+    for node in ast.parse(file.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.FunctionDef) and node.name.startswith("test_"):
+            yield node.name.removeprefix("test_").replace("_", " ")
+
+
+def case_fmus(case: Any) -> list[str]:
+    """FMUs that a published case runs."""
+    text = json.dumps(dict(case.setup)) + case.tests
+    return [n for n in paths.fmus() if n == case.fmu or re.search(rf"\b{n}\b", text)]

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Pages of the Python API: the public names, for mkdocstrings to fill in from their docstrings."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+from importlib import import_module
+from typing import Any
+
+PACKAGES = {
+    "harness": ("python.md", "Python: run and read", "`from harness import run, load, ...`"),
+    "harness.mission": (
+        "python_missions.md",
+        "Python: missions",
+        "What `mission.py` imports: `from harness.mission import Mission, ...`",
+    ),
+    "harness.errors": (
+        "python_errors.md",
+        "Python: errors",
+        "Every exception that a public function raises derives from `HarnessError`.",
+    ),
+}
+
+
+def names(package: str) -> list[str]:
+    """Public names of a package, but the number of its version."""
+    module = import_module(package)
+    listed = getattr(module, "__all__", None) or [
+        name for name, value in vars(module).items()
+        if inspect.isclass(value) and value.__module__ == package and name[0] != "_"
+    ]  # fmt: skip
+    return [name for name in listed if name != "__version__"]
+
+
+def home(package: str, name: str) -> str:
+    """Where a public name is defined."""
+    found: Any = getattr(import_module(package), name)
+    return f"{found.__module__}.{found.__qualname__}"
+
+
+def pages() -> Iterator[tuple[str, str]]:
+    """Pages of the site and their text."""
+    for package, (file, title, text) in PACKAGES.items():
+        extra = [CHANGES] if package == "harness" else []
+        listed = [home(package, name) for name in names(package)] + extra
+        body = "\n\n".join(f"::: {name}" for name in listed)
+        yield f"reference/{file}", f"# {title}\n\n{text}\n\n{body}\n"
+
+
+CHANGES = "harness.master.changes.Changes"
+"""The keyword arguments of run() and of Simulation."""

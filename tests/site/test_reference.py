@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The reference has everything that the code has: commands, options, keys, public names, ports."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import zipfile
+from importlib import import_module
+
+import pytest
+from fmpy import read_model_description
+
+from harness.cli import main
+from harness.files import paths
+from harness.mission.library import places, systems_in
+from harness.ssp import build
+from harness.ssp.library import load
+from harness.studies.campaign import draft, factors, kinds
+
+
+@pytest.fixture(scope="module")
+def commands(writer):
+    return dict(writer["commands"].pages())
+
+
+@pytest.fixture(scope="module")
+def models(writer):
+    parts = {letter: page for letter, (_, page) in writer["missions"].equations().items()}
+    return dict(writer["models"].pages({}, parts))
+
+
+def printed(capsys, *arguments):
+    assert main(list(arguments)) == 0
+    return capsys.readouterr().out
+
+
+def listed(text):
+    """Names at the beginning of the lines of a help below "Commands"."""
+    return re.findall(r"^  ([a-z]+)\b", text.partition("Commands:")[2], re.MULTILINE)
+
+
+def test_every_command_has_a_page_with_all_of_its_options(commands, capsys):
+    names = listed(printed(capsys, "--help"))
+    assert len(names) > 15
+    assert {f"reference/commands/{n}.md" for n in (*names, "index")} == set(commands)
+    for name in names:
+        page = commands[f"reference/commands/{name}.md"]
+        column = re.findall(r"^  (-.*?)(?:  |$)", printed(capsys, name, "--help"), re.MULTILINE)
+        known = set(re.findall(r"--[a-z][a-z-]*", " ".join(column)))
+        assert "--help" in known
+        missing = [option for option in known - {"--help"} if f"`{option}`" not in page]
+        assert not missing, f"{name}: {missing}"
+
+
+def test_every_key_of_a_system_is_in_the_reference_and_no_other(writer):
+    ours = {name: set(entries) for name, entries in writer["keys"].SYSTEM.items()}
+    assert ours.pop("alternatives") == {"replaces"}
+    assert ours == {name: set(known) for name, known in build.KEYS.items()}
+
+
+def test_every_key_of_a_campaign_is_in_the_reference_and_no_other(writer):
+    ours = {name: set(entries) for name, entries in writer["keys"].CAMPAIGN.items()}
+    assert ours == {
+        "": set(draft.KEYS),
+        "fixed": set(kinds.CHANGES),
+        "factors": {*factors.CHOICES, *factors.DRAWS},
+        "keep": set(kinds.KEPT),
+    }
+
+
+def test_the_pages_of_the_keys_hold_all_of_them(writer):
+    for (_, page), keys in zip(
+        writer["keys"].pages(), (writer["keys"].SYSTEM, writer["keys"].CAMPAIGN), strict=True
+    ):
+        assert all(f"| `{key}` |" in page for entries in keys.values() for key in entries)
+
+
+def test_every_public_name_is_in_the_reference_and_documented(writer):
+    python = writer["python"]
+    pages = dict(python.pages())
+    for package, (file, _, _) in python.PACKAGES.items():
+        assert python.names(package)
+        for name in python.names(package):
+            found = getattr(import_module(package), name)
+            assert inspect.getdoc(found), f"{package}.{name} has no docstring"
+            assert f"::: {python.home(package, name)}" in pages[f"reference/{file}"]
+
+
+def test_every_port_and_parameter_is_on_the_page_of_its_fmu(models):
+    assert {f"reference/fmus/{name}.md" for name in (*paths.fmus(), "index")} == {
+        name for name in models if name.endswith(".md")
+    }
+    for name, path in paths.fmus().items():
+        page = models[f"reference/fmus/{name}.md"]
+        rows = dict(re.findall(r"<tr><td>([\w.]+)</td>(.*?)</tr>", page))
+        for variable in read_model_description(str(path)).modelVariables:
+            row = rows[variable.name.partition("[")[0]]
+            assert f"<td>{variable.unit}</td>" in row, f"{name}.{variable.name}"
+            if variable.causality == "parameter":
+                assert variable.start in row, f"{name}.{variable.name}"
+    assert all(name in models["reference/fmus/index.md"] for name in paths.fmus())
+
+
+def test_every_mission_has_a_page_with_its_systems_and_sets(writer):
+    pages = dict(writer["missions"].pages({}, {}))
+    missions = {n: systems_in(place.folder) for n, place in places().items()}
+    for name, systems in missions.items():
+        for system in systems:
+            page = pages[f"reference/missions/{name}.md"]
+            assert pages[f"reference/missions/{system}.svg"].startswith(b"<?xml")
+            with load(paths.systems()[system]) as found:
+                assert all(f"| `{s.name}` |" in page for s in found.sets)
+                assert all(f"| `{c.name}` |" in page for c in found.components)
+
+
+def test_the_page_of_the_site_and_the_page_in_the_fmu_have_the_same_chapters(models, writer):
+    for name, path in paths.fmus().items():
+        with zipfile.ZipFile(path) as archive:
+            inside = archive.read("documentation/index.html").decode()
+        page = models[f"reference/fmus/{name}.md"]
+        plain = re.sub(r'<a href="[^"]*">([A-L](?:\.\d+)?)</a>', r"docs/models.md \1", page)
+        for title, body in re.findall(r"<h2>(.*?)</h2>(.*?)\n(?=<)", inside, re.DOTALL):
+            assert f"## {title}\n" in page
+            assert body in plain, f"{name}: {title}"
