@@ -26,7 +26,8 @@ C_FILES := $(shell find $(CODE) -name '*.[ch]')
         sanitize lint warnings format coverage bench wheel dist clean
 help:
 	@echo "make demo | test | test-browser | test-interop | test-long | pil | validation | gallery |"
-	@echo "     lint | warnings | format | coverage | sanitize | bench | site | wheel | dist | clean"
+	@echo "     lint | warnings | format | coverage | sanitize | bench | site | wheel | sdist |"
+	@echo "     dist | release | clean"
 
 $(TOOLS): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and \
@@ -112,6 +113,7 @@ lint: build $(LINTERS)
 	$(BIN)/ruff format --check .
 	$(BIN)/clang-format --dry-run --Werror $(C_FILES)
 	$(BIN)/codespell
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 	$(BIN)/python .ci/licence_lines.py --check $(CODE)
 	$(BIN)/python .ci/size.py
 	$(BIN)/mypy
@@ -181,6 +183,18 @@ dist: build
 
 wheel: build site
 	$(RUN) $(BIN)/pip wheel --quiet --no-build-isolation --no-deps --wheel-dir dist .
+
+sdist: $(TOOLS)
+	cd "$(CURDIR)" && $(BIN)/python -c 'import scikit_build_core.build as b; b.build_sdist("dist")'
+
+# what a release consists of, as far as this machine can make it (docs/release.md): the wheel has the
+# FMUs of all platforms; built in a folder of its own
+.PHONY: sdist release
+release: build site dist sdist
+	$(RUN) SERVICING_FMUS_PACKED=$(CURDIR)/dist/fmus $(BIN)/pip wheel --quiet --no-build-isolation \
+	  --no-deps --wheel-dir dist -C build-dir=build/release .
+	mkdir -p dist/ssp && cp build/release/ssp/*.ssp dist/ssp
+	$(BIN)/python .ci/release.py dist
 
 clean:
 	rm -rf build dist $(VENV)

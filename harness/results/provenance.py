@@ -24,6 +24,8 @@ from harness.files.command import command_line
 from harness.system.model import Swap, System
 from harness.system.values import parse, too_deep
 
+SCHEMA = 1
+"""Version of what results files hold, see docs/release.md; files without a number have 1."""
 LAST_SECOND = 253402300799
 """Of the year 9999, in seconds since 1970."""
 
@@ -48,7 +50,8 @@ class Provenance:
     latency: (component, macro steps) as given; algorithm, step [s], stop [s], epoch (UTC of t
     = 0, "": none), schedule, executor, every: as run; timing: how well the pace of a clock was kept
     ("": there was none); requirements: (name, text); command: command line (None: from Python);
-    date: when the result was taken, UTC; platform: of the host.
+    date: when the result was taken, UTC; platform: of the host; schema:
+    version of the file's content.
     """
 
     version: str = ""
@@ -75,6 +78,7 @@ class Provenance:
     command: str | None = None
     date: str = ""
     platform: str = ""
+    schema: int = SCHEMA
 
     def changes(self) -> dict[str, Any]:
         """The changes that make the same run of the same source, for run()."""
@@ -178,12 +182,20 @@ def table(provenance: Provenance) -> dict[str, Any]:
 
 
 def from_table(given: Mapping[str, Any]) -> Provenance:
-    """The inverse of table(); fields of later versions are passed over."""
+    """The inverse of table(); ValueError for a schema that is newer than ours. A schema stays the
+    same if fields are added: those that are not known are passed over.
+    """
+    if _field("schema", given.get("schema", 1)) > SCHEMA:
+        raise ValueError(
+            f"schema {given['schema']} is newer than {SCHEMA}, the newest that servicing-fmus "
+            f"{_version()} reads: install a newer version"
+        )
     known = {f.name for f in fields(Provenance)} & given.keys()
     return Provenance(**{name: _field(name, given[name]) for name in known})
 
 
-NUMBERS = ("step", "stop", "every")
+NUMBERS = ("step", "stop", "every", "schema")
+WHOLE = ("every", "schema")
 KINDS: Mapping[str, tuple[type, ...]] = {
     "set": (str, object),
     "swaps": (str, str, str),
@@ -199,9 +211,9 @@ def _field(name: str, value: Any) -> Any:
         kind: Any = int | float if name in NUMBERS else str
         if not isinstance(value, kind) or isinstance(value, bool):
             raise ValueError(f"{name}: expected a {_WORD[name in NUMBERS]}, got {value!r:.40}")
-        if name in NUMBERS and not (math.isfinite(value) and (name != "every" or value >= 1)):
+        if name in NUMBERS and not (math.isfinite(value) and (name not in WHOLE or value >= 1)):
             raise ValueError(f"{name}: got {value!r}")
-        return int(value) if name == "every" else value
+        return int(value) if name in WHOLE else value
     row, kinds = ROWS.get(name), KINDS.get(name, (str, str))
     if not isinstance(value, list | tuple):
         raise ValueError(f"{name}: expected a list, got {value!r:.40}")

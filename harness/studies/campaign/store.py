@@ -37,6 +37,8 @@ MAKING = "unfinished_"
 """What a band is called until it is complete."""
 ATTRIBUTES = {"definition": str, "folder": str, "digest": str, "system": str, "block": int}
 """Of a dataset, and their types."""
+SCHEMA = 1
+"""Version of the layout of a dataset, see docs/release.md; datasets without a number have 1."""
 
 
 class Store:
@@ -61,6 +63,7 @@ class Store:
             "system": name_of(plan.system),
             "block": block,
             "repeat": f"harness run {name_of(plan.system)} --like DATASET#RUN",
+            "schema": SCHEMA,
         }
         with naming(path), ExitStack() as life:
             beside = new_beside(path.absolute(), folder=True)
@@ -84,6 +87,8 @@ class Store:
             store._legible()
         except (OSError, KeyError, ValueError, TypeError, AttributeError) as error:
             raise ResultsError(f"{path}: is not the dataset of a campaign") from error
+        if (schema := store.group.attrs.get("schema", 1)) != SCHEMA:
+            raise ResultsError(f"{path}: has schema {schema}, this version reads {SCHEMA}")
         return store
 
     def _legible(self) -> None:

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A release: one version, artefacts with checksums and a page, sources that are complete."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import shutil
+import subprocess
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import harness
+from harness.files import paths
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def release():
+    spec = importlib.util.spec_from_file_location("release", ROOT / ".ci/release.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, release):
+    """A folder of two FMUs and a system with what the script writes."""
+    place = tmp_path_factory.mktemp("dist")
+    (place / "fmus").mkdir()
+    for name in ("target", "servicer"):
+        shutil.copy(paths.fmus()[name], place / "fmus")
+    shutil.copy(paths.systems()["sync_approach"], place)
+    release.write(place)
+    return place
+
+
+def test_the_version_stands_in_one_place_and_the_citation_agrees(release):
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert re.search(r"^version: (.*)$", citation, re.M)[1] == release.version()
+    assert harness.__version__ == release.version()
+    for name in ("CMakeLists.txt", "fmus/CMakeLists.txt"):
+        assert release.version() not in (ROOT / name).read_text(encoding="utf-8")
+
+
+def test_the_fmus_carry_version_and_date_of_the_release(release):
+    from fmpy import read_model_description
+
+    found = read_model_description(str(paths.fmus()["target"]))
+    assert found.version == release.version()
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    day = re.search(r"^date-released: (.*)$", citation, re.M)[1]
+    assert found.generationDateAndTime == f"{day}T00:00:00Z"
+
+
+@pytest.mark.skipif(shutil.which("sha256sum") is None, reason="sha256sum is not installed")
+def test_checksums_are_those_of_sha256sum(folder):
+    assert len((folder / "SHA256SUMS").read_text().splitlines()) == 3
+    subprocess.run(["sha256sum", "--check", "--quiet", "SHA256SUMS"], cwd=folder, check=True)
+
+
+def test_the_page_lists_every_artefact_with_its_checksum(folder, release):
+    page = (folder / "index.html").read_text(encoding="utf-8")
+    for path in release.artefacts(folder):
+        assert f"href='{path.relative_to(folder).as_posix()}'" in page
+        assert release.digest(path) in page
+    assert "Tumbling non-cooperative target" in page
+    assert "linux64" in page
+
+
+def test_the_changelog_has_a_part_for_what_is_not_released():
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    headings = re.findall(r"^## (.*)$", text, re.MULTILINE)
+    assert headings[0] == "[Unreleased]"
+    assert all(re.fullmatch(r"\[\d+\.\d+\.\d+\] - \d{4}-\d\d-\d\d", h) for h in headings[1:])
+    groups = {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
+    assert set(re.findall(r"^### (.*)$", text, re.MULTILINE)) <= groups
+
+
+def test_workflows_ask_for_little_and_pin_what_they_use():
+    import yaml
+
+    for path in sorted((ROOT / ".github/workflows").glob("*.yml")):
+        text = path.read_text(encoding="utf-8")
+        flow = yaml.safe_load(text)
+        assert flow["permissions"] == {"contents": "read"}, path.name
+        assert "concurrency" in flow, path.name
+        for action in re.findall(r"uses: (\S+)", text):
+            assert re.fullmatch(r"[\w-]+/[\w/.-]+@([0-9a-f]{40}|v\d+(\.\d+)*|release/v\d+)", action)
+        for command in re.findall(r"make ([a-z-]+)", text):
+            assert re.search(rf"^{command}:", (ROOT / "Makefile").read_text(), re.M), command
+
+
+def test_extras_that_the_workflows_install_exist():
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"][
+        "optional-dependencies"
+    ]
+    for path in (ROOT / ".github/workflows").glob("*.yml"):
+        for names in re.findall(r"whl\)?\[([\w,]+)\]", path.read_text(encoding="utf-8")):
+            assert set(names.split(",")) <= set(extras)
