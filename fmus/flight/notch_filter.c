@@ -1,14 +1,15 @@
-/* notch_filter.c - takes the frequency of a flexible mode out of a torque command.
+/* notch_filter.c - takes the frequencies of flexible modes out of the commands of a controller.
  *
  *   H(s) = (s^2 + 2 z w s + w^2)/(s^2 + 2 Z w s + w^2),   s = k (1 - 1/q)/(1 + 1/q),
  *   k = w/tan(w T/2)
  *
- * Two notches in a row, the same on all axes, for torque and wheel acceleration alike: bilinear
- * (Tustin), prewarped so that the notch lies at w exactly, whatever the sample period T. At w the
- * gain is z/Z, far from it 1, at rest exactly 1: the steady command passes. Price: phase lag below
- * w, some 2 Z u/(1 - u^2) rad at u = omega/w, so a notch goes above the bandwidth of the loop.
- * Frequency 0: no notch. Starts at rest. Sampled: a step reads the inputs once and holds the
- * outputs. Equations: docs/models.md L.7. */
+ * Two notches in a row, the same on all axes, for torque and wheel acceleration alike, and two for
+ * the force, which excites other modes: wings that swing alike turn the hub, wings that swing against
+ * each other shift it. Bilinear (Tustin), prewarped so that a notch lies at w exactly, whatever the
+ * sample period T. At w the gain is z/Z, far from it 1, at rest exactly 1: the steady command passes.
+ * Price: phase lag below w, some 2 Z u/(1 - u^2) rad at u = omega/w, so a notch goes above the
+ * bandwidth of the loop. Frequency 0: no notch. Starts at rest. Sampled: a step reads the inputs once
+ * and holds the outputs. Equations: docs/models.md L.7. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "exact.h"
 #include "fmu.h"
@@ -18,12 +19,13 @@
 enum { NOTCHES = 2 }; /* one after the other */
 
 typedef struct {
-    double frequency[NOTCHES], depth[NOTCHES], width[NOTCHES], sample_period;
+    double frequency[NOTCHES], force_frequency[NOTCHES];
+    double depth[NOTCHES], width[NOTCHES], sample_period;
 } Parameters;
-typedef struct { vec3 M_cmd_S, wheel_accel_cmd; } Input;
+typedef struct { vec3 M_cmd_S, wheel_accel_cmd, F_cmd_S; } Input;
 typedef struct { vec3 one, two; } Memory; /* transposed direct form II */
-typedef struct { Memory torque[NOTCHES], wheels[NOTCHES]; } State;
-typedef struct { vec3 M_notched_S, wheel_accel_notched; } Output;
+typedef struct { Memory torque[NOTCHES], wheels[NOTCHES], force[NOTCHES]; } State;
+typedef struct { vec3 M_notched_S, wheel_accel_notched, F_notched_S; } Output;
 MODEL_STRUCT;
 
 static const Model start = {
@@ -31,7 +33,10 @@ static const Model start = {
 };
 
 static const Variable variables[] = {
-    NONNEGATIVE(frequency, "rad/s", "frequency of each notch; 0 = no such notch"),
+    NONNEGATIVE(frequency, "rad/s",
+                "frequency of each notch in torque and wheel acceleration; 0 = no such notch"),
+    NONNEGATIVE(force_frequency, "rad/s",
+                "frequency of each notch in the force; 0 = no such notch"),
     NONNEGATIVE(depth, "1", "damping ratio z of the zeros: gain depth/width at the frequency"),
     NONNEGATIVE(width, "1",
                 "damping ratio Z of the poles: half of the relative width of the notch"),
@@ -39,22 +44,31 @@ static const Variable variables[] = {
 
     INPUT(M_cmd_S, "N.m", "commanded torque, servicer axes"),
     INPUT(wheel_accel_cmd, "rad/s2", "commanded wheel acceleration"),
+    OPTIONAL_INPUT(F_cmd_S, "N", "commanded force, servicer axes"),
 
     OUTPUT(M_notched_S, "N.m", "commanded torque without the frequencies of the notches"),
     OUTPUT(wheel_accel_notched, "rad/s2",
            "commanded wheel acceleration without the frequencies of the notches"),
+    OUTPUT(F_notched_S, "N", "commanded force without the frequencies of its notches"),
 };
+
+static void check_frequency(const Parameters *p, const char *list, int i, double frequency,
+                            Problems *problems)
+{
+    char name[40];
+    if (frequency * p->sample_period < PI) return;
+    snprintf(name, sizeof name, "%s[%d]", list, i + 1);
+    refuse(problems, name, frequency, "must be below pi/sample_period, half of the sample rate");
+}
 
 static void check(const Parameters *p, Problems *problems)
 {
-    char name[20];
     for (int i = 0; i < NOTCHES; i++) {
-        snprintf(name, sizeof name, "frequency[%d]", i + 1);
-        if (p->frequency[i] * p->sample_period >= PI)
-            refuse(problems, name, p->frequency[i],
-                   "must be below pi/sample_period, half of the sample rate");
+        char name[20];
+        check_frequency(p, "frequency", i, p->frequency[i], problems);
+        check_frequency(p, "force_frequency", i, p->force_frequency[i], problems);
         snprintf(name, sizeof name, "width[%d]", i + 1);
-        if (p->frequency[i] > 0 && p->width[i] == 0)
+        if (p->frequency[i] + p->force_frequency[i] > 0 && p->width[i] == 0)
             refuse(problems, name, 0, "must be > 0 where there is a notch");
     }
 }
@@ -62,9 +76,9 @@ static void check(const Parameters *p, Problems *problems)
 /* ---- one notch: b and a over a_0, a_1 = b_1 ---- */
 typedef struct { double b0, b1, b2, a2; } Notch;
 
-static Notch notch_of(const Parameters *p, int i)
+static Notch notch_of(const Parameters *p, int i, double w)
 {
-    double w = p->frequency[i], half = w * p->sample_period / 2;
+    double half = w * p->sample_period / 2;
     double k = w * cosine(half) / sine(half), square = k * k + w * w;
     double zeros = 2 * p->depth[i] * w * k, poles = 2 * p->width[i] * w * k, a0 = square + poles;
     return (Notch){(square + zeros) / a0, 2 * (w * w - k * k) / a0, (square - zeros) / a0,
@@ -81,21 +95,26 @@ static vec3 filtered(const Notch *n, Memory *m, vec3 u)
 
 static void filter(const Parameters *p, const Input *u, State *x, Output *y)
 {
-    vec3 M = u->M_cmd_S, wheels = u->wheel_accel_cmd;
+    vec3 M = u->M_cmd_S, wheels = u->wheel_accel_cmd, F = u->F_cmd_S;
     for (int i = 0; i < NOTCHES; i++) {
-        if (p->frequency[i] == 0) continue;
-        Notch notch = notch_of(p, i);
-        M = filtered(&notch, &x->torque[i], M);
-        wheels = filtered(&notch, &x->wheels[i], wheels);
+        if (p->frequency[i] > 0) {
+            Notch notch = notch_of(p, i, p->frequency[i]);
+            M = filtered(&notch, &x->torque[i], M);
+            wheels = filtered(&notch, &x->wheels[i], wheels);
+        }
+        if (p->force_frequency[i] > 0) {
+            Notch notch = notch_of(p, i, p->force_frequency[i]);
+            F = filtered(&notch, &x->force[i], F);
+        }
     }
-    *y = (Output){M, wheels};
+    *y = (Output){M, wheels, F};
 }
 
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
     (void)p, (void)u, (void)t;
     *x = (State){.torque = {{{0, 0, 0}, {0, 0, 0}}}};
-    *y = (Output){{0, 0, 0}, {0, 0, 0}};
+    *y = (Output){{0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
 }
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
@@ -104,4 +123,6 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
         filter(p, u, x, y);
 }
 
-FMU_MODEL("notch_filter", "Two notches in torque and wheel command, for modes of known frequency");
+FMU_MODEL(
+    "notch_filter",
+    "Two notches in torque and wheel command and two in the force, for modes of known frequency");

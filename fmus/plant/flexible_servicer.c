@@ -127,7 +127,16 @@ typedef struct {
     const Parameters *p;
     const Vehicle *v;
     Interval held;
+    vec3 F, M; /* of actuators, contact and accelerating wheels, which hold as well */
 } Context;
+
+static Context context(const Parameters *p, const State *x, const Input *u, const Substep *s)
+{
+    Context c = {p, &x->vehicle, interval(&p->base, &u->base, &x->now.base, s), {0}, {0}};
+    c.F = force_S(&u->base);
+    c.M = sub(torque_S(&u->base), mul(p->base.A_w, c.held.wheel_accel));
+    return c;
+}
 
 static vec3 hub_rate(int released, const BaseState *x)
 {
@@ -166,27 +175,29 @@ static void flexible_rates(const Context *c, double t, const Motion *x, Motion *
     feel_inertia(&felt, c->v, &at);
     PosVel C = centre_of_mass(&at, &x->base, &C_SN, w);
     Tide field = tide_at(p, &C_SN, C.r);
-    Drift own = drift(&at, felt.P, w, &field);
+    Drift own;
+    drift(&own, &at, w, &field);
 
     vec3 momentum = add(sym_mul(felt.I, w), mul(p->A_w, x->base.wheel_speed));
-    vec3 F = sub(sub(force_S(held->u), cross(w, cross(w, at.s))), own.F);
-    vec3 M = add(add(torque_S(held->u), sinusoid(&p->M_dist_S, held->since, t)),
-                 tidal_torque(&field, &at, &felt.I));
-    M = sub(sub(sub(M, cross(w, momentum)), mul(p->A_w, held->wheel_accel)), own.M);
+    vec3 F = sub(sub(c->F, cross(w, cross(w, at.s))), own.F);
+    vec3 M = add(c->M, sinusoid(&p->M_dist_S, held->since, t));
+    if (field.g != 0) M = add(M, tidal_torque(&field, &at, &felt.I));
+    M = sub(sub(M, cross(w, momentum)), own.M);
 
     Acceleration a = acceleration(&felt, F, M, !held->released);
     vec3 f = add(free_fall_N(p, &C.r, &C.v, held->since, t),
                  velocity_turning_N(p, held->released, &x->base, C.v));
-    *dx = (Motion){.base = {.r = x->base.v,
-                            .v = add(f, tmul(C_SN, a.A)),
-                            .sigma = mrp_rate(x->base.sigma, w),
-                            .omega = a.alpha,
-                            .mass = -held->u->mdot}};
+    *dx = (Motion){.dissipated = {0}};
+    dx->base.r = x->base.v;
+    dx->base.v = add(f, tmul(C_SN, a.A));
+    dx->base.sigma = mrp_rate(x->base.sigma, w);
+    dx->base.omega = a.alpha;
+    dx->base.mass = -held->u->mdot;
     if (held->released) dx->base.wheel_speed = held->wheel_accel;
     for (int i = 0; i < at.count; i++) {
         const Placed *b = &at.part[i];
         dx->q[b->k] = b->rate;
-        dx->dq[b->k] = own.g[i] - dot(felt.P[i], a.A) - dot(felt.L[i], a.alpha);
+        dx->dq[b->k] = own.g[i] - b->of->push * dot(b->t, a.A) - dot(b->L, a.alpha);
         dx->dissipated[b->k >= PANELS] += b->of->damping * b->M * b->rate * b->rate;
     }
 }
@@ -200,34 +211,23 @@ static void derivative(const Context *c, double t, const Motion *x, Motion *dx)
 RK4(integrate, derivative, Context, Motion)
 
 /* ---- outputs ---- */
-/* I_i (omega + q_k' a) of a panel */
-static vec3 spin_momentum(const Placed *b, vec3 w_i)
-{
-    vec3 I = b->of->inertia, a = b->of->axis;
-    return sum3(scale(I.x * dot(b->e, w_i), b->e), scale(I.y * dot(a, w_i), a),
-                scale(I.z * dot(b->t, w_i), b->t));
-}
-
-/* (11), velocities relative to S */
+/* (11): of the motion about S, h = I w + sum l q', 2 T = w.(I w) + 2 w.sum l q' + sum M q'^2, less
+ * that of C */
 static void publish_momentum(const Parameters *p, const Vehicle *v, const Placement *at,
                              const mat3 *C_SN, Output *y)
 {
-    vec3 w = y->base.omega_SN_S, v_c = add(cross(w, at->c), at->dc), h = sym_mul(v->inertia, w);
-    double twice_T = dot(w, h) - at->m * dot(v_c, v_c), twice_V = 0;
-    h = sub(add(h, mul(p->base.A_w, y->base.wheel_speed)), scale(at->m, cross(at->c, v_c)));
+    vec3 w = y->base.omega_SN_S, v_c = add(cross(w, at->c), at->dc), of_parts = vec(0, 0, 0);
+    vec3 Iw = sym_mul(inertia_about_S(v, at), w), wheels = mul(p->base.A_w, y->base.wheel_speed);
+    double twice_T = 0, twice_V = 0;
     for (int i = 0; i < at->count; i++) {
         const Placed *b = &at->part[i];
-        vec3 v_r = add(cross(w, b->r), scale(b->of->d * b->rate, b->t));
-        if (b->k < PANELS) {
-            vec3 w_i = add(w, scale(b->rate, b->of->axis)), h_i = spin_momentum(b, w_i);
-            h = add(h, h_i);
-            twice_T += dot(w_i, h_i);
-        }
-        h = add(h, scale(b->mass, cross(b->r, v_r)));
-        twice_T += b->mass * dot(v_r, v_r);
+        of_parts = add(of_parts, scale(b->M * b->rate, b->L));
+        twice_T += b->M * b->rate * b->rate;
         twice_V += b->M * b->of->stiffness * b->q * b->q;
     }
-    y->h_N = tmul(*C_SN, h);
+    twice_T += dot(w, Iw) + 2 * dot(w, of_parts) - at->m * dot(v_c, v_c);
+    vec3 of_C = scale(at->m, cross(at->c, v_c));
+    y->h_N = tmul(*C_SN, sub(sum3(Iw, wheels, of_parts), of_C));
     y->kinetic_energy = twice_T / 2;
     y->elastic_energy = twice_V / 2;
 }
@@ -283,8 +283,8 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
 {
     double grid = p->base.max_step / x->substeps;
     for (Substep s = first_substep(t, h, grid); s.h > 0; s = next_substep(s)) {
-        const Context context = {p, &x->vehicle, interval(&p->base, &u->base, &x->now.base, &s)};
-        integrate(&context, s.t, s.h, &x->now);
+        const Context held = context(p, x, u, &s);
+        integrate(&held, s.t, s.h, &x->now);
         x->now.base.sigma = mrp_inside(x->now.base.sigma);
     }
     publish(p, x, y, t + h);

@@ -12,21 +12,31 @@ from .motion import deviation
 from .refusals import refusal
 
 T, W = 0.1, (2.5, 9.0)
-NOTCHES = {"frequency": W, "depth": (0.05, 0.1), "width": (0.7, 0.4), "sample_period": T}
+NOTCHES = {
+    "frequency": W,
+    "force_frequency": W[::-1],
+    "depth": (0.05, 0.1),
+    "width": (0.7, 0.4),
+    "sample_period": T,
+}
+
+
+INPUTS = ("M_cmd_S", "wheel_accel_cmd", "F_cmd_S")
+OUTPUTS = ("M_notched_S", "wheel_accel_notched", "F_notched_S")
 
 
 def response(fmu, commands, **changes):
-    """Both outputs of a filter for a sequence of commands, (n, 6)."""
+    """The three outputs of a filter for a sequence of commands, (n, 9)."""
     unit, rows = fmu("notch_filter", NOTCHES | changes), []
     for u in commands:
-        unit.step(T, {"M_cmd_S": u[:3], "wheel_accel_cmd": u[3:]})
-        rows.append(np.concatenate((unit.get("M_notched_S"), unit.get("wheel_accel_notched"))))
+        unit.step(T, dict(zip(INPUTS, u.reshape(3, 3), strict=True)))
+        rows.append(np.concatenate([unit.get(name) for name in OUTPUTS]))
     return np.array(rows)
 
 
-def expected(commands):
+def expected(commands, frequency=W):
     """scipy's bilinear transform at the rate that puts the analogue notch at its frequency."""
-    for w, z, Z in zip(W, NOTCHES["depth"], NOTCHES["width"], strict=True):
+    for w, z, Z in zip(frequency, NOTCHES["depth"], NOTCHES["width"], strict=True):
         k = w / np.tan(w * T / 2)
         b, a = bilinear([1, 2 * z * w, w**2], [1, 2 * Z * w, w**2], fs=k / 2)
         commands = lfilter(b, a, commands, axis=0)
@@ -34,8 +44,10 @@ def expected(commands):
 
 
 def test_notches_are_the_prewarped_bilinear_transform_on_every_axis_and_channel(fmu, rng):
-    commands = rng.normal(size=(60, 6))
-    assert deviation(response(fmu, commands), expected(commands)) < 1e-12
+    commands = rng.normal(size=(60, 9))
+    torque, force = commands[:, :6], commands[:, 6:]
+    both = np.hstack((expected(torque), expected(force, W[::-1])))
+    assert deviation(response(fmu, commands), both) < 1e-12
 
 
 @pytest.mark.parametrize(("i", "gain"), [(0, 0.05 / 0.7), (1, 0.1 / 0.4)])
@@ -43,22 +55,23 @@ def test_gain_at_the_frequency_of_a_notch_is_depth_over_width(fmu, i, gain):
     """The other notch is off; after the transient of 1/(width frequency)."""
     only = np.where(np.arange(2) == i, W, 0.0)
     wave = np.sin(W[i] * T * np.arange(400))
-    out = response(fmu, np.outer(wave, np.ones(6)), frequency=only)[-150:]
+    out = response(fmu, np.outer(wave, np.ones(9)), frequency=only, force_frequency=only)[-150:]
     basis = np.column_stack([f(W[i] * T * np.arange(250, 400)) for f in (np.sin, np.cos)])
     size = np.linalg.norm(np.linalg.lstsq(basis, out)[0], axis=0)
     assert deviation(size, gain) < 1e-9
 
 
 def test_a_steady_command_passes_and_without_notches_everything_does(fmu, rng):
-    steady = np.tile(rng.normal(size=6), (200, 1))
+    steady = np.tile(rng.normal(size=9), (400, 1))
     assert deviation(response(fmu, steady)[-1], steady[-1]) < 1e-12
-    commands = rng.normal(size=(5, 6))
-    assert np.array_equal(response(fmu, commands, frequency=(0, 0)), commands)
+    commands = rng.normal(size=(5, 9))
+    passed = response(fmu, commands, frequency=(0, 0), force_frequency=(0, 0))
+    assert np.array_equal(passed, commands)
 
 
 def test_result_does_not_depend_on_how_the_step_is_cut(fmu, rng):
     """Between samples the output is held, whatever the input does."""
-    u = {"M_cmd_S": rng.normal(size=3), "wheel_accel_cmd": rng.normal(size=3)}
+    u = {name: rng.normal(size=3) for name in INPUTS}
     whole, cut = (fmu("notch_filter", NOTCHES, u) for _ in range(2))
     whole.step(3)
     for _ in range(60):
@@ -70,6 +83,8 @@ def test_result_does_not_depend_on_how_the_step_is_cut(fmu, rng):
     ("change", "message"),
     [
         ({"frequency": (31.5, 0)}, "frequency[1] = 31.5: must be below pi/sample_period"),
+        ({"force_frequency": (9, 31.5)}, "force_frequency[2] = 31.5: must be below pi/sample"),
+        ({"frequency": (0, 9), "width": (0, 0.4)}, "width[1] = 0: must be > 0"),
         ({"width": (0, 0.4)}, "width[1] = 0: must be > 0"),
         ({"frequency": (-1, 0)}, "frequency[1] = -1: must be >= 0"),
         ({"sample_period": 0}, "sample_period = 0: must be > 0"),

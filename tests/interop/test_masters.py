@@ -11,6 +11,7 @@ import pytest
 
 from harness import load
 from harness.files import paths
+from harness.master.changes import apply
 from harness.master.simulation import Simulation
 from harness.ssp.writer import write_ssp
 from tests.systems import docking_case
@@ -19,7 +20,9 @@ pytestmark = pytest.mark.interop
 
 DOCKING = "docking"
 """Contact and capture of a pair, with the latency that a Jacobi master asks for."""
-SYSTEMS = [*sorted(paths.systems()), DOCKING]
+FLEXIBLE = "flexible"
+"""sync_approach with panels that swing and propellant that sloshes."""
+SYSTEMS = [*sorted(paths.systems()), DOCKING, FLEXIBLE]
 MACRO_STEPS = 1000
 CHECKED = (1, 2, 3, 10, 100, 500, 1000)
 """Macro steps after which all outputs are compared."""
@@ -38,9 +41,14 @@ def require(module):
 @pytest.fixture(scope="module", params=SYSTEMS)
 def ours(request, tmp_path_factory):
     """Path of the .ssp, macro step, rows of our Jacobi run by column name."""
-    path = paths.systems().get(request.param) or tmp_path_factory.mktemp("ssp") / "docking.ssp"
+    path = paths.systems().get(request.param) or (
+        tmp_path_factory.mktemp("ssp") / f"{request.param}.ssp"
+    )
     if request.param == DOCKING:
         write_ssp(docking_case.capture_a_step_late(), path)
+    if request.param == FLEXIBLE:
+        with load("sync_approach") as system:
+            write_ssp(apply(system, swap=["servicer=flexible_servicer"]), path)
     with load(path) as system:
         h = system.experiment.step
         experiment = replace(

@@ -52,27 +52,54 @@ def test_without_panels_and_slosh_every_signal_is_that_of_the_rigid_servicer(sys
         assert np.array_equal(flexible_one[name], rigid[name]), name
 
 
-def late(notch):
-    """ppc_tracking with panels of 3 Hz, the controller a sample late: largest attitude error of the
-    last quarter [deg], torque impulse [N m s].
+I_H = 1.31 + 8 * 0.75**2
+"""Of a wing about its hinge [kg m2]."""
+
+
+def free_modes(hertz):
+    """Antisymmetric (hub with J = 60 kg m2) and symmetric mode of two wings [rad/s]."""
+    turning, shifting = 2 * (1.31 + 8 * 0.75 * 1.25) ** 2 / 60, 2 * (8 * 0.75) ** 2 / 100
+    return tuple(2 * np.pi * hertz / np.sqrt(1 - share / I_H) for share in (turning, shifting))
+
+
+def late(hertz, torque=0.0, force=0.0):
+    """ppc_tracking with a controller a sample late: largest attitude error of the last quarter
+    [deg], torque impulse [N m s], largest amplitude of each mode then [rad].
     """
-    values = {"servicer.panel_frequency": [6 * np.pi] * 4, "filter.frequency": [notch, 0.0]}
+    values = {
+        "servicer.panel_frequency": [2 * np.pi * hertz] * 4,
+        "filter.frequency": [torque, 0.0],
+        "filter.force_frequency": [force, 0.0],
+    }
     result = run("ppc_tracking_notched", swap=SWAP, set=values, latency={"controller": 1})
     last = result.time >= 0.75 * result.time[-1]
     error = np.degrees(attitude_error(result)[last].max())
-    return error, result["propulsion.torque_impulse"][-1].sum()
+    one, two = result["servicer.panel_angle"][last, :2].T
+    modes = np.abs((one + two) / 2).max(), np.abs((one - two) / 2).max()
+    return error, result["propulsion.torque_impulse"][-1].sum(), modes
 
 
 def test_wings_of_3_hz_are_lost_to_a_sample_of_latency_and_a_notch_at_their_free_mode_saves_them():
-    """Free antisymmetric mode: w/sqrt(1 - 2 (I2 + mu d l)^2/(J I_h)), 4.0 Hz."""
-    I_h = 1.31 + 8 * 0.75**2
-    free = 6 * np.pi / np.sqrt(1 - 2 * (1.31 + 8 * 0.75 * 1.25) ** 2 / (60 * I_h))
-    (lost, shaken), (held, quiet) = late(0.0), late(free)
+    free, _ = free_modes(3)
+    (lost, shaken, _), (held, quiet, _) = late(3), late(3, free)
     assert lost > 1
     assert shaken > 1000
     assert held < 0.01
     assert quiet < 2 * 93  # of the rigid servicer
-    assert late(0.9 * free)[0] < 0.01
+    assert late(3, 0.9 * free)[0] < 0.01
+
+
+def test_torque_excites_wings_that_swing_alike_and_force_wings_that_swing_apart():
+    """4 Hz, both modes beyond 3.3 Hz: one notch leaves the mode of the other loop."""
+    alike, apart = free_modes(4)
+    turned, shifted, both = late(4, alike), late(4, 0, apart), late(4, alike, apart)
+    assert turned[2][1] > 0.1
+    assert shifted[2][0] > 0.01
+    assert shifted[2][1] < 1e-3
+    assert min(turned[0], shifted[0]) > 1
+    assert both[0] < 0.01
+    assert both[1] < 2 * 93
+    assert max(both[2]) < 1e-4
 
 
 @pytest.fixture(scope="module")

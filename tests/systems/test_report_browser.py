@@ -28,6 +28,8 @@ RUNS = {
     "arm_capture": {},
 }
 SYSTEM = "sync_approach"
+TANKS = [[0, 0, 0.25], [0, 0, -0.25]]
+"""Where the slosh masses of flexible_servicer rest."""
 each_system = pytest.mark.parametrize("system", RUNS)
 pytestmark = pytest.mark.browser
 
@@ -119,6 +121,25 @@ def test_bodies_are_where_the_result_says(chromium, report_of):
             expected = [np.interp(time, result.time, axis) for axis in rho.T]
             assert state["frame"] == "N"
             np.testing.assert_allclose(state["bodies"]["servicer"]["position"], expected, atol=2e-3)
+
+
+def test_panels_bend_and_propellant_slides_as_the_result_says(chromium, tmp_path):
+    """Where the panels are bent most: the joints of the picture have the angles of the rows, the
+    masses their displacements.
+    """
+    result = run("ppc_tracking", swap=["servicer=flexible_servicer"], stop=10.0)
+    path = write(result, tmp_path / "flexible.html")
+    k = int(np.abs(result["servicer.panel_angle"][:, 0]).argmax())
+    angles = result["servicer.panel_angle"][k, :2]
+    slides = result["servicer.slosh_displacement"][k, :2]
+    assert abs(angles[0]) > 0.05
+    with opened(chromium, path) as page:
+        page.evaluate(f"report.replay.seek({result.time[k]})")
+        body = page.evaluate("report.replay.state()")["bodies"]["servicer"]
+        sines = [joint[2] for joint in body["joints"][:2]]
+        np.testing.assert_allclose(sines, np.sin(angles / 2), atol=1e-4)
+        moved = [np.subtract(p, q) for p, q in zip(body["places"][3::2], TANKS, strict=True)]
+        np.testing.assert_allclose(moved, np.diag(slides) @ np.eye(2, 3), atol=1e-4)
 
 
 def test_controls_work(chromium, report_of):

@@ -16,6 +16,10 @@ static inline sym3 sym_sub(sym3 a, sym3 b)
 {
     return (sym3){a.xx - b.xx, a.yy - b.yy, a.zz - b.zz, a.xy - b.xy, a.xz - b.xz, a.yz - b.yz};
 }
+static inline sym3 sym_scaled(double k, sym3 a)
+{
+    return (sym3){k * a.xx, k * a.yy, k * a.zz, k * a.xy, k * a.xz, k * a.yz};
+}
 static inline vec3 sym_mul(sym3 m, vec3 a)
 {
     return vec(m.xx * a.x + m.xy * a.y + m.xz * a.z, m.xy * a.x + m.yy * a.y + m.yz * a.z,

@@ -17,9 +17,8 @@ static inline sym3 inertia_about_S(const Vehicle *v, const Placement *at)
     sym3 I = v->steady, Q = sym_diagonal(0, 0, 0);
     for (int i = 0; i < at->count; i++) {
         const Placed *x = &at->part[i];
-        vec3 J = x->of->inertia;
         Q = sym_add(Q, dyad(x->mass, x->r));
-        if (x->k < PANELS) I = sym_add(I, dyad(J.x - J.z, x->e));
+        if (x->k < PANELS) I = sym_add(I, dyad(x->of->lean * x->of->I_h, x->e));
     }
     double trace = Q.xx + Q.yy + Q.zz;
     return sym_add(I, sym_sub(sym_diagonal(trace, trace, trace), Q));
@@ -27,7 +26,6 @@ static inline sym3 inertia_about_S(const Vehicle *v, const Placement *at)
 
 /* ---- (7): [U V; V^T W] [A; alpha] = [force; moment] ---- */
 typedef struct {
-    vec3 P[PARTS], L[PARTS]; /* p_k/M_k, l_k/M_k of (5) */
     sym3 I, U, W;
     mat3 V;
 } Inertia;
@@ -37,13 +35,17 @@ static inline void feel_inertia(Inertia *felt, const Vehicle *v, const Placement
 {
     sym3 I = inertia_about_S(v, at), U = sym_diagonal(at->m, at->m, at->m), W = I;
     mat3 V = tilde(neg(at->s));
-    for (int i = 0; i < at->count; i++) {
+    U = sym_sub(U, v->sloshes.pp), V = minus(V, v->sloshes.pl), W = sym_sub(W, v->sloshes.ll);
+    if (v->draw > 0) {
+        U = sym_add(U, sym_scaled(at->used, v->drawn.pp));
+        V = plus(V, scaled(at->used, v->drawn.pl));
+        W = sym_add(W, sym_scaled(at->used, v->drawn.ll));
+    }
+    for (int i = 0; i < at->count && at->part[i].k < PANELS; i++) {
         const Placed *x = &at->part[i];
-        vec3 P = scale(x->of->push, x->t), L = add(x->of->twist, cross(x->r, P));
-        felt->P[i] = P, felt->L[i] = L;
-        U = sym_sub(U, dyad(x->M, P));
-        V = minus(V, outer(scale(x->M, P), L));
-        W = sym_sub(W, dyad(x->M, L));
+        U = sym_sub(U, dyad(x->md * x->of->push, x->t));
+        V = minus(V, outer(scale(x->md, x->t), x->L));
+        W = sym_sub(W, dyad(x->M, x->L));
     }
     felt->I = I, felt->U = U, felt->V = V, felt->W = W;
 }
@@ -83,18 +85,16 @@ static inline vec3 tidal(const Tide *f, vec3 x)
 /* M_gg = 3 g n x (I_C n),   I_C = I - m (c.c 1 - c c^T) */
 static inline vec3 tidal_torque(const Tide *f, const Placement *at, const sym3 *I)
 {
-    if (f->g == 0) return vec(0, 0, 0);
     sym3 I_C = sym_sub(*I, point_inertia(at->m, at->c));
     return scale(3 * f->g, cross(f->n, sym_mul(I_C, f->n)));
 }
 
 /* Q_k/M_k; a.(n x I_i n) = (I3 - I1) (n.e)(n.t) */
-static inline double tidal_drift(const Tide *f, const Placed *x, vec3 P, vec3 c)
+static inline double tidal_drift(const Tide *f, const Placed *x, vec3 c)
 {
-    vec3 I = x->of->inertia;
-    double pull = dot(P, tidal(f, sub(x->r, c)));
+    double pull = x->of->push * dot(x->t, tidal(f, sub(x->r, c)));
     if (x->k >= PANELS) return pull;
-    return pull + 3 * f->g * (I.z - I.x) * dot(f->n, x->e) * dot(f->n, x->t) / x->M;
+    return pull - 3 * f->g * x->of->lean * dot(f->n, x->e) * dot(f->n, x->t);
 }
 
 /* ---- what velocities, springs and tides alone do (6) ---- */
@@ -103,54 +103,34 @@ typedef struct {
     double g[PARTS]; /* accelerations of the parts in a hub with A = alpha = 0 */
 } Drift;
 
-/* u.(w x (w x r)) */
-static inline double inward(vec3 u, vec3 w, vec3 r)
-{
-    return dot(u, w) * dot(w, r) - dot(w, w) * dot(u, r);
-}
-
-static inline double panel_drift(const Placed *x, vec3 w)
-{
-    const Part *b = x->of;
-    vec3 I = b->inertia;
-    double md = b->mass * b->d, w_e = dot(w, x->e), w_t = dot(w, x->t);
-    return ((I.x - I.z - md * b->d) * w_e * w_t - md * inward(x->t, w, b->place)) / b->I_h;
-}
-
-/* g I2 a and what N_M has beside r x b: in the axes e, a, t the inertia of a panel is diagonal, so
+/* Force b + g p = md (g t + 2 q' w x t - q'^2 e) of a part on the whole, its moment. Of a panel, as
+ * r = r_H + d e, (I1 - I3 - mu d^2)(w.e)(w.t) - mu d t.(w x (w x r_H)) is (I1 - I3)(w.e)(w.t) - mu d
+ * t.(w x (w x r)); and as I_i is diagonal in the axes e, a, t,
  * I_i (w x a) + a x (I_i w) + I2 w x a = (I1 + I2 - I3)(w.t) e - (I2 + I3 - I1)(w.e) t */
-static inline vec3 panel_torque(const Placed *x, vec3 w, double g)
-{
-    vec3 I = x->of->inertia;
-    return sum3(scale(x->rate * (I.x + I.y - I.z) * dot(w, x->t), x->e),
-                scale(x->rate * (I.x - I.y - I.z) * dot(w, x->e), x->t),
-                scale(g * I.y, x->of->axis));
-}
-
-/* force b + g p of a part on the whole, its moment r x (b + g p) and, of a panel, the torque above */
-static inline Drift drift(const Placement *at, const vec3 P[PARTS], vec3 w, const Tide *f)
+static inline void drift(Drift *sum, const Placement *at, vec3 w, const Tide *f)
 {
     vec3 F = vec(0, 0, 0), M = F;
-    Drift sum;
     for (int i = 0; i < at->count; i++) {
         const Placed *x = &at->part[i];
         const Part *b = x->of;
         int panel = x->k < PANELS;
-        double g = -b->stiffness * x->q - b->damping * x->rate;
-        g += panel ? panel_drift(x, w) : -inward(x->t, w, x->r);
-        if (f->g != 0) g += tidal_drift(f, x, P[i], at->c);
-        vec3 push = scale(x->M, add(scale(g, P[i]), scale(2 * x->rate, cross(w, P[i]))));
+        double u = x->rate, w_t = dot(w, x->t), w_e = panel ? dot(w, x->e) : 0;
+        double g = b->push * (dot(w, w) * dot(x->t, x->r) - w_t * dot(w, x->r)) +
+                   b->lean * w_e * w_t - b->stiffness * x->q - b->damping * u;
+        if (f->g != 0) g += tidal_drift(f, x, at->c);
+        vec3 push = add(scale(g, x->t), scale(2 * u, cross(w, x->t)));
         if (panel) {
-            push = sub(push, scale(b->mass * b->d * x->rate * x->rate, x->e));
-            M = add(M, panel_torque(x, w, g));
+            push = sub(push, scale(u * u, x->e));
+            M = add(M, sum3(scale(u * b->turn_t * w_t, x->e), scale(u * b->turn_e * w_e, x->t),
+                            scale(g, b->spin)));
         }
+        push = scale(x->md, push);
         F = add(F, push);
         M = add(M, cross(x->r, push));
-        sum.g[i] = g;
+        sum->g[i] = g;
     }
-    sum.F = F;
-    sum.M = M;
-    return sum;
+    sum->F = F;
+    sum->M = M;
 }
 
 /* ---- (12) ----
@@ -166,8 +146,9 @@ static inline double highest_mode(const Vehicle *v)
     double sum = 0;
     for (int i = 0; i < at.count; i++) {
         const Placed *x = &at.part[i];
-        Acceleration a = acceleration(&felt, felt.P[i], felt.L[i], 0);
-        sum += x->of->stiffness * (1 + x->M * (dot(felt.P[i], a.A) + dot(felt.L[i], a.alpha)));
+        vec3 P = scale(x->of->push, x->t);
+        Acceleration a = acceleration(&felt, P, x->L, 0);
+        sum += x->of->stiffness * (1 + x->md * dot(x->t, a.A) + x->M * dot(x->L, a.alpha));
     }
     return sqrt(sum);
 }

@@ -7,6 +7,7 @@
 #ifndef MOVING_PARTS_H
 #define MOVING_PARTS_H
 
+#include "mat3.h"
 #include "sym3.h"
 
 enum { PANELS = 4, SLOSHES = 4, PARTS = PANELS + SLOSHES }; /* coordinates: panels first */
@@ -30,13 +31,20 @@ typedef struct {
     double mass;               /* at the start */
     vec3 place, out, axis, up; /* hinge, e_0, a, a x e_0; of a slosh mass: r_0, -, p, - */
     double d;                  /* r' = d q' t: from hinge to centre of mass; of a slosh mass 1 */
-    vec3 inertia;              /* I1, I2, I3 */
     double I_h;                /* I2 + mu d^2 */
     double push;               /* P = push t: mu d/I_h; of a slosh mass 1 */
-    vec3 twist;                /* I2 a/I_h */
+    vec3 twist;                /* of L: I2 a/I_h; of a slosh mass r x p, which does not move */
+    double lean;               /* (I1 - I3)/I_h */
+    double turn_t, turn_e;     /* I1 + I2 - I3, I1 - I2 - I3 */
+    vec3 spin;                 /* I2 a */
     double stiffness, damping; /* of the unit of generalised mass: w^2, 2 z w */
     double draw;
 } Part;
+/* sums of p p^T/M, p l^T/M, l l^T/M of (7) */
+typedef struct {
+    sym3 pp, ll;
+    mat3 pl;
+} Coupling;
 typedef struct {
     double count; /* of the parts that exist */
     Part part[PARTS];
@@ -44,6 +52,8 @@ typedef struct {
     vec3 first_moment;   /* h of the hub about S */
     sym3 inertia;        /* I_h0 of the hub about S, wheels locked */
     sym3 steady;         /* of I in (4) what no coordinate moves */
+    Coupling sloshes;    /* of the slosh masses, which no coordinate moves, at the start */
+    Coupling drawn;      /* what a kilogram of consumption takes of it */
     double draw;         /* D: share of the consumption that the slosh masses give */
 } Vehicle;
 
@@ -55,8 +65,8 @@ static inline sym3 plate_inertia(vec3 moments, vec3 e, vec3 a, vec3 t) /* I1 ee 
 static inline Part panel_of(const Panels *p, int i)
 {
     vec3 axis = unit(p->axis_S[i]), out = unit(p->arm_S[i]);
-    double d = norm(p->arm_S[i]), w = p->frequency[i], I_2 = p->inertia[i].y;
-    double I_h = I_2 + p->mass[i] * d * d;
+    vec3 I = p->inertia[i];
+    double d = norm(p->arm_S[i]), w = p->frequency[i], I_h = I.y + p->mass[i] * d * d;
     return (Part){.k = i,
                   .mass = p->mass[i],
                   .place = p->hinge_S[i],
@@ -64,10 +74,13 @@ static inline Part panel_of(const Panels *p, int i)
                   .axis = axis,
                   .up = cross(axis, out),
                   .d = d,
-                  .inertia = p->inertia[i],
                   .I_h = I_h,
                   .push = p->mass[i] * d / I_h,
-                  .twist = scale(I_2 / I_h, axis),
+                  .twist = scale(I.y / I_h, axis),
+                  .lean = (I.x - I.z) / I_h,
+                  .turn_t = I.x + I.y - I.z,
+                  .turn_e = I.x - I.y - I.z,
+                  .spin = scale(I.y, axis),
                   .stiffness = w * w,
                   .damping = 2 * p->damping_ratio[i] * w};
 }
@@ -81,16 +94,24 @@ static inline Part slosh_of(const Sloshes *p, int j)
                   .axis = unit(p->axis_S[j]),
                   .d = 1,
                   .push = 1,
+                  .twist = cross(p->position_S[j], unit(p->axis_S[j])),
                   .stiffness = w * w,
                   .damping = 2 * p->damping_ratio[j] * w,
                   .draw = p->draw[j]};
 }
 
-/* I_i but for (I1 - I3) e e^T: as e, a, t are perpendicular, I3 1 + (I2 - I3) a a^T */
-static inline sym3 steady_inertia(const Part *b)
+/* sum + k (p p^T, p l^T, l l^T) */
+static inline void couple(Coupling *sum, double k, vec3 p, vec3 l)
 {
-    vec3 I = b->inertia;
-    return sym_add(sym_diagonal(I.z, I.z, I.z), dyad(I.y - I.z, b->axis));
+    sum->pp = sym_add(sum->pp, dyad(k, p));
+    sum->pl = plus(sum->pl, outer(scale(k, p), l));
+    sum->ll = sym_add(sum->ll, dyad(k, l));
+}
+
+/* I_i but for (I1 - I3) e e^T: as e, a, t are perpendicular, I3 1 + (I2 - I3) a a^T */
+static inline sym3 steady_inertia(vec3 I, vec3 axis)
+{
+    return sym_add(sym_diagonal(I.z, I.z, I.z), dyad(I.y - I.z, axis));
 }
 
 /* (3): the hub is what the undeformed parts leave of the vehicle */
@@ -105,14 +126,20 @@ static inline Vehicle vehicle_of(double mass_0, mat3 J_S, const Panels *panels,
         Part *b = &v.part[(int)v.count++];
         *b = panel ? panel_of(panels, k) : slosh_of(sloshes, k - PANELS);
         vec3 r = panel ? add(b->place, scale(b->d, b->out)) : b->place;
-        sym3 own = plate_inertia(b->inertia, b->out, b->axis, b->up);
         v.mass -= mass;
         v.first_moment = sub(v.first_moment, scale(mass, r));
-        v.inertia = sym_sub(v.inertia, sym_add(own, point_inertia(mass, r)));
+        v.inertia = sym_sub(v.inertia, point_inertia(mass, r));
         v.draw += b->draw;
+        if (panel) {
+            vec3 I = panels->inertia[k];
+            v.inertia = sym_sub(v.inertia, plate_inertia(I, b->out, b->axis, b->up));
+            v.steady = sym_add(v.steady, steady_inertia(I, b->axis));
+        } else {
+            couple(&v.sloshes, mass, b->axis, b->twist);
+            couple(&v.drawn, b->draw, b->axis, b->twist);
+        }
     }
-    v.steady = v.inertia;
-    for (int k = 0; k < PARTS; k++) v.steady = sym_add(v.steady, steady_inertia(&v.part[k]));
+    v.steady = sym_add(v.steady, v.inertia);
     return v;
 }
 
@@ -121,12 +148,13 @@ typedef struct {
     const Part *of;
     int k;                   /* its coordinate, q_k */
     double q, rate, mass, M; /* q_k, q_k', mass as it is now, generalised mass (5) */
-    vec3 r, t;               /* centre of mass from S, where it moves to: r' = d q' t */
-    vec3 e;                  /* (1); of a slosh mass: none */
+    double md;               /* p = md t */
+    vec3 r, t, L;            /* centre of mass from S, where it moves to: r' = d q' t; l/M of (5) */
+    vec3 e;                  /* (1), of a panel */
 } Placed;
 typedef struct {
-    double m, hub_mass;
-    vec3 s, c, dc; /* first moment, centre of mass, its velocity in the hub */
+    double m, used, hub_mass; /* used: propellant U gone so far */
+    vec3 s, c, dc;            /* first moment, centre of mass, its velocity in the hub */
     int count;
     Placed part[PARTS]; /* those that exist */
 } Placement;
@@ -135,21 +163,21 @@ static inline void place_panel(Placed *x, const Part *b, double angle) /* (1) */
 {
     SineCosine th = sine_and_cosine(angle);
     vec3 e = add(scale(th.c, b->out), scale(th.s, b->up));
-    x->mass = b->mass, x->M = b->I_h;
-    x->r = add(b->place, scale(b->d, e));
-    x->t = cross(b->axis, e);
-    x->e = e;
+    vec3 t = cross(b->axis, e), r = add(b->place, scale(b->d, e));
+    x->mass = b->mass, x->M = b->I_h, x->md = b->mass * b->d;
+    x->r = r, x->t = t, x->e = e;
+    x->L = add(b->twist, scale(b->push, cross(r, t)));
 }
 
 static inline void place_slosh(Placed *x, const Part *b, double shift, double used) /* (2) */
 {
-    x->mass = x->M = b->mass - b->draw * used;
+    x->mass = x->M = x->md = b->mass - b->draw * used;
     x->r = add(b->place, scale(shift, b->axis));
     x->t = b->axis;
-    x->e = vec(0, 0, 0);
+    x->L = b->twist;
 }
 
-/* (4) but for I, (8); used: propellant U gone so far */
+/* (4) but for I, (8) */
 static inline void place_parts(Placement *at, const Vehicle *v, double used, const double q[PARTS],
                                const double dq[PARTS])
 {
@@ -163,9 +191,10 @@ static inline void place_parts(Placement *at, const Vehicle *v, double used, con
         if (k < PANELS) place_panel(x, b, q[k]);
         else place_slosh(x, b, q[k], used);
         s = add(s, scale(x->mass, x->r));
-        flow = add(flow, scale(x->mass * b->d * dq[k], x->t));
+        flow = add(flow, scale(x->md * dq[k], x->t));
     }
     at->m = v->mass_0 - used;
+    at->used = used;
     at->hub_mass = v->mass - (1 - v->draw) * used;
     at->s = s;
     at->c = scale(1 / at->m, s);

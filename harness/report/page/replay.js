@@ -603,7 +603,8 @@ function startReplay(scene, array, T) {
     eye: camera.position.toArray(),
     bodies: Object.fromEntries(bodies.map((b) => [b.name, {
       position: world(b).toArray(), attitude: b.group.getWorldQuaternion(new T.Quaternion()).toArray(),
-      joints: b.links.map((l) => l.joint.quaternion.toArray()) }])),
+      joints: b.links.map((l) => l.joint.quaternion.toArray()),
+      places: b.links.map((l) => l.joint.position.toArray()) }])),
     plumes: plumes.filter((each) => each.made.visible).length,
   });
   return { seek, play, setFrame, choose, state };
