@@ -113,6 +113,7 @@ lint: build $(LINTERS)
 	$(BIN)/ruff format --check .
 	$(BIN)/clang-format --dry-run --Werror $(C_FILES)
 	$(BIN)/codespell
+	$(BIN)/python .ci/words.py
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 	$(BIN)/python .ci/licence_lines.py --check $(CODE)
 	$(BIN)/python .ci/size.py

@@ -53,10 +53,11 @@ def _show_version(wanted: bool) -> None:
 @app.callback()
 def options(
     show_version: Annotated[
-        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="its number")
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version"),
     ] = False,
 ) -> None:
-    """Run systems of FMUs with fixed macro steps, and look at what comes of it."""
+    """Run systems of FMUs with fixed macro steps, and evaluate the results."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

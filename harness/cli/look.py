@@ -34,7 +34,7 @@ app = typer.Typer()
 @app.command("list")
 def list_command(
     system: Annotated[
-        str | None, typer.Argument(metavar="[SYSTEM]", help="name of a system, or path of an .ssp")
+        str | None, typer.Argument(metavar="[SYSTEM]", help="System: name, or path of an .ssp")
     ] = None,
 ) -> None:
     """Show systems, parameter sets and FMUs."""
@@ -70,14 +70,17 @@ def docs_command(
 def show_command(
     system: ShownArgument,
     word: Annotated[
-        str | None, typer.Argument(metavar="[WORD]", help="only rows with it in name or text")
+        str | None,
+        typer.Argument(
+            metavar="[WORD]", help="Show only rows with this word in name or description"
+        ),
     ] = None,
     changes: Any = None,
 ) -> None:
-    """Show what there is to connect and to set.
+    """Show ports and parameters.
 
     The components of a system; inputs, outputs and parameters of one of them (SYSTEM.component)
-    with the values that they have there; or an FMU alone.
+    with their values in the system; or those of an FMU alone.
     """
     from harness.cli import showing
     from harness.studies.show import show
@@ -92,12 +95,14 @@ def show_command(
 def check(
     system: Annotated[
         str | None,
-        typer.Argument(metavar="[SYSTEM_OR_FMU]", help="name, or path of an .ssp or .fmu"),
+        typer.Argument(
+            metavar="[SYSTEM_OR_FMU]", help="System or FMU: name, or path of an .ssp or .fmu"
+        ),
     ] = None,
-    strict: Annotated[bool, typer.Option("--strict", help="warnings are errors")] = False,
+    strict: Annotated[bool, typer.Option("--strict", help="Treat warnings as errors")] = False,
     changes: Any = None,
 ) -> None:
-    """Find all that is wrong with a system or an FMU.
+    """Report every mistake of a system or an FMU.
 
     Errors keep it from being run (exit status 1); warnings are what is not by the book. With
     changes: what a run with them would fly. Without a name: what this machine lacks for the flight
@@ -121,7 +126,10 @@ def check(
 def draw_command(
     system: SystemArgument,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help=".svg, .pdf or .png (default: SYSTEM.svg)")
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="File to write: .svg, .pdf or .png (default: SYSTEM.svg)"
+        ),
     ] = None,
     changes: Any = None,
 ) -> None:
@@ -141,15 +149,18 @@ def draw_command(
 def plan_command(
     system: SystemArgument,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="folder (default: results/SYSTEM_plan)")
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="Folder for the figures (default: results/SYSTEM_plan)"
+        ),
     ] = None,
     ending: FormatOption = Format.PNG,
     style: StyleOption = Look.SCREEN,
     changes: Any = None,
 ) -> None:
-    """Show what a mission plans, without running the system.
+    """Show the plan of a mission without running the system.
 
-    Prints the plan as a table and draws it; fails if it cannot be flown.
+    Print the plan as a table and draw it; exit status 1 if it is not feasible.
     """
     from harness.figures.plots import overlay
     from harness.figures.style import style_of
@@ -176,14 +187,18 @@ def _take(mission: Path | None) -> None:
 def plot(  # noqa: PLR0913, PLR0917 - one argument per option
     file: FileArgument,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="folder (default: FILE_figures)")
+        Path | None,
+        typer.Option("--output", "-o", help="Folder for the figures (default: FILE_figures)"),
     ] = None,
     variables: Annotated[
-        str | None, typer.Option("--var", metavar="C.NAME,..", help="a figure of these variables")
+        str | None,
+        typer.Option("--var", metavar="C.NAME,..", help="Draw one figure of these variables"),
     ] = None,
     ending: FormatOption = Format.PNG,
     style: StyleOption = Look.SCREEN,
-    wide: Annotated[bool, typer.Option("--wide", help="paper: all figures 7 in wide")] = False,
+    wide: Annotated[
+        bool, typer.Option("--wide", help="Make all figures of --style paper 7 in wide")
+    ] = False,
     mission: MissionOption = None,
 ) -> None:
     """Draw the figures of a run.
@@ -207,13 +222,14 @@ def plot(  # noqa: PLR0913, PLR0917 - one argument per option
 def report(
     file: ReportArgument,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="page of HTML with plots and a replay")
+        Path | None,
+        typer.Option("--output", "-o", help="Write an HTML page with plots and a replay"),
     ] = None,
     require: RequireOption = None,
     strict: StrictOption = False,
     mission: MissionOption = None,
 ) -> None:
-    """Judge a run by its requirements and the claims of its paper.
+    """Evaluate a run by its requirements and the claims of its paper.
 
     With -o: one page that opens in any browser, of any run, comparison or campaign.
     """
@@ -248,21 +264,23 @@ def convert_command(
     output: Annotated[
         Path,
         typer.Option(
-            "--output", "-o", help=".nc, .csv, .mat, .parquet, or bodies: .oem, .aem, .czml"
+            "--output",
+            "-o",
+            help="File to write: .nc, .csv, .mat, .parquet; of bodies: .oem, .aem, .czml",
         ),
     ],
     body: Annotated[
         str | None,
-        typer.Option(metavar="COMPONENT", help="component (default: the first body)"),
+        typer.Option(metavar="COMPONENT", help="Take this component (default: the first body)"),
     ] = None,
     epoch: Annotated[
         str | None,
-        typer.Option(metavar="DATE", help="UTC of t = 0 (default: of the run, or J2000)"),
+        typer.Option(metavar="DATE", help="Set the UTC of t = 0 (default: from the run, or J2000)"),
     ] = None,
 ) -> None:
     """Write a result into a file of another kind.
 
-    Ephemerides of CCSDS and CZML take N as EME2000 about the Earth.
+    CCSDS ephemerides and CZML take N as EME2000 about the Earth.
     """
     from harness.exchange.convert import convert
 
@@ -273,11 +291,11 @@ def convert_command(
 @app.command("validate")
 def validate_command(
     names: Annotated[
-        list[str] | None, typer.Argument(metavar="[CASE]...", help="names of cases (default: all)")
+        list[str] | None, typer.Argument(metavar="[CASE]...", help="Cases to run (default: all)")
     ] = None,
-    write: Annotated[Path | None, typer.Option(help="write the page to this Markdown file")] = None,
+    write: Annotated[Path | None, typer.Option(help="Write the page to this Markdown file")] = None,
 ) -> None:
-    """Run the FMUs against numbers made by others."""
+    """Run the FMUs against published numbers."""
     from harness.claims.validated import markdown, table, validate
     from harness.files.output import written
 

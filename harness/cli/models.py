@@ -21,19 +21,24 @@ app = typer.Typer()
 
 @app.command("new")
 def new_command(
-    kind: Annotated[str, typer.Argument(metavar="KIND", help="controller or mission")],
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="Kind: controller or mission")],
     name: Annotated[
-        str | None, typer.Argument(metavar="NAME", help="its name, and that of its folder")
+        str | None,
+        typer.Argument(
+            metavar="NAME", help="Name of the new controller or mission, and of its folder"
+        ),
     ] = None,
-    language: Annotated[Language, typer.Option(help="to write it in")] = Language.C,
+    language: Annotated[
+        Language, typer.Option(help="Write the controller in this language")
+    ] = Language.C,
     place: PlaceOption = None,
     base: Annotated[
-        str | None, typer.Option("--from", metavar="SYSTEM", help="what a mission extends")
+        str | None, typer.Option("--from", metavar="SYSTEM", help="System that the mission extends")
     ] = None,
 ) -> None:
     """Create a controller or a mission of your own.
 
-    A folder NAME that runs as it is, and the commands for it.
+    Write a folder NAME that works as it is, and print the commands for it.
     """
     from harness.authoring.mission import new_mission
     from harness.authoring.new import new_controller
@@ -55,10 +60,10 @@ def new_command(
 @app.command("build")
 def build_command(
     name: Annotated[
-        Path, typer.Argument(metavar="NAME_OR_FILE", help="folder NAME, or a .c or .py file")
+        Path, typer.Argument(metavar="NAME_OR_FILE", help="Folder NAME, or a .c or .py file")
     ],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="FMU (default: beside the file)")
+        Path | None, typer.Option("--output", "-o", help="FMU to write (default: beside the file)")
     ] = None,
     compiler: Annotated[str, typer.Option("--cc", metavar="COMMAND", help="C compiler")] = "cc",
 ) -> None:
@@ -75,13 +80,13 @@ def build_command(
 def export_command(
     system: SystemArgument,
     target: Annotated[
-        Path, typer.Argument(metavar="DIR_OR_FILE", help="folder, or file NAME.ssp or NAME.fmu")
+        Path, typer.Argument(metavar="DIR_OR_FILE", help="Folder, or file NAME.ssp or NAME.fmu")
     ],
     changes: Any = None,
 ) -> None:
     """Write a system as one .ssp or one .fmu.
 
-    With all changes, and everything inside.
+    The file holds all changes, FMUs and parameters.
     """
     from harness.exports.package import export
 
@@ -90,12 +95,16 @@ def export_command(
 
 @app.command("linearize")
 def linearize_command(
-    fmu: Annotated[str, typer.Argument(metavar="FMU", help="name of an FMU, or path of a .fmu")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="matrices, names and units: .npz")],
-    at: Annotated[float, typer.Option(help="time of the operating point [s]")] = 0.0,
-    step: Annotated[float, typer.Option(help="step of the linear model [s]")] = 0.1,
+    fmu: Annotated[str, typer.Argument(metavar="FMU", help="FMU: name, or path of a .fmu")],
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", help="File to write: .npz with matrices, names and units"),
+    ],
+    at: Annotated[float, typer.Option(help="Set the time of the operating point [s]")] = 0.0,
+    step: Annotated[float, typer.Option(help="Set the step of the linear model [s]")] = 0.1,
     values: Annotated[
-        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="parameter or input")
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="Set a parameter or input"),
     ] = None,
 ) -> None:
     """Write the linear model of one FMU about an operating point."""
@@ -115,22 +124,23 @@ def linearize_command(
 @app.command("target")
 def target_command(  # noqa: PLR0913, PLR0917 - one argument per option
     fmus: Annotated[
-        list[str], typer.Argument(metavar="FMU...", help="names of FMUs, or paths of .fmu files")
+        list[str], typer.Argument(metavar="FMU...", help="FMUs: names, or paths of .fmu files")
     ],
     on: Annotated[
-        list[str] | None, typer.Option(metavar="PROCESSOR", help="default: all that are known")
+        list[str] | None,
+        typer.Option(metavar="PROCESSOR", help="Use this processor (default: all)"),
     ] = None,
     place: Annotated[
         str | None,
-        typer.Option("--as", metavar="SYSTEM.COMPONENT", help="what it flies as"),
+        typer.Option("--as", metavar="SYSTEM.COMPONENT", help="Use the FMU as this component"),
     ] = None,
-    stop: Annotated[float | None, typer.Option(help="stop time [s]")] = None,
-    clock: Annotated[float | None, typer.Option(help="of the processor [Hz]")] = None,
-    write: Annotated[Path | None, typer.Option(help="put the rows on this page")] = None,
+    stop: Annotated[float | None, typer.Option(help="Set the stop time [s]")] = None,
+    clock: Annotated[float | None, typer.Option(help="Set the clock of the processor [Hz]")] = None,
+    write: Annotated[Path | None, typer.Option(help="Write the rows to this page")] = None,
 ) -> None:
-    """Show what FMUs take of a flight processor.
+    """Measure what FMUs cost on a flight processor.
 
-    Code, constants, data, stack, instructions of a step, and whether the bits are equal.
+    Prints code, constants, data, stack, instructions of a step, and whether the bits are equal.
     """
     from harness.studies import target, target_table
 
@@ -151,13 +161,13 @@ def target_command(  # noqa: PLR0913, PLR0917 - one argument per option
 
 @app.command("serve")
 def serve_command(
-    fmu: Annotated[str, typer.Argument(metavar="FMU", help="name of an FMU, or path of a .fmu")],
+    fmu: Annotated[str, typer.Argument(metavar="FMU", help="FMU: name, or path of a .fmu")],
     port: Annotated[int, typer.Option(help="TCP port to listen on (0: any that is free)")] = 0,
-    once: Annotated[bool, typer.Option("--once", help="end when the first link has gone")] = False,
+    once: Annotated[bool, typer.Option("--once", help="End when the first link closes")] = False,
 ) -> None:
-    """Be a board that runs an FMU, for `--on COMPONENT=tcp://HOST:PORT`.
+    """Serve an FMU as a board, for `--on COMPONENT=tcp://HOST:PORT`.
 
-    On this machine, with the protocol of docs/protocol.md; until it is interrupted.
+    Runs on this machine until it is interrupted; protocol: docs/protocol.md.
     """
     from harness.master.serve import StandIn, listening, serve
     from harness.system.swap import find_fmu

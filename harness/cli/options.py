@@ -163,7 +163,7 @@ SystemArgument = Annotated[
     str,
     typer.Argument(
         metavar="SYSTEM",
-        help="name of a system, or path of an .ssp",
+        help="System: name, or path of an .ssp",
         autocompletion=completed_systems,
     ),
 ]
@@ -180,7 +180,7 @@ MissionOption = Annotated[
     typer.Option(
         "--mission",
         metavar="FOLDER",
-        help="folder of the mission whose figures and claims are taken",
+        help="Use figures and claims of the mission in this folder",
     ),
 ]
 PlaceOption = Annotated[
@@ -188,46 +188,46 @@ PlaceOption = Annotated[
     typer.Option(
         "--for",
         metavar="SYSTEM.COMPONENT",
-        help="in whose place",
+        help="Give it the ports of this component",
         autocompletion=_completed_shown,
     ),
 ]
 ReportArgument = Annotated[
     Path,
-    typer.Argument(
-        metavar="FILE", help="results; for a page also a folder of compare, a campaign's .zarr"
-    ),
+    typer.Argument(metavar="FILE", help="Results; with -o also a folder of compare or a .zarr"),
 ]
-FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="results of `harness run`")]
-FormatOption = Annotated[Format, typer.Option("--format", help="of the figures")]
+FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="Results of `harness run`")]
+FormatOption = Annotated[Format, typer.Option("--format", help="Set the format of the figures")]
 StyleOption = Annotated[
-    Look, typer.Option("--style", help="paper: 3.5 or 7 in wide, 8 pt, 300 dpi, line styles")
+    Look, typer.Option("--style", help="Set the style; paper: 3.5 or 7 in wide, 8 pt, 300 dpi")
 ]
 RequireOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--require", metavar="'C.NAME >= 4 m'", help="condition in every row, else status 1"
+        "--require", metavar="'C.NAME >= 4 m'", help="Require this in every row, else exit status 1"
     ),
 ]
 StrictOption = Annotated[
-    bool, typer.Option("--strict", help="all requirements and safety rules decide on the status")
+    bool, typer.Option("--strict", help="Let all requirements and rules decide on the status")
 ]
 PatienceOption = Annotated[
     float | None,
     typer.Option(
         metavar="SECONDS",
         parser=some_seconds,
-        help="time that a foreign FMU may take for one call [s]",
+        help="Limit one call into a third-party FMU to this time [s]",
     ),
 ]
-QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="no progress bar, no summary")]
+QuietOption = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Print no progress bar and no summary")
+]
 
 CHANGES: dict[str, Any] = {
     "params": Annotated[
         str | None,
         typer.Option(
             metavar="SET_OR_FILE",
-            help="parameter set, .toml or .ssv",
+            help="Use a parameter set, .toml or .ssv",
             autocompletion=_of_system(_sets),
         ),
     ],
@@ -236,7 +236,7 @@ CHANGES: dict[str, Any] = {
         typer.Option(
             "--set",
             metavar="C.NAME=VALUE",
-            help="one parameter",
+            help="Set one parameter",
             autocompletion=_of_system(_settable),
         ),
     ],
@@ -244,21 +244,23 @@ CHANGES: dict[str, Any] = {
         list[str] | None,
         typer.Option(
             metavar="C=FMU",
-            help="another FMU (name or path)",
+            help="Use another FMU (name or path) for component C",
             autocompletion=_of_system(_swaps),
         ),
     ],
     "map": Annotated[
         list[str] | None,
         typer.Option(
-            "--map", metavar="THEIRS=OURS", help="port of that FMU by another name, also a vector"
+            "--map",
+            metavar="THEIRS=OURS",
+            help="Connect a port (or vector) of that FMU by our name",
         ),
     ],
     "on": Annotated[
         list[str] | None,
         typer.Option(
             metavar="C=PLACE",
-            help="on a processor: cortex-m7, tcp://..",
+            help="Run component C on a processor: cortex-m7, tcp://..",
             autocompletion=_of_system(_places),
         ),
     ],
@@ -266,17 +268,19 @@ CHANGES: dict[str, Any] = {
         list[str] | None,
         typer.Option(
             metavar="C=N",
-            help="delay its outputs by N macro steps",
+            help="Delay the outputs of component C by N macro steps",
             autocompletion=_of_system(_latencies),
         ),
     ],
     "step": Annotated[
-        float | None, typer.Option(metavar="SECONDS", parser=seconds, help="macro step [s]")
+        float | None, typer.Option(metavar="SECONDS", parser=seconds, help="Set the macro step [s]")
     ],
     "stop": Annotated[
-        float | None, typer.Option(metavar="SECONDS", parser=seconds, help="stop time [s]")
+        float | None, typer.Option(metavar="SECONDS", parser=seconds, help="Set the stop time [s]")
     ],
-    "algorithm": Annotated[str | None, typer.Option(help="gauss-seidel or jacobi")],
+    "algorithm": Annotated[
+        str | None, typer.Option(help="Set the order of execution: gauss-seidel or jacobi")
+    ],
     "require": RequireOption,
 }
 """The options of harness.master.changes.Changes by name."""

@@ -27,46 +27,47 @@ app = typer.Typer()
 
 
 OutputOption = Annotated[
-    Path | None, typer.Option("--output", "-o", help="results: .nc, .csv, .mat or .parquet")
+    Path | None, typer.Option("--output", "-o", help="File to write: .nc, .csv, .mat or .parquet")
 ]
 ExecutorOption = Annotated[
-    str | None, typer.Option(help="c or python (the same bits, for debugging)")
+    str | None, typer.Option(help="Step with c or python (the same bits, for debugging)")
 ]
-RecordOption = Annotated[int | None, typer.Option(help="record every N-th macro step")]
+RecordOption = Annotated[int | None, typer.Option(help="Record every N-th macro step")]
 LikeOption = Annotated[
     str | None,
     typer.Option(
         metavar="RESULT",
-        help="as this result (.nc, .csv, .mat) was run, or OUT.zarr#N of a campaign",
+        help="Repeat this result (.nc, .csv, .mat), or run OUT.zarr#N of a campaign",
     ),
 ]
 SystemOption = Annotated[
     str | None,
     typer.Argument(
         metavar="[SYSTEM]",
-        help="name of a system, or path of an .ssp (--like knows its own)",
+        help="System: name, or path of an .ssp (not needed with --like RESULT)",
         autocompletion=completed_systems,
     ),
 ]
 WatchOption = Annotated[
-    bool, typer.Option("--watch", help="show where the run is: range, errors, speed, phase")
+    bool, typer.Option("--watch", help="Show range, errors, speed and phase during the run")
 ]
 StartOption = Annotated[
     list[str] | None,
-    typer.Option(metavar="C=FILE", help="start of a body: OEM of CCSDS or two-line elements"),
+    typer.Option(metavar="C=FILE", help="Start a body from a CCSDS OEM or two-line elements"),
 ]
 EpochOption = Annotated[
-    str | None, typer.Option(metavar="DATE", help="UTC of t = 0: for --start, the Sun, the result")
+    str | None,
+    typer.Option(metavar="DATE", help="Set the UTC of t = 0: for --start, the Sun, the result"),
 ]
 InProcessOption = Annotated[
-    bool, typer.Option("--in-process", help="foreign FMUs in this process too, for debugging")
+    bool, typer.Option("--in-process", help="Run third-party FMUs in this process, for debugging")
 ]
 RealtimeOption = Annotated[
-    float | None, typer.Option(metavar="FACTOR", help="keep pace with a clock (1: real time)")
+    float | None, typer.Option(metavar="FACTOR", help="Keep pace with a clock (1: real time)")
 ]
 LateOption = Annotated[
     str | None,
-    typer.Option(metavar="wait|hold|stop", help="if a component elsewhere does not keep pace"),
+    typer.Option(metavar="wait|hold|stop", help="Choose what to do if a remote component is late"),
 ]
 
 

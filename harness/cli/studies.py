@@ -30,59 +30,78 @@ app = typer.Typer()
 
 Several = list[str] | None
 """Values of an option that may be given several times."""
-ParamsOption = Annotated[str | None, typer.Option(metavar="A,B,..", help="parameter sets")]
-SwapOption = Annotated[Several, typer.Option(metavar="C=A,B,..", help="FMUs in the place of C")]
+ParamsOption = Annotated[
+    str | None, typer.Option(metavar="A,B,..", help="Compare these parameter sets")
+]
+SwapOption = Annotated[
+    Several, typer.Option(metavar="C=A,B,..", help="Compare these FMUs as component C")
+]
 LatencyOption = Annotated[
-    Several, typer.Option(metavar="C=N,M,..", help="macro steps that C is late")
+    Several,
+    typer.Option(metavar="C=N,M,..", help="Compare these delays of component C, in macro steps"),
 ]
 VaryOption = Annotated[
     Several,
-    typer.Option(metavar="C.NAME=V,W,..", help="values of a parameter, or first:last:step"),
+    typer.Option(
+        metavar="C.NAME=V,W,..", help="Compare these values of a parameter, or first:last:step"
+    ),
 ]
-AlgorithmsOption = Annotated[str | None, typer.Option(metavar="A,B", help="gauss-seidel,jacobi")]
+AlgorithmsOption = Annotated[
+    str | None, typer.Option(metavar="A,B", help="Compare gauss-seidel,jacobi")
+]
 FolderOption = Annotated[
-    Path | None, typer.Option("--output", "-o", help="folder (default: results/SYSTEM)")
+    Path | None, typer.Option("--output", "-o", help="Folder to write (default: results/SYSTEM)")
 ]
 ThinOption = Annotated[
-    int | None, typer.Option(help="record every N-th macro step (default: 20 000 rows)")
+    int | None, typer.Option(help="Record every N-th macro step (default: 20 000 rows)")
 ]
 BandOption = Annotated[
     Several,
-    typer.Option(metavar="position=M, attitude=DEG", help="bands in which an error has settled"),
+    typer.Option(
+        metavar="position=M, attitude=DEG", help="Set the bands in which an error has settled"
+    ),
 ]
-KeepOutOption = Annotated[float, typer.Option(help="radius about the target [m]")]
-FiguresOption = Annotated[bool, typer.Option("--figures/--no-figures", help="draw them")]
+KeepOutOption = Annotated[float, typer.Option(help="Set a keep-out radius about the target [m]")]
+FiguresOption = Annotated[
+    bool, typer.Option("--figures/--no-figures", help="Draw figures, or none")
+]
 DatasetOption = Annotated[
-    Path | None, typer.Option("--output", "-o", help="dataset (default: results/NAME.zarr)")
+    Path | None,
+    typer.Option("--output", "-o", help="Dataset to write (default: results/NAME.zarr)"),
 ]
 WorkersOption = Annotated[
-    int | None, typer.Option(help="processes, or jobs (default: processors; 0: no other)")
+    int | None, typer.Option(help="Use N processes or jobs (default: processors; 0: this one)")
 ]
-SchedulerOption = Annotated[str | None, typer.Option(metavar="ADDRESS", help="of a Dask cluster")]
-SlurmOption = Annotated[bool, typer.Option("--slurm", help="jobs of SLURM do the work")]
+SchedulerOption = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="Use the Dask cluster at this address")
+]
+SlurmOption = Annotated[bool, typer.Option("--slurm", help="Submit the workers as SLURM jobs")]
 CaOption = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="who may enter: certificate of the authority")
+    Path | None,
+    typer.Option(metavar="FILE", help="Certificate of the authority that signs all others"),
 ]
 CertOption = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="own certificate, for --scheduler and --slurm")
+    Path | None, typer.Option(metavar="FILE", help="Own certificate, for --scheduler and --slurm")
 ]
-KeyOption = Annotated[Path | None, typer.Option(metavar="FILE", help="its key")]
+KeyOption = Annotated[Path | None, typer.Option(metavar="FILE", help="Key of the certificate")]
 InsecureOption = Annotated[
-    bool, typer.Option("--insecure", help="the scheduler may be open to everybody")
+    bool, typer.Option("--insecure", help="Accept a scheduler without TLS, open to everybody")
 ]
 DashboardOption = Annotated[
-    bool, typer.Option("--dashboard", help="with Dask's pages, for users of this machine")
+    bool, typer.Option("--dashboard", help="Serve Dask's pages to users of this machine")
 ]
-ResumeOption = Annotated[bool, typer.Option("--resume", help="go on after an interruption")]
+ResumeOption = Annotated[bool, typer.Option("--resume", help="Go on after an interruption")]
 HeldOption = Annotated[
     Several,
     typer.Option(
-        "--require", metavar="'success >= 99 %'", help="condition on shares, metrics; else status 1"
+        "--require",
+        metavar="'success >= 99 %'",
+        help="Require this of shares or metrics, else exit status 1",
     ),
 ]
 ExpectedOption = Annotated[
     bool,
-    typer.Option("--strict", help="[expected], or success of every run, decides on the status"),
+    typer.Option("--strict", help="Let [expected], or success of every run, decide on the status"),
 ]
 
 
@@ -107,9 +126,9 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     quiet: QuietOption = False,
     changes: Any = None,
 ) -> None:
-    """Run variants side by side: one table, figures.
+    """Run variants side by side: one table and figures.
 
-    Every combination of the values given is run, in parallel. Results, table and figures go to one
+    Every combination of the given values runs, in parallel. Results, table and figures go to one
     folder.
     """
     from harness.cli.verdicts import insist
@@ -187,7 +206,8 @@ def _positive(text: str) -> bool:
 @app.command("campaign")
 def campaign_command(  # noqa: PLR0913, PLR0917 - one argument per option
     definition: Annotated[
-        Path, typer.Argument(metavar="CAMPAIGN.toml", help="system, factors, metrics")
+        Path,
+        typer.Argument(metavar="CAMPAIGN.toml", help="Campaign file: system, factors, metrics"),
     ],
     output: DatasetOption = None,
     workers: WorkersOption = None,
@@ -206,9 +226,9 @@ def campaign_command(  # noqa: PLR0913, PLR0917 - one argument per option
     figures: FiguresOption = True,
     quiet: QuietOption = False,
 ) -> None:
-    """Run a system by the thousand.
+    """Run a system thousands of times.
 
-    Factors vary as the file says; metrics, failures and histories go to one Zarr dataset.
+    The file sets what varies; metrics, failures and histories go to one Zarr dataset.
     """
     from harness.cli.campaigns import counting, pictures
     from harness.studies.campaign.campaign import campaign
@@ -248,7 +268,7 @@ def campaign_command(  # noqa: PLR0913, PLR0917 - one argument per option
 def study_command(  # noqa: PLR0913, PLR0917 - one argument per option
     name: Annotated[
         str | None,
-        typer.Argument(metavar="[NAME]", help="a campaign of the project; without it, their names"),
+        typer.Argument(metavar="[NAME]", help="Campaign of the project; without a name: list them"),
     ] = None,
     output: DatasetOption = None,
     workers: WorkersOption = None,
@@ -261,7 +281,7 @@ def study_command(  # noqa: PLR0913, PLR0917 - one argument per option
 ) -> None:
     """Run a campaign of the project.
 
-    Studies of the papers, as the maps of the space robot.
+    Studies of the papers, such as the maps of the space robot.
     """
     from harness.mission.library import campaigns
     from harness.spelling import did_you_mean
