@@ -78,6 +78,25 @@ def test_ten_seconds_are_those_of_others(fmu):
     assert q_10 * np.sign(q_10[3]) == pytest.approx(Others.attitude_10, abs=1e-9)
 
 
+def grasped(fmu, seconds):
+    """Speeds after the impulse of others, given as a load on E over a short time; body axes."""
+    F, M = (Others.impulse / seconds).reshape(2, 3)
+    unit = fmu("arm_servicer", Others.start() | {"max_step": seconds}, FREE)
+    C_EN = matrix(unit.get("q_EN"))
+    unit.step(seconds, {"F_contact_E": -C_EN @ F, "M_contact_E": -C_EN @ M})
+    w = unit.get("omega_SN_S")
+    v_root = matrix(unit.get("q_SN")) @ unit.get("v_SN_N") - np.cross(w, BASE_CENTRE)
+    return np.concatenate((v_root, w, unit.get("joint_rate")))
+
+
+def test_load_on_the_tip_gives_the_capture_impulse_of_others(fmu):
+    """The limit of ever shorter loads: the error has whole powers of the duration."""
+    long, middle, short = (grasped(fmu, seconds) for seconds in (4e-4, 2e-4, 1e-4))
+    limit = (8 * short - 6 * middle + long) / 3
+    expected = np.concatenate((Others.v_root_after, Others.w_after, Others.dq_after))
+    assert limit == pytest.approx(expected, abs=1e-8)
+
+
 # ---- point masses ----
 
 

@@ -76,6 +76,15 @@ class Core:
         values = x.ctypes.data_as(ctypes.c_void_p)
         return bool(self.library.call_keep_rule(rule, values, ctypes.c_size_t(x.size)))
 
+    def mass_matrix(self, arm, m_0, J_S, q):
+        """(13, 13), from the numbers of an Arm."""
+        numbers, found = ctypes.c_double * 13**2, (ctypes.c_double * 13**2)()
+        arrays = [(numbers)(*np.ravel(x)) for x in (arm, J_S, q)]
+        call = self.library.call_mass_matrix
+        call.restype = None
+        call(arrays[0], ctypes.c_double(m_0), arrays[1], arrays[2], found)
+        return np.array(found).reshape(13, 13)
+
     def refusals_of_inertia(self, J):
         text = ctypes.create_string_buffer(8000)
         self.library.refusals_of_inertia(to_c("mat3", J), text)

@@ -4,6 +4,7 @@
  * */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "arc.h"
+#include "arm.h"
 #include "attitude.h"
 #include "finite.h"
 #include "interface.h"
@@ -21,6 +22,21 @@
 
 /* arc.h */
 CALL(Square, square_along, (vec3 a, vec3 b, vec3 c, vec3 d), ((vec3[4]){a, b, c, d}))
+
+/* arm.h: numbers of an Arm one after the other */
+void call_mass_matrix(const double *arm, double m_0, const double J_S[9], const double q[7],
+                      double H[ARM_SPEEDS * ARM_SPEEDS]);
+void call_mass_matrix(const double *arm, double m_0, const double J_S[9], const double q[7],
+                      double H[ARM_SPEEDS * ARM_SPEEDS])
+{
+    Arm a;
+    mat3 J;
+    memcpy(&a, arm, sizeof a);
+    memcpy(&J, J_S, sizeof J);
+    Tree tree = tree_in(&a, m_0, J, q);
+    Matrix found = mass_matrix(&a, &tree);
+    memcpy(H, &found, sizeof found);
+}
 
 /* vec3.h */
 CALL(vec3, add, (vec3 a, vec3 b), (a, b))
@@ -116,7 +132,7 @@ CALL(int, keeps_triangle_rule, (mat3 J), (J))
 void refusals_of_inertia(mat3 J, char text[8000]);
 void refusals_of_inertia(mat3 J, char text[8000])
 {
-    Problems problems = {{0}, 0};
+    Problems problems = {.part = ""};
     check_inertia(&problems, "J", J);
     memcpy(text, problems.text, sizeof problems.text);
 }
