@@ -65,6 +65,9 @@ KeepOutOption = Annotated[float, typer.Option(help="Set a keep-out radius about 
 FiguresOption = Annotated[
     bool, typer.Option("--figures/--no-figures", help="Draw figures, or none")
 ]
+MeasuresOption = Annotated[
+    str | None, typer.Option(metavar="A,B,..", help="Columns of the table (default: all)")
+]
 DatasetOption = Annotated[
     Path | None,
     typer.Option("--output", "-o", help="Dataset to write (default: results/NAME.zarr)"),
@@ -118,6 +121,7 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     every: ThinOption = None,
     band: BandOption = None,
     keep_out: KeepOutOption = 0.0,
+    measures: MeasuresOption = None,
     patience: PatienceOption = None,
     ending: FormatOption = Format.PNG,
     style: StyleOption = Look.SCREEN,
@@ -128,8 +132,8 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
 ) -> None:
     """Run variants side by side: one table and figures.
 
-    Every combination of the given values runs, in parallel. Results, table and figures go to one
-    folder.
+    Every combination of the given values runs, in parallel, in the set that the system has for
+    comparisons unless --params names others. Results, table and figures go to one folder.
     """
     from harness.cli.verdicts import insist
     from harness.master.isolated import PATIENCE
@@ -137,6 +141,7 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     from harness.studies.compare import compare
     from harness.studies.variants import combinations
 
+    names = _columns(system, measures)
     given = {"swap": swap, "latency": latency, "set": vary}
     variants = combinations(changes, _varied(params, algorithm, given))
     folder = output or Path("results") / Path(system).stem
@@ -151,13 +156,32 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
             patience=PATIENCE if patience is None else patience,
             progress=show,
         )
-    if found.results:
-        typer.echo(printable(found.text()))
+    text = found.text(names) if found.results else ""
+    if text and not quiet:
+        typer.echo(printable(text))
     drawn = _overlaid(found.results, folder, ending, style) if figures else ""
-    typer.echo(f"\nresults{',' if figures else ' and'} comparison.csv{drawn} in {folder}")
+    if not quiet:
+        typer.echo(f"\nresults{',' if figures else ' and'} comparison.csv{drawn} in {folder}")
     if found.failures:
         raise ComparisonError("\n".join(found.failures))
     insist(found.results, changes.get("require", ()), strict)
+
+
+def _columns(system: str, measures: str | None) -> list[str]:
+    """Names of the option --measures; UsageError if there is no such measure."""
+    if not measures:
+        return []
+    from harness.mission.library import everything
+    from harness.spelling import did_you_mean
+    from harness.ssp.library import load
+
+    with load(system):
+        known = {measure.name for measure in everything().measures} | {"macro step"}
+    names = [name.strip() for name in measures.split(",")]
+    for name in names:
+        if name not in known:
+            raise UsageError(f"--measures {name}: no such measure{did_you_mean(name, known)}")
+    return names
 
 
 def _overlaid(results: Any, folder: Path, ending: Format, style: Look) -> str:

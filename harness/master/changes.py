@@ -27,7 +27,7 @@ from harness.system.mapping import has_port
 from harness.system.model import DEFAULT_SET, Origin, Port, Swap, System
 from harness.system.names import base
 from harness.system.swap import exchange, find_fmu
-from harness.system.tables import Assignments, read_toml
+from harness.system.tables import SHARED, Assignments, read_toml
 from harness.system.values import plain
 from harness.system.wiring import split
 
@@ -256,7 +256,11 @@ def _read_ssv(values: Assignments, path: Path) -> None:
 
 def _single_values(system: System, pairs: Iterator[tuple[str, Any]]) -> System:
     values = Assignments(read_interfaces(system))
-    for name, value in pairs:
+    common = SHARED not in values.interfaces
+    for name, value in sorted(pairs, key=lambda p: not p[0].startswith(f"{SHARED}.")):
+        if common and name.startswith(f"{SHARED}."):
+            values.shared(name.removeprefix(f"{SHARED}."), value, isinstance(value, str))
+            continue
         try:
             component, variable = split(name, values.interfaces)
         except ValueError as error:

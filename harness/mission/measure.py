@@ -5,8 +5,9 @@ while a run goes on (Gauge).
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -32,7 +33,9 @@ class Limits:
 @dataclass(frozen=True)
 class Measure:
     """One column: heading, unit, variables and parameters that it needs, and the function of the
-    result and the limits; beside: shown in a table of its own, not among the measures of a page.
+    result and the limits; beside: shown in a table of its own, not among the measures of a page;
+    about: what the limits mean for it, the last line of its heading; words: what its values 0, 1,
+    .. stand for; apart: a comparison warns where its values differ by more than this factor.
     """
 
     name: str
@@ -41,6 +44,9 @@ class Measure:
     value: Callable[[Result, Limits], float]
     parameters: tuple[str, ...] = ()
     beside: bool = False
+    about: Callable[[Limits, Mapping[str, Result]], str] | None = None
+    words: tuple[str, ...] = ()
+    apart: float = math.inf
 
     def __call__(self, result: Result, limits: Limits) -> float:
         """The value; NaN if the result does not hold what it needs, or there is no such value."""
@@ -56,6 +62,22 @@ def measured(
         (m.name, m.unit): {label: m(result, limits) for label, result in results.items()}
         for m in found
     }
+
+
+def apart(
+    found: Iterable[Measure], columns: Mapping[tuple[str, str], Mapping[str, float]]
+) -> Iterator[str]:
+    """Measures that differ by more than their factor, a line each."""
+    for measure in found:
+        column = columns.get((measure.name, measure.unit), {})
+        values = {label: x for label, x in column.items() if math.isfinite(x) and x > 0}
+        if values and max(values.values()) > measure.apart * min(values.values()):
+            most, least = (pick(values, key=values.__getitem__) for pick in (max, min))
+            yield (
+                f"{measure.name}: {most} {values[most]:.3g} {measure.unit}, {least} "
+                f"{values[least]:.3g} {measure.unit}: more than {measure.apart:g} times apart, not "
+                "the same actuators"
+            )
 
 
 Array = NDArray[np.float64]

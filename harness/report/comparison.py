@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,8 @@ from harness.errors import ResultsError
 from harness.figures.choice import overlays_of
 from harness.figures.style import SCREEN
 from harness.mission import Figure, Overlay
+from harness.mission.library import of_result
+from harness.mission.mission import together
 from harness.report import facts, painted, plots
 from harness.report.arrays import Arrays
 from harness.report.plots import Canvas
@@ -52,7 +54,7 @@ def of_folder(folder: Path) -> str:
         name=folder.resolve().name,
         system=next((r.system for r in results.values()), ""),
         runs=[_run(label, results.get(label)) for label in labels],
-        table=_table(columns, labels),
+        table=_table(columns, labels, _words(results)),
         points=canvas.points if canvas.thinned else 0,
     )
 
@@ -82,19 +84,34 @@ def _run(label: str, result: Result | None) -> facts.Facts:
     return {"label": label, "complete": result.complete, "message": facts.head(result)["message"]}
 
 
-def _table(columns: Mapping[str, Mapping[str, float]], labels: list[str]) -> facts.Facts:
+def _words(results: Mapping[str, Result]) -> dict[str, tuple[str, ...]]:
+    """What the values 0, 1, .. of measures stand for, by the heading of the column."""
+    measures = together(map(of_result, results.values())).measures
+    return {f"{m.name} [{m.unit}]": m.words for m in measures if m.words}
+
+
+def _table(
+    columns: Mapping[str, Mapping[str, float]],
+    labels: list[str],
+    words: Mapping[str, tuple[str, ...]],
+) -> facts.Facts:
     """Measures that at least one run has, with the numbers as texts."""
     shown = {head: c for head, c in columns.items() if any(map(math.isfinite, c.values()))}
     return {
-        "heads": list(shown),
+        "heads": [head.removesuffix(" [1]") for head in shown],
         "rows": [
-            {"label": label, "cells": [_cell(column[label]) for column in shown.values()]}
+            {
+                "label": label,
+                "cells": [_cell(column[label], words.get(head)) for head, column in shown.items()],
+            }
             for label in labels
         ],
     }
 
 
-def _cell(value: float) -> str:
+def _cell(value: float, words: Sequence[str] | None) -> str:
+    if words and 0 <= value < len(words):
+        return words[int(value)]
     return f"{value:.4g}" if math.isfinite(value) else "-"
 
 

@@ -48,10 +48,12 @@ KEYS = {
         "sets",
         "alternatives",
         "requirements",
+        "compare",
     ),
     "experiment": ("start", "stop", "step", "algorithm", "every", "epoch"),
     "schedule": ("every", "latency"),
     "set": ("description", "experiment"),
+    "compare": ("set",),
     "set experiment": ("stop", "step"),
 }
 """Keys that the tables of a system may have."""
@@ -65,9 +67,10 @@ TABLES = (
     "parameters",
     "sets",
     "requirements",
+    "compare",
 )
 TABLES_OF_TABLES = ("schedule", "parameters", "sets", "alternatives")
-TABLES_OF_TEXTS = ("components", "connections", "requirements")
+TABLES_OF_TEXTS = ("components", "connections", "requirements", "compare")
 
 
 def system_of(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> System:
@@ -173,12 +176,22 @@ class _Builder:
             ),
             strict=True,
             requirements=self.source.get("requirements", {}),
+            compared=self._compared(),
             mission=self.source.get("mission", ""),
         )
         refused = requirements.refused(system, system.requirements)
         self.problems += [f"[requirements] {problem}" for problem in refused]
         self._finish(system, wiring)
         return replace(system, alternatives=tuple(self._alternatives(system)))
+
+    def _compared(self) -> str:
+        """The set that a comparison takes."""
+        table, sets = self.source.get("compare", {}), self.source.get("sets", {})
+        self.problems += _unknown_keys("compare", table, KEYS["compare"])
+        name = str(table.get("set", ""))
+        if name and name not in sets:
+            self.problems.append(f"[compare] set: there is no set {name}{did_you_mean(name, sets)}")
+        return name
 
     def _finish(self, system: System, wiring: Wiring) -> None:
         """Raise everything that was found; open inputs that the wiring has already spoken of are

@@ -140,9 +140,18 @@ class _Reader:
                 e.get("name", ""): e.get("text", "") for e in self._own("run:Requirement")
             },
             strict=self.run is not None and self.run.get("strict") == "true",
+            compared=self._compared(),
             mission=self._mission(),
             declared=flat.declared(),
         )
+
+    def _compared(self) -> str:
+        """Name of the set that a comparison takes; one that is not there is a problem."""
+        name = "" if self.run is None else self.run.get("compare", "")
+        if name and name not in {e.get("name") for e in self._own("run:ParameterSet")}:
+            self.problems.append(f"compare: there is no parameter set {name}")
+            return ""
+        return name
 
     def _mission(self) -> str:
         """Name of the mission; what is no name says nothing."""

@@ -284,6 +284,7 @@ class _Description:
             every=self.system.experiment.every if self.system.experiment.every > 1 else None,
             strict="true" if self.system.strict else "false",
             mission=self.system.mission or None,
+            compare=self.system.compared or None,
             epoch=self.system.experiment.epoch or None,
         )
         for c in self.system.components:

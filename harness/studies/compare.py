@@ -15,11 +15,12 @@ import multiprocessing
 import os
 import re
 import signal
+import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -32,7 +33,7 @@ from harness.master.refusals import as_typed, without
 from harness.master.trial import refused
 from harness.mission import Limits
 from harness.mission.library import of_result
-from harness.mission.measure import measured
+from harness.mission.measure import apart, measured
 from harness.mission.mission import Mission, together
 from harness.results.files import ResultFile, read
 from harness.results.requirements import findings
@@ -45,6 +46,7 @@ from harness.studies.variants import Variant
 from harness.studies.warm import Warm
 from harness.system.graph import checked, say_warnings
 from harness.system.model import System
+from harness.system.names import base
 
 _log = logging.getLogger("harness")
 
@@ -69,8 +71,8 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Outcomes with their results by label, the limits they are held against, and the measures of
-    all: (name, unit) -> label -> value.
+    """Outcomes with their results by label, the limits they are held against, the measures of all:
+    (name, unit) -> label -> value, and which actuator limits were in force, in a line.
     """
 
     outcomes: tuple[Outcome, ...]
@@ -78,12 +80,22 @@ class Comparison:
     limits: Limits
     measures: Measures
     mission: Mission
+    in_force: str = ""
 
-    def text(self) -> str:
-        """The table for reading, with the definitions of its columns below."""
+    def text(self, names: Sequence[str] = ()) -> str:
+        """The table for reading, with the limits in force above and the definitions of its columns
+        below; names: of the measures that it shall have (default: all).
+        """
+        chosen = {k: c for k, c in self.measures.items() if not names or k[0] in names}
+        keys = {(m.name, m.unit): m for m in self.mission.measures}
+        about = {key: m.about(self.limits, self.results) for key, m in keys.items() if m.about}
+        words = {key: m.words for key, m in keys.items() if m.words}
+        warnings = (f"warning: {line}" for line in apart(self.mission.measures, self.measures))
         defined = (text for lines in self.mission.definitions for text in lines(self.limits))
-        parts = table.text(self.measures, self.labels), *defined, *self.findings()
-        return "\n".join(parts)
+        shown = table.text(chosen, self.labels, about, words)
+        head = [self.in_force, ""] if self.in_force else []
+        lines = [*head, shown, *warnings, *defined, *self.findings()]
+        return "\n".join(line if line is shown else _wrapped(line) for line in lines)
 
     def findings(self) -> list[str]:
         """One line per requirement and run."""
@@ -108,6 +120,10 @@ class Comparison:
         ]
 
 
+def _wrapped(line: str) -> str:
+    return textwrap.fill(line, table.WIDTH, subsequent_indent="  ") if line.strip() else line
+
+
 def compare(  # noqa: PLR0913 - what a comparison can be told
     system: str | Path,
     variants: Sequence[Variant],
@@ -127,6 +143,7 @@ def compare(  # noqa: PLR0913 - what a comparison can be told
     number of runs that are over. Raises what run() raises before its first step, and ResultsError;
     a run that fails under way ends early, the others go on.
     """
+    variants, in_force = _in_force(system, variants)
     steps = _check(system, variants, ResultFile(directory / "any.nc"), every, patience)
     files = [ResultFile(directory / f"{variant.file}.nc").path for variant in variants]
     thinning = [_thinning(n) if every is None else every for n in steps]
@@ -138,9 +155,35 @@ def compare(  # noqa: PLR0913 - what a comparison can be told
     taken = measured(offered.measures, results, held)
     labels = [outcome.variant.label for outcome in outcomes]
     paces = {outcome.variant.label: outcome.pace for outcome in outcomes if not outcome.failure}
-    comparison = Comparison(outcomes, results, held, taken | {("macro step", "us"): paces}, offered)
+    taken = taken | {("macro step", "us"): paces}
+    comparison = Comparison(outcomes, results, held, taken, offered, in_force)
     write_csv(comparison.measures, labels, directory / TABLE)
     return comparison
+
+
+def _in_force(system: str | Path, variants: Sequence[Variant]) -> tuple[Sequence[Variant], str]:
+    """The variants in the set that the system has for comparisons, unless they name theirs, and the
+    line that says so.
+    """
+    with load(system) as found:
+        sets = {s.name: s for s in found.sets}
+        chosen = sets.get(found.compared)
+        usual = {c.name: c.parameters for c in found.components}
+    if chosen is None:
+        return variants, ""
+    named = {str(v.changes["params"]) for v in variants if v.changes.get("params") is not None}
+    if named:
+        usually = f"; usually set {chosen.name}" if chosen.name not in named else ""
+        return variants, f"limits: as --params {', '.join(sorted(named))} has them{usually}"
+    own: dict[str, list[str]] = {}
+    for component, given in chosen.parameters.items():
+        for name, parameter in given.items():
+            if usual[component].get(name) != parameter:
+                own.setdefault(base(f"{component}.{name}"), []).append(str(parameter.value))
+    values = ", ".join(f"{name} = {' '.join(numbers)}" for name, numbers in own.items())
+    text = f"limits: set {chosen.name}, {chosen.description}{f' ({values})' if values else ''}"
+    text += "; --params default: those of the system"
+    return [replace(v, changes={**v.changes, "params": chosen.name}) for v in variants], text
 
 
 def _check(

@@ -12,22 +12,59 @@ from harness.errors import ResultsError
 from harness.files.output import written
 from harness.spelling import one_line
 
+WIDTH = 120
 Measures = Mapping[tuple[str, str], Mapping[str, float]]
 """Values by (name, unit) of a measure, then by the label of a run."""
 
 
-def text(measures: Measures, labels: Sequence[str]) -> str:
-    """The table for reading; measures that no run has are left out, single gaps are `-`."""
+def text(
+    measures: Measures,
+    labels: Sequence[str],
+    about: Mapping[tuple[str, str], str] = {},
+    words: Mapping[tuple[str, str], Sequence[str]] = {},
+) -> str:
+    """The table for reading, in blocks of at most WIDTH columns; measures that no run has are left
+    out, single gaps are `-`; about: last line of a heading, words: what values 0, 1, .. stand for.
+    """
     shown = {
         key: column for key, column in measures.items() if any(map(math.isfinite, column.values()))
     }
-    columns = [
-        [*(*one_line(name).split(" ", 1), "")[:2], f"[{one_line(unit)}]", *_numbers(column, labels)]
-        for (name, unit), column in shown.items()
-    ]
-    rows = list(zip(["", "", "", *map(one_line, labels)], *columns, strict=True))
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return "\n".join(_line(row, widths) for row in rows)
+    columns = []
+    for key, column in shown.items():
+        cells = _words(column, labels, words[key]) if words.get(key) else _numbers(column, labels)
+        name, unit = (one_line(part) for part in key)
+        bracket = "" if words.get(key) else f"[{unit}]"
+        columns.append([*(*name.split(" ", 1), "")[:2], bracket, about.get(key, ""), *cells])
+    heads = 4 if any(about.get(key) for key in shown) else 3
+    columns = [[*column[:heads], *column[4:]] for column in columns]
+    first = ["" for _ in range(heads)] + list(map(one_line, labels))
+    return "\n\n".join(_block([first, *block]) for block in _blocks(first, columns))
+
+
+def _blocks(
+    first: Sequence[str], columns: Sequence[Sequence[str]]
+) -> Iterator[list[Sequence[str]]]:
+    """Columns that fit beside the labels."""
+    block: list[Sequence[str]] = []
+    width = begin = max(map(len, first))
+    for column in columns:
+        size = 2 + max(map(len, column))
+        if block and width + size > WIDTH:
+            yield block
+            block, width = [], begin
+        block.append(column)
+        width += size
+    yield block
+
+
+def _block(columns: Sequence[Sequence[str]]) -> str:
+    widths = [max(map(len, column)) for column in columns]
+    return "\n".join(_line(row, widths) for row in zip(*columns, strict=True))
+
+
+def _words(column: Mapping[str, float], labels: Sequence[str], words: Sequence[str]) -> list[str]:
+    values = [column.get(label, math.nan) for label in labels]
+    return [words[int(v)] if 0 <= v < len(words) else "-" for v in values]
 
 
 def _line(row: Sequence[str], widths: Sequence[int]) -> str:

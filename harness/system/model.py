@@ -154,8 +154,8 @@ class System:
     strict: an input that is neither driven nor given a value is an error (systems of other tools
     rely on start values); declared: units that the file claims for variables of components, to be
     compared with what the FMUs say; requirements: conditions by name, see
-    harness.results.requirements; mission: name of the one it belongs to; origin: where all this
-    comes from.
+    harness.results.requirements; compared: the set that a comparison takes unless told otherwise
+    ("": none); mission: name of the one it belongs to; origin: where all this comes from.
     """
 
     name: str
@@ -167,6 +167,7 @@ class System:
     alternatives: tuple[Alternative, ...] = ()
     strict: bool = False
     requirements: Mapping[str, str] = field(default_factory=dict)
+    compared: str = ""
     mission: str = ""
     declared: Mapping[Port, Unit] = field(default_factory=dict, compare=False)
     origin: Origin = field(default_factory=Origin, compare=False)

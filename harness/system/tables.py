@@ -54,7 +54,8 @@ class Assignments:
             return
         shared = tables.get(SHARED, {})
         if isinstance(shared, Mapping):
-            self._shared(shared)
+            for name, value in leaves(shared):
+                self.shared(name, value)
         for component, table in tables.items():
             if component == SHARED and isinstance(table, Mapping):
                 continue
@@ -70,18 +71,16 @@ class Assignments:
             for name, value in leaves(table):
                 self.set(component, name, value)
 
-    def _shared(self, table: Mapping[str, Any]) -> None:
-        for name, value in leaves(table):
-            owners = [
-                c for c, i in self.interfaces.items() if elements_of(name, i.named("parameter"))
-            ]
-            for component in owners:
-                self.set(component, name, value)
-            if not owners:
-                known = {base(p) for i in self.interfaces.values() for p in i.named("parameter")}
-                self.problems.append(
-                    f"{SHARED}.{name}: no component has such a parameter{did_you_mean(name, known)}"
-                )
+    def shared(self, name: str, value: Any, written: bool = False) -> None:
+        """Set a parameter of every component that has it; written: as a user has typed it."""
+        owners = [c for c, i in self.interfaces.items() if elements_of(name, i.named("parameter"))]
+        for component in owners:
+            (self.write if written else self.set)(component, name, value)
+        if not owners:
+            known = {base(p) for i in self.interfaces.values() for p in i.named("parameter")}
+            self.problems.append(
+                f"{SHARED}.{name}: no component has such a parameter{did_you_mean(name, known)}"
+            )
 
     def set(
         self, component: str, name: str, value: Value, known: Collection[str] | None = None

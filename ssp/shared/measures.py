@@ -32,6 +32,8 @@ from .relative_motion import (
 
 Array = NDArray[np.float64]
 
+APART = 10.0
+"""Factor between peaks from which on two controllers do not have the same actuators."""
 BAND = 1e-3
 """Default band of the position: this part of the largest range at the start."""
 
@@ -48,14 +50,10 @@ def definitions(limits: Limits) -> Iterator[str]:
     """The definitions of the columns that need one."""
     if not limits.position:
         return
-    yield (
-        f"settles: time after which the error stays within {limits.position:.3g} m (range, "
-        f"position) or {limits.attitude:.3g} deg; - if it does not"
-    )
-    yield "error: largest of the last fifth of the run; inside reference: most that the range"
-    yield "  falls below that of the reference; saturated: share of rows with a limit reached"
-    yield "margin: least of a rule of the safety monitor, between rows too; rule violated"
-    yield "  first: 1 keep-out, 2 corridor, 3 speed, 4 passive, 5 plume, 6 navigation, 0 none"
+    yield "settles: time after which the error stays within the band, the attitude from its release"
+    yield "  on; - if it does not. error: largest of the last fifth of the run; inside reference:"
+    yield "  most that the range falls below that of the reference; saturated: share of rows with a"
+    yield "  limit reached; margin: least of a rule of the safety monitor, between rows too"
 
 
 # ---- errors against the reference
@@ -206,11 +204,23 @@ def _saturated(result: Result, _: Limits) -> float:
     return float(100 * np.mean(raised.any(axis=1)))
 
 
+def _within(limits: Limits, _: Mapping[str, Result]) -> str:
+    """Band of the range and the position."""
+    return f"within {limits.position or 0.0:.3g} m"
+
+
+def _turned_within(limits: Limits, results: Mapping[str, Result]) -> str:
+    """Band of the attitude, and from when on it counts."""
+    begins = {release_time(r) for r in results.values() if r.holds(*ATTITUDE)}
+    since = f"from {begins.pop():g} s" if len(begins) == 1 else "from release"
+    return f"{limits.attitude:.3g} deg {since}"
+
+
 SATURATED = Measure("saturated", "%", (), _saturated)
 MEASURES = (
-    Measure("range settles", "s", POSITION, _range_settles),
-    Measure("position settles", "s", POSITION, _position_settles),
-    Measure("attitude settles", "s", ATTITUDE, _attitude_settles),
+    Measure("range settles", "s", POSITION, _range_settles, about=_within),
+    Measure("position settles", "s", POSITION, _position_settles, about=_within),
+    Measure("attitude settles", "s", ATTITUDE, _attitude_settles, about=_turned_within),
     Measure("range error", "m", POSITION, lambda r, _: steady_error(r.time, range_error(r))),
     Measure("position error", "m", POSITION, lambda r, _: steady_error(r.time, position_error(r))),
     Measure("attitude error", "deg", ATTITUDE, _attitude_steady),
@@ -225,14 +235,19 @@ MEASURES = (
         for r in safety.RULES
     ),
     Measure(
-        "rule violated", "1", safety.FOUND, lambda r, _: float(r[safety.VIOLATED][-1]), beside=True
+        "first violated",
+        "1",
+        safety.FOUND,
+        lambda r, _: float(r[safety.VIOLATED][-1]),
+        beside=True,
+        words=("none", *(rule.name for rule in safety.RULES)),
     ),
     Measure(
         "first violation", "s", safety.FOUND, lambda r, _: safety.first_violation(r), beside=True
     ),
     Measure("delta-v", "m/s", ("propulsion.impulse", "servicer.mass"), _delta_v),
     Measure("torque impulse", "N m s", TORQUES, _torque_impulse, ("servicer.A_w",)),
-    Measure("peak force", "N", ("propulsion.F_S",), _peak_force),
-    Measure("peak torque", "N m", TORQUES, _peak_torque, ("servicer.A_w",)),
+    Measure("peak force", "N", ("propulsion.F_S",), _peak_force, apart=APART),
+    Measure("peak torque", "N m", TORQUES, _peak_torque, ("servicer.A_w",), apart=APART),
     SATURATED,
 )

@@ -255,3 +255,86 @@ def test_no_figures_are_drawn_if_none_are_wanted(system, tmp_path, capsys, monke
     monkeypatch.setattr(plots, "overlay", lambda *_: pytest.fail("drawn"))
     assert main(["compare", "demo.ssp", "--algorithm", "jacobi,gauss-seidel", "--no-figures"]) == 0
     assert "results and comparison.csv in results/demo" in capsys.readouterr().out
+
+
+# ---- which limits are in force, and how the table reads
+
+LIMITED = (
+    TOML
+    + """
+[sets.small]
+description = "a small gain"
+[sets.small.twice]
+k = 0.5
+[compare]
+set = "small"
+"""
+)
+
+
+@pytest.fixture
+def limited(fmus, tmp_path):
+    write_ssp(system_of(tomllib.loads(LIMITED), fmus), tmp_path / "limited.ssp")
+    return tmp_path / "limited.ssp"
+
+
+def test_a_comparison_takes_the_set_that_the_system_has_for_it(limited, tmp_path):
+    found = flown(limited, tmp_path, ("set", "count.n_0=0,10"))
+    assert [r.parameter("twice.k") for r in found.results.values()] == [0.5, 0.5]
+    head = "limits: set small, a small gain (twice.k = 0.5); --params default: those of the system"
+    assert found.text().splitlines()[0] == head
+    assert run(limited).parameter("twice.k") == 2.0
+
+
+def test_unless_it_is_told_otherwise(limited, tmp_path):
+    found = flown(limited, tmp_path, ("params", "default,hot"))
+    assert found.results["default"].parameter("twice.k") == 2.0
+    head = "limits: as --params default, hot has them; usually set small"
+    assert found.text().splitlines()[0] == head
+
+
+def test_a_set_for_comparisons_that_is_not_there_is_refused(fmus):
+    text = LIMITED.replace('set = "small"', 'set = "smal"')
+    with pytest.raises(
+        StructureError, match=r"\[compare\] set: there is no set smal \(close: small"
+    ):
+        system_of(tomllib.loads(text), fmus)
+
+
+def test_the_controllers_of_an_approach_are_compared_with_its_actuators(tmp_path, capsys):
+    """The law that peaks at 154 N if nothing limits it has 2, 1, 1 N on the axes here."""
+    several = ("swap", "controller=adaptive_controller,pid_controller")
+    found = compare("sync_approach", combinations({"stop": 60.0}, [several]), tmp_path / "out")
+    peaks = found.measures["peak force", "N"]
+    assert 1.0 < peaks["pid_controller"] <= np.sqrt(6)
+    text = found.text()
+    assert text.startswith("limits: set limited, actuators of such a servicer")
+    assert "propulsion.F_max = 2.0 1.0 1.0" in " ".join(text.split())
+    assert max(map(len, text.splitlines())) <= 120
+    measure = next(m for m in found.mission.measures if m.name == "attitude settles")
+    assert measure.about(found.limits, found.results) == "1 deg from 1200 s"
+    names = text.splitlines()[-60:]
+    assert any("corridor" in line for line in names)
+    chosen = found.text(["peak force", "first violated"])
+    assert "settles" not in chosen.partition("[N]")[0]
+    free = compare(
+        "sync_approach",
+        combinations({"stop": 60.0, "params": "default"}, [several]),
+        tmp_path / "o",
+    )
+    warning = next(x for x in free.text().splitlines() if x.startswith("warning: peak force: "))
+    assert "pid_controller" in warning
+    assert "warning: peak force" not in text
+
+
+def test_quiet_is_quiet_and_measures_are_chosen(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    command = ["compare", "sync_approach", "--vary", "guidance.beta=0.005,0.008", "--stop", "1"]
+    assert main([*command, "--no-figures", "-q"]) == 0
+    assert capsys.readouterr() == ("", "")
+    assert main([*command, "--no-figures", "--measures", "peak force,delta-v"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split() for line in lines if "delta-v" in line] == [["delta-v", "peak"]]
+    assert main([*command, "--measures", "peak forces"]) == 2
+    told = capsys.readouterr().err
+    assert told == "harness: --measures peak forces: no such measure (close: peak force, peak torque)\n"

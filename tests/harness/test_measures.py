@@ -152,8 +152,11 @@ def test_one_band_is_common_to_all_runs_of_a_comparison():
 
 
 def test_the_definition_of_the_columns_names_the_bands():
-    text = " ".join(definitions(Limits(position=0.02, attitude=0.5)))
-    assert "within 0.02 m (range, position) or 0.5 deg" in text
+    limits = Limits(position=0.02, attitude=0.5)
+    about = {m.name: m.about(limits, {}) for m in MEASURES if m.about}
+    assert about["range settles"] == about["position settles"] == "within 0.02 m"
+    assert about["attitude settles"] == "0.5 deg from release"
+    assert "settles: time after which the error stays" in " ".join(definitions(limits))
 
 
 def test_the_steady_error_is_the_largest_of_the_last_fifth():
@@ -347,7 +350,7 @@ def test_margins_of_the_monitor_are_columns_and_rules_at_rest_are_none():
     assert found["speed margin", "m/s"] == 2.0
     assert found["navigation margin", "s"] == 20
     assert np.isnan([found[f"{rule} margin", "m"] for rule in ("passive", "plume")]).all()
-    assert found["rule violated", "1"] == 2
+    assert found["first violated", "1"] == 2
     assert found["first violation", "s"] == 8.15
 
 

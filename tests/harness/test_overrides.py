@@ -402,3 +402,25 @@ def test_the_system_itself_is_never_changed(system):
     apply(system, params="tripled", set=["third.k=7"], stop=2.0)
     assert system == before
     assert system.component("third").parameters["k"] == Parameter(2.0, "1")
+
+
+def test_a_shared_value_is_set_wherever_it_is_known(tmp_path):
+    """As [shared] of a set; what is given for one component wins, in whatever order."""
+    given = ["servicer.J2=0", "shared.J2=1e-3"]
+    with load("sync_approach") as system:
+        changed = apply(system, set=given)
+        before = {c.name: "J2" in c.parameters for c in system.components}
+        values = {
+            c.name: c.parameters["J2"].value for c in changed.components if "J2" in c.parameters
+        }
+    assert {name for name, known in before.items() if known} == set(values)
+    assert values.pop("servicer") == 0
+    assert values == {"target": 1e-3, "monitor": 1e-3}
+
+
+def test_a_shared_value_that_nobody_knows_is_refused():
+    with (
+        load("sync_approach") as system,
+        pytest.raises(UsageError, match=r"--set shared\.incl: no"),
+    ):
+        apply(system, set=["shared.incl=1.6"])

@@ -233,7 +233,8 @@ def test_a_requirement_in_an_ssp_from_elsewhere_costs_neither_run_nor_report(
 
 def test_a_system_carries_its_requirements_through_its_ssp(tmp_path):
     with load("sync_approach") as system:
-        assert system.requirements["distance"] == "guidance.range >= 3.95 m"
+        zone = "guidance.range >= min(parameter(monitor.keep_out_half))"
+        assert system.requirements["distance"] == zone
         write_ssp(system, tmp_path / "again.ssp")
         with load(tmp_path / "again.ssp") as again:
             assert again.requirements == system.requirements
@@ -244,7 +245,7 @@ def test_a_run_keeps_and_judges_them(tmp_path, capsys):
     wanted = ["--require", "guidance.range >= 1 km", "--stop", "1"]
     assert main(["run", "sync_approach", "-o", str(out), *wanted]) == 1
     text = capsys.readouterr()
-    assert "requirement met: distance (guidance.range >= 3.95 m); worst " in text.out
+    assert "requirement met: distance (guidance.range >= min(" in text.out
     assert "requirement NOT MET: guidance.range >= 1 km; worst 0.01" in text.err
     found = findings(read(out))
     assert [f.name for f in found] == [
@@ -316,7 +317,7 @@ def test_a_controller_without_torque_fails_the_attitude(powered, verdict):
     assert found["attitude"].value == pytest.approx(off.max(), rel=1e-6)
     if not powered:
         assert off.max() > 90
-        assert found["distance"].verdict is MET
+        assert found["pointing"].verdict is MET
 
 
 def test_a_violated_safety_rule_passes_no_strict_gate(tmp_path, capsys):
