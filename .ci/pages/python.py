@@ -24,13 +24,15 @@ PACKAGES = {
 
 
 def names(package: str) -> list[str]:
-    """Public names of a package, but the number of its version."""
+    """Public names of a package, but the number of its version and what another page has."""
     module = import_module(package)
     listed = getattr(module, "__all__", None) or [
         name for name, value in vars(module).items()
         if inspect.isclass(value) and value.__module__ == package and name[0] != "_"
     ]  # fmt: skip
-    return [name for name in listed if name != "__version__"]
+    own = [name for name in listed if name != "__version__"]
+    other = set(PACKAGES) - {package}
+    return [name for name in own if getattr(module, name).__module__ not in other]
 
 
 def home(package: str, name: str) -> str:

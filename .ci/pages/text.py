@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 
 ROOT = Path(__file__).resolve().parents[2]
 LINK = re.compile(r"(!?\[[^\]]*\]\()([^)\s#]+)?(#[^)\s]*)?(\))")
-FENCE = re.compile(r"^(```.*?^```|(?:^ {4}.*\n?)+)", re.MULTILINE | re.DOTALL)
+FENCE = re.compile(r"^(```.*?^```|(?: {4}[^\n]*\n?)+)", re.MULTILINE | re.DOTALL)
 
 
 def table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

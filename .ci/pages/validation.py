@@ -92,7 +92,7 @@ def _section(case: Mapping[str, Any]) -> str:
     source = case["source"]
     return "\n".join(
         [
-            f"## {case['name']}\n\n{case['tests'][:1].upper()}{case['tests'][1:]}.\n",
+            f"## {case['name']} {{ #{case['name']} }}\n\n{case['tests'][:1].upper()}{case['tests'][1:]}.\n",
             f"![Difference over time of {case['name']}]({case['name']}.svg)\n",
             table(("Quantity", "Largest difference", "Tolerance"), rows),
             f"* Computed by: {source['name']} ({source['licence']}). Where: {source['where']}.",
@@ -117,9 +117,9 @@ def plot(case: Mapping[str, Any]) -> bytes:
         floor = q["tolerance"] * 1e-9
         shown = np.maximum(q["difference"], floor)
         axes.set_yscale("log")
+        axes.set_ylim(shown.min() / 3, 3 * max(shown.max(), q["tolerance"]))
         axes.plot(q["time"], shown, marker=".", linewidth=1, color="#204a87")
         axes.axhline(q["tolerance"], linestyle="--", color="#a40000")
-        axes.set_ylim(shown.min() / 3, 3 * max(shown.max(), q["tolerance"]))
         axes.set_ylabel(f"{name} [{q['unit']}]")
         axes.grid(True, alpha=0.3)
     axes.set_xlabel("t [s]")

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The built site in Chromium, opened as files and without a network: every page, every picture,
+search, equations, light and dark, a phone. `make test-browser` builds the site first.
+"""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from tests.harness.chromium import browser
+
+SITE = Path(__file__).resolve().parents[2] / "build/site"
+PAGES = sorted(SITE.rglob("*.html"))
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(not PAGES, reason="needs the site: make site"),
+]
+NAVIGATION = "nav.md-nav--primary a.md-nav__link[href]"
+WIDE = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+
+
+class Addresses(HTMLParser):
+    """What a page loads or leads to."""
+
+    def __init__(self):
+        super().__init__()
+        self.loaded, self.linked, self.places = [], [], set()
+
+    def handle_starttag(self, tag, attributes):
+        given = dict(attributes)
+        if "id" in given:
+            self.places.add(given["id"])
+        if tag in {"img", "script", "iframe", "source"} and given.get("src"):
+            self.loaded.append(given["src"])
+        if tag == "link" and given.get("rel") in {"stylesheet", "icon", "preload"}:
+            self.loaded.append(given["href"])
+        if tag == "a" and given.get("href"):
+            self.linked.append(given["href"])
+
+
+def addresses(page):
+    parser = Addresses()
+    parser.feed(page.read_text(encoding="utf-8"))
+    return parser
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    with browser() as running:
+        yield running
+
+
+@pytest.fixture
+def opened(chromium):
+    """Opens pages of the site; whatever goes wrong in one fails the test."""
+    context = chromium.new_context(offline=True, viewport={"width": 1280, "height": 900})
+    page, wrong = context.new_page(), []
+    page.on("pageerror", lambda error: wrong.append(f"{page.url}: {error}"))
+    page.on("console", lambda line: wrong.append(f"{page.url}: {line.text}"))
+    page.on("requestfailed", lambda request: wrong.append(f"{page.url}: no {request.url[:150]}"))
+    page.on(
+        "request",
+        lambda request: request.url.startswith(("file:", "data:", "blob:", "about:"))
+        or wrong.append(f"{page.url} asks for {request.url[:150]}"),
+    )
+    yield page
+    assert wrong == []
+    context.close()
+
+
+def test_every_page_opens_without_error_request_or_missing_picture(opened):
+    for path in PAGES:
+        opened.goto(path.as_uri(), wait_until="load")
+        missing = opened.evaluate(
+            "[...document.images].filter(i => i.complete && !i.naturalWidth).map(i => i.src)"
+        )
+        assert missing == [], path.name
+
+
+def test_every_entry_of_the_navigation_opens_a_page(opened):
+    opened.goto((SITE / "index.html").as_uri())
+    entries = set(opened.eval_on_selector_all(NAVIGATION, "all => all.map(a => a.href)"))
+    assert len(entries) > 100
+    known = {path.as_uri() for path in PAGES}
+    assert {entry.partition("#")[0] for entry in entries} <= known
+
+
+def test_every_link_and_picture_leads_somewhere_and_nothing_is_loaded_from_elsewhere():
+    known = {path: addresses(path) for path in PAGES}
+    for path, found in known.items():
+        if path.name == "404.html":
+            continue
+        for address in found.loaded:
+            assert not re.match(r"(https?:)?//", address), f"{path.name} loads {address}"
+        for address in [*found.loaded, *found.linked]:
+            if re.match(r"[a-z]+:", address):
+                continue
+            file, _, place = address.partition("#")
+            target = (path.parent / file.partition("?")[0]).resolve() if file else path
+            assert target.exists(), f"{path.relative_to(SITE)}: {address}"
+            if place and target in known and not place.startswith("__"):
+                assert place in known[target].places, f"{path.relative_to(SITE)}: {address}"
+
+
+def test_search_finds_a_parameter_without_a_network(opened):
+    opened.goto((SITE / "index.html").as_uri())
+    opened.click("input.md-search__input")
+    opened.keyboard.type("corridor", delay=20)
+    opened.wait_for_selector(".md-search-result__item", timeout=30_000)
+    found = opened.inner_text(".md-search-result__list")
+    assert "safety_monitor" in found
+
+
+def test_equations_are_drawn(opened):
+    opened.goto((SITE / "notation.html").as_uri())
+    opened.wait_for_selector("mjx-container svg", timeout=30_000)
+    assert opened.locator("mjx-merror").count() == 0
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_pages_follow_the_colours_of_the_system(chromium, scheme):
+    context = chromium.new_context(offline=True, color_scheme=scheme)
+    page = context.new_page()
+    page.goto((SITE / "index.html").as_uri())
+    page.wait_for_timeout(300)
+    (red, green, blue) = re.findall(
+        r"\d+", page.evaluate("getComputedStyle(document.body).backgroundColor")
+    )[:3]
+    assert (int(red) + int(green) + int(blue) > 500) == (scheme == "light")
+    context.close()
+
+
+def test_pages_fit_a_phone(chromium):
+    context = chromium.new_context(offline=True, viewport={"width": 390, "height": 844})
+    page = context.new_page()
+    for name in ("index", "tutorial", "reference/fmus/servicer", "validation/jeod", "robustness"):
+        page.goto((SITE / f"{name}.html").as_uri())
+        assert page.evaluate(WIDE) <= 0, name
+    context.close()
