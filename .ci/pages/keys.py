@@ -28,6 +28,7 @@ SYSTEM: Keys = {
         "sets": ("table", "`[sets.NAME]`: parameter sets for `--params`"),
         "alternatives": ("table", "`[alternatives.FMU]`: parameters that come with `--swap`"),
         "requirements": ("table", "Conditions by name: `distance = \"guidance.range >= 4 m\"`"),
+        "compare": ("table", "Defaults of `harness compare`"),
     },
     "experiment": {
         "start": ("number", "Start time [s]; default 0"),
@@ -35,6 +36,7 @@ SYSTEM: Keys = {
         "step": ("number", "Macro step [s]"),
         "algorithm": ("text", "`gauss-seidel` (default) or `jacobi`"),
         "every": ("whole number", "Record every N-th macro step; default 1"),
+        "epoch": ("date", "UTC of t = 0: direction to the Sun, dates of the result"),
     },
     "schedule": {
         "every": ("whole number", "Step the component every N macro steps; default 1"),
@@ -43,6 +45,9 @@ SYSTEM: Keys = {
     "set": {
         "description": ("text", "One line for `harness list`"),
         "experiment": ("table", "Time span and macro step of this set"),
+    },
+    "compare": {
+        "set": ("text", "Parameter set that `harness compare` runs without `--params`"),
     },
     "set experiment": {
         "stop": ("number", "Stop time [s]"),
@@ -79,6 +84,7 @@ CAMPAIGN: Keys = {
         "step": ("number", "Macro step [s]"),
         "stop": ("number", "Stop time [s]"),
         "algorithm": ("text", "`gauss-seidel` or `jacobi`"),
+        "epoch": ("text", "UTC of t = 0"),
     },
     "factors": {
         "list": ("list", "Values to go through"),

@@ -92,7 +92,8 @@ def _section(case: Mapping[str, Any]) -> str:
     source = case["source"]
     return "\n".join(
         [
-            f"## {case['name']} {{ #{case['name']} }}\n\n{case['tests'][:1].upper()}{case['tests'][1:]}.\n",
+            f"## {case['name']} {{ #{case['name']} }}\n",
+            f"{case['tests'][:1].upper()}{case['tests'][1:]}.\n",
             f"![Difference over time of {case['name']}]({case['name']}.svg)\n",
             table(("Quantity", "Largest difference", "Tolerance"), rows),
             f"* Computed by: {source['name']} ({source['licence']}). Where: {source['where']}.",
