@@ -64,8 +64,10 @@ def opened(chromium):
     page.on("requestfailed", lambda request: wrong.append(f"{page.url}: no {request.url[:150]}"))
     page.on(
         "request",
-        lambda request: request.url.startswith(("file:", "data:", "blob:", "about:"))
-        or wrong.append(f"{page.url} asks for {request.url[:150]}"),
+        lambda request: (
+            request.url.startswith(("file:", "data:", "blob:", "about:"))
+            or wrong.append(f"{page.url} asks for {request.url[:150]}")
+        ),
     )
     yield page
     assert wrong == []
