@@ -10,7 +10,8 @@
  *
  * rho = r_S - r_T,  R = |rho|;  a = C_TN^T p_T, l = rho.a, d = |rho - l a|: on and off the grasp
  * axis. Speeds are as seen in H (far, closing), in T (fly-around to mating). Inputs of ground are
- * levels; a level that comes and goes leaves no trace. Phases 8 to 10 are not left by a retreat.
+ * levels; a level that comes and goes leaves no trace. Phases 8 to 10 are not left by a retreat. With
+ * by_arm the arm mates from L_3: the servicer stays there, nobody pushes.
  * Equations, numbers: docs/models.md J. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "earth.h"
@@ -36,7 +37,7 @@ typedef struct {
     double L_ref, dL_ref, ddL_ref;
     quat q_VN;
     vec3 omega_VN_V;
-    double approaching, monitor_valid, latch_enable, release, push;
+    double approaching, monitor_valid, latch_enable, release, push, arm_mode_cmd, momentum;
     vec3 F_retreat_S, dv_left_N;
     double clearance;
 } Output;
@@ -44,6 +45,7 @@ MODEL_STRUCT;
 
 /* ---- the phases ---- */
 enum { NONE, FAR_LAW, CLOSE_LAW, SYNC_LAW, STACK_LAW, MANAGER, AS_BEFORE };
+enum { STOW, DEPLOY, GRASP, REST }; /* of the arm */
 enum { NO_REASON, ABORT, GROUND, NAVIGATION, PROPELLANT, ERROR, TOO_FAST, TIME_OUT, ATTEMPTS };
 
 static const struct {
@@ -51,28 +53,35 @@ static const struct {
     int near;    /* on the grasp axis: errors count, navigation may be lost for nav_near only */
     int before;  /* capture: may retreat */
     int profile; /* begins a range profile */
+    int arm;     /* what it is told, where mating is by the arm */
 } phases[PHASES] = {
     /* clang-format off */
-    /*             force      torque     to         near before profile */
-    [FAR]       = {FAR_LAW,   FAR_LAW,   HOLD_1,    0,   1,     1},
-    [HOLD_1]    = {FAR_LAW,   FAR_LAW,   CLOSING,   0,   1,     0},
-    [CLOSING]   = {CLOSE_LAW, CLOSE_LAW, HOLD_2,    0,   1,     0},
-    [HOLD_2]    = {CLOSE_LAW, CLOSE_LAW, FLYAROUND, 0,   1,     0},
-    [FLYAROUND] = {SYNC_LAW,  SYNC_LAW,  FINAL,     0,   1,     0},
-    [FINAL]     = {SYNC_LAW,  SYNC_LAW,  HOLD_3,    1,   1,     1},
-    [HOLD_3]    = {SYNC_LAW,  SYNC_LAW,  MATING,    1,   1,     1},
-    [MATING]    = {SYNC_LAW,  SYNC_LAW,  RIGIDISE,  1,   1,     1},
-    [RIGIDISE]  = {NONE,      NONE,      DETUMBLE,  0,   0,     0},
-    [DETUMBLE]  = {STACK_LAW, STACK_LAW, STACK,     0,   0,     0},
-    [STACK]     = {STACK_LAW, STACK_LAW, STACK,     0,   0,     0},
-    [BACKOFF]   = {SYNC_LAW,  SYNC_LAW,  HOLD_3,    1,   1,     1},
-    [RETREAT]   = {MANAGER,   AS_BEFORE, SAFE,      0,   0,     0},
-    [SAFE]      = {NONE,      AS_BEFORE, FAR,       0,   0,     0},
-    [ABORTED]   = {NONE,      AS_BEFORE, ABORTED,   0,   0,     0},
+    /*             force      torque     to         near before profile arm */
+    [FAR]       = {FAR_LAW,   FAR_LAW,   HOLD_1,    0,   1,     1, STOW},
+    [HOLD_1]    = {FAR_LAW,   FAR_LAW,   CLOSING,   0,   1,     0, STOW},
+    [CLOSING]   = {CLOSE_LAW, CLOSE_LAW, HOLD_2,    0,   1,     0, STOW},
+    [HOLD_2]    = {CLOSE_LAW, CLOSE_LAW, FLYAROUND, 0,   1,     0, STOW},
+    [FLYAROUND] = {SYNC_LAW,  SYNC_LAW,  FINAL,     0,   1,     0, STOW},
+    [FINAL]     = {SYNC_LAW,  SYNC_LAW,  HOLD_3,    1,   1,     1, STOW},
+    [HOLD_3]    = {SYNC_LAW,  SYNC_LAW,  MATING,    1,   1,     1, DEPLOY},
+    [MATING]    = {SYNC_LAW,  SYNC_LAW,  RIGIDISE,  1,   1,     1, GRASP},
+    [RIGIDISE]  = {NONE,      NONE,      DETUMBLE,  0,   0,     0, REST},
+    [DETUMBLE]  = {STACK_LAW, STACK_LAW, STACK,     0,   0,     0, REST},
+    [STACK]     = {STACK_LAW, STACK_LAW, STACK,     0,   0,     0, REST},
+    [BACKOFF]   = {SYNC_LAW,  SYNC_LAW,  HOLD_3,    1,   1,     1, DEPLOY},
+    [RETREAT]   = {MANAGER,   AS_BEFORE, SAFE,      0,   0,     0, STOW},
+    [SAFE]      = {NONE,      AS_BEFORE, FAR,       0,   0,     0, STOW},
+    [ABORTED]   = {NONE,      AS_BEFORE, ABORTED,   0,   0,     0, STOW},
     /* clang-format on */
 };
 
 static int now(const State *x) { return (int)x->phase; }
+
+/* before the grasp: what the pair turns with afterwards is decided */
+static int may_be_held(const Parameters *p, const Geometry *g)
+{
+    return p->momentum_max == 0 || g->momentum <= p->momentum_max;
+}
 
 /* what must hold for `dwell` seconds before the phase is left for the next one */
 static int row_holds(const Parameters *p, const Input *u, const State *x, const Geometry *g,
@@ -94,7 +103,7 @@ static int row_holds(const Parameters *p, const Input *u, const State *x, const 
         [FLYAROUND] = valid && g->los <= p->angle_2 && fabs(g->R - p->R_2) <= p->tol_2 &&
                       g->v_rel <= p->v_2 && g->pointing <= p->angle_abort,
         [FINAL]     = at_hold_3,
-        [HOLD_3]    = at_hold_3 && u->go_3 > 0,
+        [HOLD_3]    = at_hold_3 && u->go_3 > 0 && may_be_held(p, g),
         [MATING]    = 0, /* `mate` */
         [RIGIDISE]  = u->hard > 0,
         [DETUMBLE]  = u->done > 0 && norm(u->S.omega) <= p->settle_rate,
@@ -150,6 +159,9 @@ static const Model start = {
           .v_0 = {0.6, 0.06},
           .v_slope = {0.01, 0.0185},
           .speed_dwell = 5,
+          .mass_T = 150,
+          .J_T = {{{100, 0, 0}, {0, 150, 0}, {0, 0, 90}}},
+          .J_S = {{{200, 0, 0}, {0, 250, 0}, {0, 0, 150}}},
           .sample_period = 0.1},
     .u = {.T = {.r = {42164000, 0, 0}, .v = {0, 3074.66, 0}, .q = {1, 0, 0, 0}},
           .S = {.r = {42164000, -100, 0}, .v = {0.00729, 3074.66, 0}, .q = {1, 0, 0, 0}},
@@ -192,6 +204,11 @@ static const Variable variables[] = {
     FLAG(latch_enable, "1: the latch is armed"),
     FLAG(release, "1: the latch lets go"),
     FLAG(push, "1: push after contact"),
+    NONNEGATIVE_OUTPUT(arm_mode_cmd, "1",
+                       "what the arm is told: 0 stow, 1 deploy, 2 grasp, 3 rest; 0 without by_arm"),
+    NONNEGATIVE_OUTPUT(momentum, "N.m.s",
+                       "angular momentum of servicer and target about their common centre of mass, "
+                       "without wheels"),
     OUTPUT(F_retreat_S, "N", "force of the retreat, servicer axes"),
     OUTPUT(dv_left_N, "m/s", "what is left of the retreat's increment, N axes"),
     OUTPUT(clearance, "m", "least range of the drift after the retreat, as planned; -1: none yet"),
@@ -333,7 +350,9 @@ static void publish_switches(const Parameters *p, const Input *u, const State *x
     y->monitor_valid = docked || (u->relative_valid > 0 && !leaving);
     y->latch_enable = x->phase == MATING || docked;
     y->release = 0;
-    y->push = x->phase == MATING && x->touched.runs;
+    y->push = !p->by_arm && x->phase == MATING && x->touched.runs;
+    y->arm_mode_cmd = p->by_arm ? phases[now(x)].arm : STOW;
+    y->momentum = g->momentum;
 }
 
 /* V: the Hill frame turned to the line of the hold points, C_VN = Rz(psi) C_HN */

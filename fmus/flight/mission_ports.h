@@ -39,6 +39,8 @@ typedef struct {
     double dwell[PHASES], time_out[PHASES];
     double attempts, mass_dry, reserve, nav_far, nav_near;
     double d_abort[2], angle_abort, error_dwell, v_0[2], v_slope[2], speed_dwell;
+    double by_arm, momentum_max, mass_T; /* momentum of the pair that may be grasped */
+    mat3 J_T, J_S;
     double sample_period;
 } MissionParameters;
 typedef struct {
@@ -92,6 +94,12 @@ typedef struct {
         NONNEGATIVE(v_0, "m/s", "speed limit at range 0: far, near"),                              \
         NONNEGATIVE(v_slope, "1/s", "rise of the speed limit with the range: far, near"),          \
         NONNEGATIVE(speed_dwell, "s", "too fast for so long is too much"),                         \
+        SWITCH(by_arm, "1: mating is by the arm, which grasps from L_3; 0: by the probe"),         \
+        NONNEGATIVE(momentum_max, "N.m.s",                                                         \
+                    "angular momentum of the pair above which it is not mated; 0 = no limit"),     \
+        NONNEGATIVE(mass_T, "kg", "mass of the target, for that momentum"),                        \
+        MATRIX(J_T, "kg.m2", "inertia of the target, for that momentum, target axes"),             \
+        MATRIX(J_S, "kg.m2", "inertia of the servicer, for that momentum, servicer axes"),         \
         GRID(sample_period, "sample period of the software")
 
 #define MISSION_INPUTS                                                                           \
@@ -130,6 +138,7 @@ typedef struct {
     mat3 C_SN;
     vec3 rho_H, drho_H;                          /* drho as seen in H */
     double R, l, d, los, v_rel, pointing, w_rel; /* v_rel as seen in T */
+    double momentum;                             /* of the pair about its centre, without wheels */
 } Geometry;
 
 static inline Geometry geometry(const MissionParameters *p, const MissionInput *u)
@@ -148,6 +157,9 @@ static inline Geometry geometry(const MissionParameters *p, const MissionInput *
     g.v_rel = norm(sub(v, cross(w_T, rho)));
     g.pointing = angle(g.C_SN.row[0], neg(a));
     g.w_rel = norm(sub(w_S, w_T));
+    double reduced = u->mass > 0 ? u->mass * p->mass_T / (u->mass + p->mass_T) : 0;
+    vec3 h_T = tmul(C_TN, mul(p->J_T, u->T.omega)), h_S = tmul(g.C_SN, mul(p->J_S, u->S.omega));
+    g.momentum = norm(sum3(h_T, h_S, scale(reduced, cross(rho, v))));
     return g;
 }
 

@@ -2,7 +2,7 @@
  *
  *   s(x) = 10 x^3 - 15 x^4 + 6 x^5 in 0..1: the fifth-order step, at rest at both ends
  *   FINAL, BACKOFF   L = a + (L_3 - a) s(tau/T),  T = 1.875 |a - L_3|/v: peak speed v
- *   MATING           dL = -v s(tau/T), then -v, until L_end */
+ *   MATING           dL = -v s(tau/T), then -v, until L_end; by the arm: at rest at L_3 */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef MISSION_PROFILE_H
 #define MISSION_PROFILE_H
@@ -41,7 +41,7 @@ static inline Distance profile_at(const MissionParameters *p, const Profile *a, 
 {
     double tau = t - a->t, T = profile_duration(p, a);
     if (a->phase == FAR) return at_rest(p->R_2);
-    if (a->phase == MATING) {
+    if (a->phase == MATING && !p->by_arm) {
         Distance now = mating(p, tau);
         return now.L <= p->L_end ? at_rest(p->L_end) : now;
     }

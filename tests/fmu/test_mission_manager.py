@@ -466,6 +466,43 @@ def test_the_burn_follows_the_increment_while_the_servicer_turns(fmu):
         assert flight["dv_left_N"] == pytest.approx(left, abs=1e-13)
 
 
+# ---- by the arm ----
+STOW, DEPLOY, GRASP, REST = range(4)
+
+
+def test_arm_is_told_what_the_phase_wants_and_only_where_it_mates(fmu):
+    told = {6: DEPLOY, 7: GRASP, 8: REST, 9: REST, 10: REST, 11: DEPLOY, 12: STOW, 13: STOW}
+    for by_arm in (0, 1):
+        for phase in filter(None, GOOD):
+            flight = Flight(fmu, {"by_arm": by_arm}).lead_to(phase)
+            assert flight["arm_mode_cmd"] == by_arm * told.get(phase, STOW)
+
+
+def test_retreat_with_the_arm_out_folds_it(fmu):
+    flight = Flight(fmu, {"by_arm": 1}).lead_to(7)
+    assert flight["arm_mode_cmd"] == GRASP
+    assert flight.sample(HOLDING[7] | {"retreat": 1}) == 12
+    assert flight["arm_mode_cmd"] == STOW
+
+
+def test_servicer_stands_still_and_nobody_pushes_while_the_arm_mates(fmu):
+    flight = Flight(fmu, {"by_arm": 1, "capture_time": 50.0}).lead_to(7)
+    for contact in (0, 1, 1):
+        assert flight.sample(HOLDING[7] | {"contact": contact}) == 7
+        assert [flight[name] for name in ("L_ref", "dL_ref", "ddL_ref")] == [3, 0, 0]
+        assert flight["push"] == 0
+
+
+@pytest.mark.parametrize(("share", "phase"), [(0, 7), (1 + 1e-9, 7), (1 - 1e-9, 6)])
+def test_pair_with_more_momentum_than_allowed_is_not_mated(fmu, share, phase):
+    """share 0: no limit."""
+    flight = Flight(fmu).lead_to(6)
+    momentum = flight["momentum"]
+    assert momentum > 1
+    flight = Flight(fmu, {"momentum_max": share * momentum}).lead_to(6)
+    assert flight.stay(GOOD[6], 10)[-1] == phase
+
+
 # ---- all of it at random ----
 @pytest.mark.parametrize("seed", range(3))
 def test_random_flights_follow_the_reference(fmu, seed):
@@ -473,7 +510,8 @@ def test_random_flights_follow_the_reference(fmu, seed):
     together.
     """
     rng = np.random.default_rng(seed)
-    flight = Flight(fmu, {"sample_period": 0.5, "dwell": [0.5] * 15, "drift_step": 7200})
+    changes = {"sample_period": 0.5, "dwell": [0.5] * 15, "drift_step": 7200, "by_arm": seed % 2}
+    flight = Flight(fmu, changes)
     seen = set()
     for _ in range(1500):
         k = max(flight.model.phase, 0)

@@ -34,9 +34,12 @@ PARAMETERS = {
     "d_abort": (0.2, 0.1), "angle_abort": 0.2618, "error_dwell": 3,
     "v_0": (0.6, 0.06), "v_slope": (0.01, 0.0185), "speed_dwell": 5,
     "drift_time": 86400, "drift_step": 120, "sample_period": 0.1,
+    "by_arm": 0, "momentum_max": 0, "mass_T": 150,
+    "J_T": np.diag((100.0, 150, 90)), "J_S": np.diag((200.0, 250, 150)),
 }  # fmt: skip
 
 FORCE = (1, 1, 2, 2, 3, 3, 3, 3, 0, 4, 4, 3, 5, 0, 0)
+ARM = (0, 0, 0, 0, 0, 0, 1, 2, 3, 3, 3, 1, 0, 0, 0)
 TORQUE = (1, 1, 2, 2, 3, 3, 3, 3, 0, 4, 4, 3, nan, nan, nan)
 NEXT = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, nan, 6, 13, 0, nan)
 NEAR, BEFORE = (5, 6, 7, 11), (0, 1, 2, 3, 4, 5, 6, 7, 11)
@@ -59,6 +62,7 @@ class Seen:
     v_rel: float
     pointing: float
     w_rel: float
+    momentum: float
 
 
 def seen(p: dict, u: dict) -> Seen:
@@ -73,12 +77,23 @@ def seen(p: dict, u: dict) -> Seen:
     C_TN, C_SN = dcm(u["q_TN"]), dcm(u["q_SN"])
     a = C_TN.T @ p["p_T"]
     w_T, w_S = C_TN.T @ u["omega_TN_T"], C_SN.T @ u["omega_SN_S"]
+    momentum = about_centre(
+        (u["mass"], p["mass_T"]), (u["r_SN_N"], r), (u["v_SN_N"], v),
+        (C_SN.T @ p["J_S"] @ C_SN @ w_S, C_TN.T @ p["J_T"] @ C_TN @ w_T),
+    )  # fmt: skip
     return Seen(
         C_HN, w, C_HN @ rho, C_HN @ (drho - cross(w * C_HN[2], rho)), C_SN,
         np.linalg.norm(rho), rho @ a, np.linalg.norm(cross(rho, a)), angle_between(rho, a),
         np.linalg.norm(drho - cross(w_T, rho)), angle_between(C_SN[0], -a),
-        np.linalg.norm(w_S - w_T),
+        np.linalg.norm(w_S - w_T), momentum,
     )  # fmt: skip
+
+
+def about_centre(masses, places, speeds, spins) -> float:
+    """Angular momentum of bodies about their common centre of mass: spins and what they carry."""
+    m, r, v = np.array(masses, float), np.array(places), np.array(speeds)
+    r_C, v_C = m @ r / m.sum(), m @ v / m.sum()
+    return float(np.linalg.norm(sum(spins) + m @ np.cross(r - r_C, v - v_C)))
 
 
 # ---- range profile ----
@@ -97,6 +112,8 @@ def profile(p: dict, kind: int, start: float, tau: float) -> tuple[float, float,
     T = duration(p, kind, start)
     if kind == 0:
         return p["R_2"], 0.0, 0.0
+    if kind == 7 and p["by_arm"]:
+        return p["L_3"], 0.0, 0.0
     if kind == 7:
         ramp, v = p["ramp_mate"], p["v_mate"]
         rate = STEP.integ()
@@ -230,7 +247,7 @@ class Manager:
             3: on_line and u["go_2"],
             4: v and around and g.v_rel <= p["v_2"] and g.pointing <= p["angle_abort"],
             5: on_axis,
-            6: on_axis and u["go_3"],
+            6: on_axis and u["go_3"] and g.momentum <= (p["momentum_max"] or inf),
             8: u["hard"],
             9: u["done"] and np.linalg.norm(u["omega_SN_S"]) <= p["settle_rate"],
             11: on_axis,
@@ -296,7 +313,8 @@ class Manager:
             "approaching": float(5 <= k <= 11),
             "monitor_valid": float(8 <= k <= 10 or (bool(u["relative_valid"]) and not hidden)),
             "latch_enable": float(7 <= k <= 10), "release": 0.0,
-            "push": float(k == 7 and not np.isnan(self.touched)),
+            "push": float(k == 7 and not p["by_arm"] and not np.isnan(self.touched)),
+            "arm_mode_cmd": ARM[k] * p["by_arm"], "momentum": g.momentum,
             "F_retreat_S": g.C_SN @ F, "dv_left_N": self.dv, "clearance": self.clear,
         }  # fmt: skip
 

@@ -19,6 +19,8 @@ from ssp.arm_capture.measures import (
     rms,
     turned,
 )
+from tests.reference import arm as reference
+from tests.reference.attitude import dcm
 
 TIP, ANGLE = "arm_guidance.position_error", "arm_guidance.angle_error"
 
@@ -80,6 +82,40 @@ def test_deployment_turns_the_base_by_what_the_feed_forward_leaves(changes, atti
     rows = during(result, DEPLOY)
     assert np.degrees(turned(result)[rows].max()) == pytest.approx(attitude, rel=0.05)
     assert off(result)[rows].max() == pytest.approx(14.6e-3, rel=0.05)
+
+
+def test_compensated_force_keeps_the_base_where_it_is():
+    result = clean("arm_controller.compensate_force=1")
+    assert off(result)[during(result, DEPLOY)].max() == pytest.approx(2.6e-3, rel=0.05)
+
+
+def momentum(result, k):
+    """Sum of the parts about the common centre of mass without wheels, and that of the stack if it
+    turned with the servicer [N m s].
+    """
+    C, C_T = (dcm(result[name][k]) for name in ("servicer.q_SN", "target.q_TN"))
+    arm = reference.Vehicle(reference.DEFAULT, result["servicer.joint_angle"][k])
+    m, m_T, J_T, w = arm.m.sum(), 150.0, np.diag((100.0, 150, 90)), result["servicer.omega_SN_S"][k]
+    rho = result["target.r_TN_N"][k] - result["servicer.r_SN_N"][k] - C.T @ arm.c
+    v = result["target.v_TN_N"][k] - result["servicer.v_CN_N"][k]
+    wheels = np.diag((12.0, 15, 10)) @ result["servicer.wheel_speed"][k]
+    spins = result["servicer.h_N"][k] - C.T @ wheels + C_T.T @ J_T @ result["target.omega_TN_T"][k]
+    parts = spins + m * m_T / (m + m_T) * np.cross(rho, v)
+    spread = lambda mass, d: mass * (d @ d * np.eye(3) - np.outer(d, d))  # noqa: E731
+    own = arm.H()[3:6, 3:6] - spread(m, arm.c) + C @ C_T.T @ J_T @ C_T @ C.T
+    stack = own + spread(m * m_T / (m + m_T), C @ rho)
+    return np.linalg.norm(parts), np.linalg.norm(stack @ w)
+
+
+def test_momentum_of_the_pair_stays_from_the_grip_to_hard_capture(nominal):
+    """9.09 N m s of the independent flight: J w, while the parts still turn against each other."""
+    grip, hard = (
+        int(np.flatnonzero(nominal[name] >= 1)[0])
+        for name in ("arm_guidance.grip", "mechanism.hard")
+    )
+    (before, _), (after, stack) = momentum(nominal, grip), momentum(nominal, hard)
+    assert after == pytest.approx(before, rel=1e-3)
+    assert stack == pytest.approx(9.09, rel=0.02)
 
 
 def test_both_executors_have_the_same_bits():
