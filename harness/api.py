@@ -13,6 +13,7 @@ from harness.master.isolated import PATIENCE, guarded, simulate
 from harness.master.pacer import Pacer, timely
 from harness.master.simulation import Simulation
 from harness.results.files import read, save
+from harness.results.requirements import say_inconsistencies
 from harness.results.result import Result
 from harness.ssp.library import load
 from harness.system.graph import say_warnings, say_warnings_of
@@ -76,6 +77,7 @@ def run(  # noqa: PLR0913 - every one is an option of the command line
     with load(system) as found:
         changed = timely(found, changes, realtime, late)
         say_warnings(changed)
+        say_inconsistencies(changed)
         return simulate(
             changed,
             executor=executor,

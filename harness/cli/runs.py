@@ -182,6 +182,7 @@ def _run(  # noqa: PLR0913, PLR0917 - what the command line says
     from harness.files.signals import held
     from harness.master.isolated import simulate
     from harness.master.pacer import timely
+    from harness.results.requirements import say_inconsistencies
     from harness.ssp.library import load
     from harness.system.graph import say_warnings
 
@@ -190,6 +191,7 @@ def _run(  # noqa: PLR0913, PLR0917 - what the command line says
         pacer = how.get("pacer")
         changed = timely(found, changes, None if pacer is None else pacer.factor, late)
         say_warnings(changed)
+        say_inconsistencies(changed)
         file.accept(changed)
         with held():  # from here on
             try:

@@ -10,6 +10,7 @@ run. Its margin says how far it is from failing, in the unit of what it compares
 from __future__ import annotations
 
 import ast
+import logging
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -33,9 +34,11 @@ from harness.results.quantities import unit
 from harness.results.result import Result
 from harness.results.verdict import Judged, Kind, Verdict
 from harness.spelling import did_you_mean
-from harness.system.graph import read_interfaces
+from harness.system.graph import build_graph, columns, constants, read_interfaces
 from harness.system.model import Port, System
 from harness.system.names import base
+
+_log = logging.getLogger("harness")
 
 
 @dataclass(frozen=True)
@@ -85,16 +88,49 @@ class Finding:
         return f"worst {self.value:.6g} {self.unit.removeprefix('1')}".rstrip() + place
 
 
-def refused(system: System, requirements: Mapping[str, Any]) -> list[str]:
+def refused(system: System, requirements: Mapping[str, Any], fixed: bool = False) -> list[str]:
     """What is wrong with requirements that are made of a system, one line each: texts that are no
-    conditions, variables and parameters that nobody has, units that do not fit.
+    conditions, variables and parameters that nobody has, units that do not fit; fixed: they are
+    conditions on parameters alone.
     """
-    known = {f"{kind}{n}": u for kind, table in _units(system).items() for n, u in table.items()}
+    tables = {k: table for k, table in _units(system).items() if k or not fixed}
+    known = {f"{kind}{n}": u for kind, table in tables.items() for n, u in table.items()}
     return [
         f"{name}: {problem}"
         for name, text in requirements.items()
-        for problem in _problems(text, {"time": "s", **known})
+        for problem in _problems(text, known if fixed else {"time": "s", **known})
     ]
+
+
+def say_inconsistencies(*systems: System) -> None:
+    """Where parameters of systems contradict each other, in the log: a line with their values."""
+    for system in systems:
+        if system.consistency:
+            for line in inconsistencies(system):
+                _log.warning("%s", line)
+
+
+def inconsistencies(system: System) -> Iterator[str]:
+    """A line per condition on parameters that does not hold; conditions on what a swapped FMU does
+    not have say nothing.
+    """
+    given = list(constants(build_graph(system)))
+    names, units, texts = columns([slot for slot, _ in given])
+    values = np.array([[value for _, value in given]])
+    table = Result(system.name, np.zeros(1), names, units, values, texts)
+    nothing = np.empty((1, 0))
+    result = Result(system.name, np.zeros(1), (), (), nothing, parameters=table)
+    for name, text in system.consistency.items():
+        if finding(result, name, text).verdict is Verdict.NOT_MET:
+            paths = dict.fromkeys(path.rpartition(" ")[2] for path in variables(condition(text)))
+            shown = (f"{path} = {_written(table, path)}" for path in paths)
+            yield f"{name}: {', '.join(shown)}; expected {text}"
+
+
+def _written(table: Result, path: str) -> str:
+    numbers = np.asarray(table[path][0]).reshape(-1)
+    unit = table.unit(path)
+    return f"{' '.join(f'{x:g}' for x in numbers)} {'' if unit == '1' else unit}".rstrip()
 
 
 def _units(system: System) -> dict[str, dict[str, str]]:

@@ -48,6 +48,7 @@ KEYS = {
         "sets",
         "alternatives",
         "requirements",
+        "consistency",
         "compare",
     ),
     "experiment": ("start", "stop", "step", "algorithm", "every", "epoch"),
@@ -67,10 +68,11 @@ TABLES = (
     "parameters",
     "sets",
     "requirements",
+    "consistency",
     "compare",
 )
 TABLES_OF_TABLES = ("schedule", "parameters", "sets", "alternatives")
-TABLES_OF_TEXTS = ("components", "connections", "requirements", "compare")
+TABLES_OF_TEXTS = ("components", "connections", "requirements", "consistency", "compare")
 
 
 def system_of(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> System:
@@ -176,11 +178,16 @@ class _Builder:
             ),
             strict=True,
             requirements=self.source.get("requirements", {}),
+            consistency=self.source.get("consistency", {}),
             compared=self._compared(),
             mission=self.source.get("mission", ""),
         )
-        refused = requirements.refused(system, system.requirements)
-        self.problems += [f"[requirements] {problem}" for problem in refused]
+        for place, texts in (
+            ("requirements", system.requirements),
+            ("consistency", system.consistency),
+        ):
+            refused = requirements.refused(system, texts, fixed=place == "consistency")
+            self.problems += [f"[{place}] {problem}" for problem in refused]
         self._finish(system, wiring)
         return replace(system, alternatives=tuple(self._alternatives(system)))
 

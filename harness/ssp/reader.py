@@ -136,14 +136,16 @@ class _Reader:
             alternatives=tuple(
                 self._alternative(e, components) for e in self._own("run:Alternative")
             ),
-            requirements={
-                e.get("name", ""): e.get("text", "") for e in self._own("run:Requirement")
-            },
+            requirements=self._texts("run:Requirement"),
+            consistency=self._texts("run:Consistency"),
             strict=self.run is not None and self.run.get("strict") == "true",
             compared=self._compared(),
             mission=self._mission(),
             declared=flat.declared(),
         )
+
+    def _texts(self, path: str) -> dict[str, str]:
+        return {e.get("name", ""): e.get("text", "") for e in self._own(path)}
 
     def _compared(self) -> str:
         """Name of the set that a comparison takes; one that is not there is a problem."""

@@ -302,3 +302,5 @@ class _Description:
             child(run, "run:Alternative", component=a.component, fmu=a.fmu)
         for name, text in self.system.requirements.items():
             child(run, "run:Requirement", name=name, text=text)
+        for name, text in self.system.consistency.items():
+            child(run, "run:Consistency", name=name, text=text)

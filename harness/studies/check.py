@@ -21,6 +21,7 @@ from harness.master.refusals import as_typed
 from harness.master.trial import refused, unreachable
 from harness.mission.library import SYSTEM
 from harness.remote.targets import TARGETS, missing
+from harness.results.requirements import say_inconsistencies
 from harness.rules.judge import judge
 from harness.spelling import did_you_mean
 from harness.ssp.library import examined
@@ -129,7 +130,9 @@ def _system_errors(system: System, sets: Sequence[str]) -> Iterator[str]:
     yield from size_problems(system, interfaces)
     chosen = [choose_set(system, name) if name else system for name in sets]
     for each in chosen:
-        yield from graph_problems(each, interfaces)
+        yield from (wrong := list(graph_problems(each, interfaces)))
+        if not wrong and not unreadable:
+            say_inconsistencies(each)
     boards = [name for name, place in system.origin.on.items() if "://" in place]
     for error in (*refused(chosen), *unreachable(system, boards)):
         yield from str(_told(error, system)).splitlines()

@@ -36,7 +36,7 @@ from harness.mission.library import of_result
 from harness.mission.measure import apart, measured
 from harness.mission.mission import Mission, together
 from harness.results.files import ResultFile, read
-from harness.results.requirements import findings
+from harness.results.requirements import findings, say_inconsistencies
 from harness.results.result import Result
 from harness.ssp.library import load
 from harness.studies import table
@@ -202,6 +202,7 @@ def _check(
     with load(system) as found, said_once():
         systems = [_applied(found, variant) for variant in variants]
         say_warnings(*systems)
+        say_inconsistencies(*systems)
         for changed in systems:
             file.accept(changed)
             steps.append(checked(changed).steps)

@@ -154,8 +154,9 @@ class System:
     strict: an input that is neither driven nor given a value is an error (systems of other tools
     rely on start values); declared: units that the file claims for variables of components, to be
     compared with what the FMUs say; requirements: conditions by name, see
-    harness.results.requirements; compared: the set that a comparison takes unless told otherwise
-    ("": none); mission: name of the one it belongs to; origin: where all this comes from.
+    harness.results.requirements; consistency: conditions on parameters by name, with a note
+    where one does not hold; compared: the set that a comparison takes unless told otherwise ("":
+    none); mission: name of the one it belongs to; origin: where all this comes from.
     """
 
     name: str
@@ -167,6 +168,7 @@ class System:
     alternatives: tuple[Alternative, ...] = ()
     strict: bool = False
     requirements: Mapping[str, str] = field(default_factory=dict)
+    consistency: Mapping[str, str] = field(default_factory=dict)
     compared: str = ""
     mission: str = ""
     declared: Mapping[Port, Unit] = field(default_factory=dict, compare=False)
@@ -190,5 +192,6 @@ class System:
             alternatives=(),
             strict=False,
             requirements={},
+            consistency={},
             declared={},
         )

@@ -24,6 +24,8 @@ from harness.results.verdict import Verdict
 from harness.ssp.build import system_of
 from harness.ssp.library import load
 from harness.ssp.writer import write_ssp
+from harness.studies.check import check
+from tests.harness.demo import TOML
 
 ROWS = 11
 MET, MISSED = Verdict.MET, Verdict.NOT_MET
@@ -369,3 +371,52 @@ def test_the_build_reports_senseless_requirements():
         system_of(source, paths.fmus())
     places = [line.partition(":")[0] for line in refused.value.problems]
     assert places == ["[requirements] a", "[requirements] b"]
+
+
+# ---- parameters that contradict each other
+
+CONTRADICTIONS = {
+    "start where the guidance begins": (
+        ["servicer.rho_0_H=[0,30,0]"],
+        "servicer.rho_0_H = 0 30 0 m, guidance.rho_0 = 20 m",
+    ),
+    "mass estimate near the mass": (
+        ["servicer.mass_0=400"],
+        "servicer.mass_0 = 400 kg, controller.m_hat_0 = 95 kg",
+    ),
+    "end outside the keep-out zone": (
+        ["guidance.rho_M=3"],
+        "guidance.rho_M = 3 m, monitor.keep_out_half = 4 4 4 m",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CONTRADICTIONS)
+def test_a_note_names_both_values_where_parameters_contradict(name, caplog):
+    given, values = CONTRADICTIONS[name]
+    run("sync_approach", set=given, stop=0.1)
+    (line,) = [r.getMessage() for r in caplog.records if name in r.getMessage()]
+    assert line.startswith(f"{name}: {values}; expected ")
+    caplog.clear()
+    verdict = check("sync_approach", set=given)
+    assert [w for w in verdict.warnings if w == line]
+    with pytest.raises(StructureError, match=f"warning: {name}"):
+        check("sync_approach", strict=True, set=given)
+
+
+def test_no_set_contradicts_itself_and_a_law_without_an_estimate_says_nothing(tmp_path):
+    for name in ("sync_approach", "sync_approach_navigated", "sync_approach_thrusters"):
+        assert not [w for w in check(name).warnings if "expected" in w]
+    given = {"set": ["servicer.mass_0=400"], "swap": {"controller": "pid_controller"}}
+    assert not [w for w in check("sync_approach", **given).warnings if "mass estimate" in w]
+    with load("sync_approach") as system:
+        write_ssp(system, tmp_path / "again.ssp")
+        with load(tmp_path / "again.ssp") as again:
+            assert again.consistency == system.consistency
+            assert again.compared == system.compared == "limited"
+
+
+def test_a_condition_on_what_varies_is_no_consistency(fmus):
+    text = TOML + '\n[consistency]\nodd = "twice.y > 1"\n'
+    with pytest.raises(StructureError, match=r"\[consistency\] odd: there is no variable twice.y"):
+        system_of(tomllib.loads(text), fmus)

@@ -16,6 +16,7 @@ from harness.master.changes import Changes, apply, as_in_a_file, pairs
 from harness.master.recorder import recorded
 from harness.master.refusals import as_typed, without
 from harness.master.trial import refused
+from harness.results.requirements import say_inconsistencies
 from harness.results.result import Result
 from harness.spelling import did_you_mean
 from harness.ssp.library import load, take_mission
@@ -209,6 +210,7 @@ class _Draft:
         self._try(systems)
         if not self.problems:
             say_warnings(*systems)
+            say_inconsistencies(*systems)
             self.layout = _layout(systems[0], [found for _, found in ready])
 
     def _try(self, systems: Sequence[System]) -> None:
