@@ -412,18 +412,24 @@ def build(source: Path, fmus: Path, output: Path) -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line of the build; exit status 0/1/2."""
     parser = argparse.ArgumentParser(
-        prog="python -m harness.ssp.build", description="Build an .ssp from a TOML system."
+        prog="python -m harness.ssp.build", description="Build an .ssp from each TOML system."
     )
-    parser.add_argument("toml", type=Path, help="description of the system")
+    parser.add_argument("toml", type=Path, nargs="+", help="descriptions of systems")
     parser.add_argument("--fmus", type=Path, required=True, help="folder with the FMUs")
-    parser.add_argument("-o", "--output", type=Path, required=True, help="the .ssp to write")
+    parser.add_argument(
+        "-o", "--output", type=Path, nargs="+", required=True, help="the .ssp of each"
+    )
     options = parser.parse_args(arguments)
-    try:
-        build(options.toml, options.fmus, options.output)
-    except HarnessError as error:
-        print(error, file=sys.stderr)
-        return error.exit_status
-    return 0
+    if len(options.toml) != len(options.output):
+        parser.error("expected an -o for each system")
+    status = 0
+    for source, output in zip(options.toml, options.output, strict=True):
+        try:
+            build(source, options.fmus, output)
+        except HarnessError as error:
+            print(error, file=sys.stderr)
+            status = max(status, error.exit_status)
+    return status
 
 
 if __name__ == "__main__":
