@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from harness.errors import RequirementError, UsageError
 from harness.files.signals import held
 from harness.master.changes import Changes
@@ -22,7 +25,8 @@ from harness.studies.campaign.engine import Block, Flown, crew
 from harness.studies.campaign.plan import Layout, Plan
 from harness.studies.campaign.store import Store, refuse_existing
 from harness.studies.campaign.summary import text, unjudged
-from harness.studies.campaign.worker import FAILED, SUCCESS, Task
+from harness.studies.campaign.worker import FAILED, PENDING, SUCCESS, Task
+from harness.studies.inquiry.stopping import Until
 from harness.studies.notes import said_once
 
 ROWS = 200
@@ -145,7 +149,8 @@ def _keep(
     plan: Plan, store: Store, flown: Flown, progress: Callable[[Progress], None] | None
 ) -> None:
     """Write what has flown, block by block."""
-    status = store.array("status")
+    status, rule = store.array("status"), plan.until
+    missed = np.where(status == PENDING, PENDING, _missed(store))
     done, failed = int((status != 0).sum()), int((status == FAILED).sum())
     for first, rows in flown:
         earlier = status[first : first + len(rows)]
@@ -153,8 +158,25 @@ def _keep(
             store.write(first, [plan.values(first + k) for k in range(len(rows))], rows)
         done += len(rows) - int((earlier != 0).sum())
         failed += sum(row.status == FAILED for row in rows) - int((earlier == FAILED).sum())
+        if rule is not None:
+            missed[first : first + len(rows)] = [2 - (r.metrics[SUCCESS] == 1) for r in rows]
         if progress is not None:
             progress(Progress(done, plan.runs, failed))
+        if rule is not None and (n := _decided(rule, missed)):
+            store.shorten(n)
+            return
+
+
+def _missed(store: Store) -> NDArray[np.int8]:
+    """1 of every run that has succeeded, else 2."""
+    succeeded = store.array(SUCCESS) == 1 if SUCCESS in store.names("metric") else False
+    return np.where(succeeded, 1, 2)
+
+
+def _decided(rule: Until, missed: NDArray[np.int8]) -> int | None:
+    """Number of runs, of those without a gap before them, after which a campaign is decided."""
+    gap = np.flatnonzero(missed == PENDING)
+    return rule.decided((missed[: gap[0] if len(gap) else None] == 2).tolist())
 
 
 def _task(plan: Plan, found: Layout) -> Task:
@@ -198,7 +220,8 @@ def _opened(path: Path, plan: Plan, task: Task, found: Layout, life: ExitStack) 
     if store.group.attrs["digest"] != plan.digest:
         raise UsageError(f"{path}: is of another campaign or of another state of its system")
     life.enter_context(store.alone())
-    store.mend(plan, task, found)
+    if not store.decided:
+        store.mend(plan, task, found)
     return store
 
 

@@ -33,6 +33,7 @@ from harness.studies.campaign.kinds import (
 from harness.studies.campaign.layout import wrong_names
 from harness.studies.campaign.plan import Layout, Plan, Values
 from harness.studies.campaign.worker import SUCCESS
+from harness.studies.inquiry.stopping import wrong_until
 from harness.system.graph import Checked, Graph, Slot, checked, columns, constants, say_warnings
 from harness.system.model import System
 from harness.system.tables import read_toml
@@ -40,7 +41,8 @@ from harness.system.values import plain
 
 KEYS = {
     "system", "runs", "seed", "sampler", "every", "fixed", "factors", "seeds", "metrics",
-    "success", "worst", "keep", "expected", "patience",
+    "success", "worst", "keep", "expected", "patience", "requirements", "until", "asked",
+    "sensitivity", "probability", "tune", "map",
 }  # fmt: skip
 
 MAX_RUNS = 10_000_000
@@ -60,6 +62,8 @@ def read_plan(definition: Path | Mapping[str, Any]) -> tuple[Plan, Layout]:
     plan = Plan(table, (path.parent if path else Path.cwd()).resolve())
     draft = _Draft(plan)
     draft.problems += wrong_entries(table)
+    if "until" in table:
+        draft.problems += wrong_until(table["until"], table)
     if not draft.problems:
         draft.read()
     if draft.problems:
@@ -104,6 +108,8 @@ class _Draft:
         self.plan = Plan(
             table, self.plan.folder, tuple(made.values()), {k: m for k, m in found.items() if m}
         )
+        if not self.problems and self.plan.until and self.plan.listed:
+            self.problems.append("until: counts draws, it cannot be beside listed values")
         if not self.problems and self.plan.runs > MAX_RUNS:
             self.problems.append(f"these are {self.plan.runs} runs, more than {MAX_RUNS}")
         with load(self.plan.system) as system:
@@ -152,15 +158,16 @@ class _Draft:
     # ---- against the system
 
     def _fits(self, system: System) -> None:
-        fixed = self.plan.fixed
+        fixed = self.plan.definition.get("fixed", {})
         for key in fixed:
             if key not in CHANGES:
                 close = did_you_mean(key, CHANGES)
                 self.problems.append(f"fixed.{key}: there is no such change{close}")
         if any(key not in CHANGES for key in fixed):
             return
-        start = self._applied("fixed", system, fixed)
-        if start is None:
+        start = self._applied("fixed", system, dict(fixed))  # type: ignore[arg-type]
+        further = dict(self.plan.definition.get("requirements", {}))
+        if start is None or self._applied("requirements", start, {"require": further}) is None:
             return
         for each in self.plan.factors:
             if wrong := list(wrong_choices(each.name, each.choices)):
@@ -207,6 +214,8 @@ class _Draft:
         if not self.problems:
             self._measurable(ready)
         systems = [changed for changed, _ in ready]
+        if self.plan.until and not (self.plan.success or systems[0].requirements):
+            self.problems.append("until: there is no success, and no requirement that makes one")
         self._try(systems)
         if not self.problems:
             say_warnings(*systems)
@@ -237,7 +246,7 @@ class _Draft:
                     self._known(f"keep.{key}", str(variable), result)
         if SUCCESS in self.plan.expected and not (self.plan.success or self.requirements):
             self.problems.append("expected.success: nothing says what success is")
-        worst = str(self.plan.definition.get("worst", "")).lstrip("-")
+        worst = self.plan.worst.lstrip("-")
         if worst and worst not in self.plan.metrics:
             close = did_you_mean(worst, self.plan.metrics)
             self.problems.append(f"worst: there is no metric {worst}{close}")

@@ -36,7 +36,7 @@ class Block(NamedTuple):
 Flown = Iterator[tuple[int, list[Row]]]
 """First run and rows of the blocks that are over."""
 Fly = Callable[[Task, Iterable[Block]], Flown]
-"""Runs all blocks."""
+"""Runs all blocks; may be called again and again."""
 
 
 @contextmanager
@@ -47,7 +47,10 @@ def crew(workers: Workers, said: Callable[[str], None]) -> Iterator[Fly]:
     scheduler that does not answer, no SLURM).
     """
     if workers.count == 0 and not workers.elsewhere:
-        yield _here
+        try:
+            yield _here
+        finally:
+            worker.close()
         return
     with connected(workers) as client:
         if client.security.require_encryption is not True:
@@ -58,11 +61,8 @@ def crew(workers: Workers, said: Callable[[str], None]) -> Iterator[Fly]:
 
 
 def _here(task: Task, blocks: Iterable[Block]) -> Flown:
-    try:
-        for block in blocks:
-            yield block.first, worker.fly_block(task, block.changes)
-    finally:
-        worker.close()
+    for block in blocks:
+        yield block.first, worker.fly_block(task, block.changes)
 
 
 def _spread(client: Any, workers: Workers, task: Task, blocks: Iterable[Block]) -> Flown:

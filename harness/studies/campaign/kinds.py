@@ -38,6 +38,7 @@ def _is_table(value: Any) -> bool:
 
 
 TEXT = Kind(_is_text, "a text")
+TEXT_OR_TABLE = Kind(lambda v: _is_text(v) or _is_table(v), "a text or a table")
 TEXTS = Kind(_are_texts, "a list of texts")
 TABLE = Kind(_is_table, "a table")
 NUMBER = Kind(is_number, "a number")
@@ -53,9 +54,10 @@ ENTRIES = {
     "seeds": TEXTS,
     "metrics": TABLE,
     "success": TEXT,
-    "worst": TEXT,
+    "worst": TEXT_OR_TABLE,
     "keep": TABLE,
     "expected": TABLE,
+    "requirements": TABLE,
 }
 CHANGES = {
     "params": TEXT,

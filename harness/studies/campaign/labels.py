@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from harness.results.requirements import margin_unit
 from harness.results.result import Result
 from harness.studies.campaign import metrics
 from harness.studies.campaign.plan import Plan
@@ -23,6 +24,9 @@ VERDICT: Labels = {
     "flag_values": [*range(len(VERDICTS))],
     "flag_meanings": " ".join(v.name.lower() for v in VERDICTS),
 }
+MARGIN: Labels = {"long_name": "distance of a requirement to failing, negative where it fails"}
+NUMBERS: Labels = {"units": "1", "long_name": "independent normal numbers that were asked for"}
+GENERATION: Labels = {"long_name": "generation of flights that were asked for together"}
 TIME: Labels = {"units": "s", "long_name": "time"}
 END: Labels = {"units": "s", "long_name": "time of the last row"}
 EXPERIMENT = {
@@ -53,6 +57,17 @@ def of_metric(name: str, plan: Plan, kinds: Result) -> Labels:
         return {"units": "1", "long_name": plan.success or "all requirements are met"}
     text = str(plan.definition["metrics"][name])
     return _known({"units": metrics.unit(text, kinds), "long_name": text})
+
+
+def of_margin(text: str, kinds: Result) -> str:
+    """Unit of the margin of a requirement, "" if it is not known."""
+
+    def unit(name: str) -> str:
+        table = kinds.parameters if name.startswith("parameter ") else kinds
+        plain = name.removeprefix("parameter ")
+        return table.unit(plain) if table is not None and plain in table else ""
+
+    return margin_unit(text, unit)
 
 
 def _known(labels: Mapping[str, str]) -> Labels:

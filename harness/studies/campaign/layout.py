@@ -16,7 +16,8 @@ from harness.studies.campaign.worker import PENDING, SUCCESS, Task, metrics_of
 SCRATCH = "history_of_"
 """Histories that are kept only until their bands are known."""
 OWN = ("status", "message", "end_time", "last", "column", "column_units", "time", "percentile",
-       "requirement", "requirement_text", "verdict")  # fmt: skip
+       "requirement", "requirement_text", "verdict", "margin", "margin_units", "numbers",
+       "generation")  # fmt: skip
 """Arrays that every dataset may have."""
 LONGEST = 200
 """Bytes of a name: every array is a folder, and a history has a prefix."""
@@ -52,6 +53,9 @@ def fields(plan: Plan, task: Task, found: Layout) -> Iterator[Field]:
     if task.requirements:
         shape = (n, len(task.requirements))
         yield Field("verdict", np.int8, shape, ("run", "requirement"), 0, labels.VERDICT)
+        units = [labels.of_margin(text, kinds) for text in task.requirements.values()]
+        yield Field("margin", np.float64, shape, ("run", "requirement"), about=labels.MARGIN)
+        yield _texts("margin_units", units, "requirement")
         yield _texts("requirement", [*task.requirements], "requirement")
         yield _texts("requirement_text", [*task.requirements.values()], "requirement")
     for name in metrics_of(task):
@@ -63,6 +67,10 @@ def fields(plan: Plan, task: Task, found: Layout) -> Iterator[Field]:
         about = {"role": "history", **labels.of_variable(name, kinds)}
         axes = ("run", "time", f"{name}_element")
         yield Field(label, np.float64, (n, len(task.rows), width), axes, about=about)
+    if plan.asked:
+        axes = ("run", "number")
+        yield Field("numbers", np.float64, (n, plan.asked), axes, about=labels.NUMBERS)
+        yield Field("generation", np.int32, (n,), ("run",), 0, labels.GENERATION)
     yield _texts("column", task.columns, "column")
     yield _texts("column_units", kinds.units, "column")
     if task.kept:

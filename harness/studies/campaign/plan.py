@@ -27,6 +27,7 @@ from harness.ssp.library import find_system
 from harness.studies.campaign import draws, metrics
 from harness.studies.campaign.factors import Factor
 from harness.studies.campaign.kinds import CHANGES, NAMED
+from harness.studies.inquiry.stopping import Until
 
 Values = dict[str, Any]
 """Values of all factors of a run by name."""
@@ -74,8 +75,16 @@ class Plan:
 
     @property
     def fixed(self) -> Changes:
-        """Changes common to all runs."""
-        return dict(self.definition.get("fixed", {}))  # type: ignore[return-value]
+        """Changes common to all runs, with the requirements of the campaign."""
+        changes: dict[str, Any] = dict(self.definition.get("fixed", {}))
+        if further := self.definition.get("requirements"):
+            changes["require"] = dict(further)
+        return changes  # type: ignore[return-value]
+
+    @property
+    def asked(self) -> int:
+        """Numbers per run of a study that asks on, 0 of a plain campaign."""
+        return int(self.definition.get("asked", 0))
 
     @property
     def seeds(self) -> tuple[str, ...]:
@@ -92,6 +101,12 @@ class Plan:
     def success(self) -> str | None:
         """Expression that is true for a run that has succeeded."""
         return self.definition.get("success")
+
+    @property
+    def worst(self) -> str:
+        """Metric that the worst runs are sorted by, after - from the smallest on; "" if none."""
+        given = self.definition.get("worst", "")
+        return given if isinstance(given, str) else ""
 
     @property
     def expected(self) -> Mapping[str, tuple[float, float]]:
@@ -124,7 +139,13 @@ class Plan:
     @property
     def draws(self) -> int:
         """Draws of every cell."""
-        return int(self.definition.get("runs", 1))
+        return self.until.runs if self.until else int(self.definition.get("runs", 1))
+
+    @property
+    def until(self) -> Until | None:
+        """When the campaign has flown enough, None if its runs are counted beforehand."""
+        given = self.definition.get("until")
+        return Until(**given) if given else None
 
     @property
     def runs(self) -> int:
@@ -133,21 +154,35 @@ class Plan:
 
     @cached_property
     def _numbers(self) -> NDArray[np.float64]:
-        width = sum(f.draw.numbers for f in self.drawn if f.draw)
+        width = sum(map(len, self.groups.values()))
         return draws.numbers(self.sampler, self.draws, width, self.seed)
 
     def values(self, run: int) -> Values:
         """Values of all factors of a run, the seeds among them."""
         draw, cell = divmod(run, self.cells)
         values: Values = dict(zip((f.name for f in self.listed), self._cell(cell), strict=True))
-        place = 0
+        return values | self.of_numbers(self._numbers[draw]) | self.seeds_of(draw)
+
+    @property
+    def groups(self) -> dict[str, range]:
+        """Places of the numbers of each drawn factor in a draw."""
+        places, first = {}, 0
         for each in self.drawn:
             assert each.draw is not None
-            numbers = self._numbers[draw, place : place + each.draw.numbers]
-            values[each.name] = each.draw.value(numbers)
-            place += each.draw.numbers
-        seeds = {name: draws.run_seed(self.seed, draw, k) for k, name in enumerate(self.seeds)}
-        return values | seeds
+            places[each.name] = range(first, first + each.draw.numbers)
+            first += each.draw.numbers
+        return places
+
+    def of_numbers(self, numbers: NDArray[np.float64]) -> Values:
+        """Values of the drawn factors that numbers between 0 and 1 stand for."""
+        draws = {f.name: f.draw for f in self.drawn if f.draw}
+        return {
+            n: draws[n].value(numbers[each.start : each.stop]) for n, each in self.groups.items()
+        }
+
+    def seeds_of(self, draw: int) -> Values:
+        """The seeds of a draw."""
+        return {name: draws.run_seed(self.seed, draw, k) for k, name in enumerate(self.seeds)}
 
     def structures(self) -> list[int]:
         """Runs of the first draw, one for every combination of what changes more than values."""

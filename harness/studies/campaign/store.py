@@ -182,10 +182,31 @@ class Store:
         status = self.array("status")
         return (part.start for part in self.blocks() if (status[part] == PENDING).any())
 
-    def write(self, first: int, values: Sequence[Values], rows: Sequence[Row]) -> None:
-        """Keep a block of runs, its status last; ResultsError."""
+    def write(
+        self,
+        first: int,
+        values: Sequence[Values],
+        rows: Sequence[Row],
+        further: Mapping[str, Sequence[Any]] | None = None,
+    ) -> None:
+        """Keep a block of runs with further arrays of theirs, its status last; ResultsError."""
         with naming(self.path):
+            for name, array in (further or {}).items():
+                self._put(name, slice(first, first + len(rows)), array)
             self._write(first, values, rows)
+
+    def shorten(self, runs: int) -> None:
+        """The runs after these were not needed; ResultsError."""
+        with naming(self.path):
+            for name in self._of_runs:
+                self._opened(name).resize((runs, *self._opened(name).shape[1:]))
+            self._written.clear()
+            self.group.attrs["decided"] = True
+
+    @property
+    def decided(self) -> bool:
+        """Whether all its runs are there, fewer than were planned."""
+        return bool(self.group.attrs.get("decided", False))
 
     def _write(self, first: int, values: Sequence[Values], rows: Sequence[Row]) -> None:
         place = slice(first, first + len(rows))
@@ -198,6 +219,7 @@ class Store:
             self._put(name, place, [row.metrics[name] for row in rows])
         if rows[0].verdicts:
             self._put("verdict", place, [row.verdicts for row in rows])
+            self._put("margin", place, [row.margins for row in rows])
         for name in self._histories:
             empty = np.full(self._opened(name).shape[1:], np.nan)
             plain = name.removeprefix(SCRATCH)

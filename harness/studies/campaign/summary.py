@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from harness.results.quantities import with_unit
 from harness.results.verdict import OPEN, Judged, Kind, Verdict
 from harness.spelling import one_line
+from harness.studies.campaign.plan import Plan
 from harness.studies.campaign.store import Store
 from harness.studies.campaign.worker import COMPLETE, FAILED, SUCCESS, VERDICTS
 
@@ -248,6 +249,10 @@ def _why(store: Store, run: int, name: str) -> str:
 def _shares(store: Store) -> Iterator[str]:
     shares = {SUCCESS: success(store)}
     shares |= {f"requirement {name}": share for name, share in requirements(store).items()}
+    rule = Plan(*store.definition()).until
+    if rule is not None and (flown := shares[SUCCESS]) is not None:
+        failures = len(flown.missed) + len(flown.unjudged)
+        yield f"until: {rule.verdict(failures, flown.met + failures)}"
     for name, found in shares.items():
         if found is not None and found.judged:
             yield f"{name}: {found._replace(unjudged=())}"
@@ -330,7 +335,7 @@ def worst(store: Store, metrics: Mapping[str, Array]) -> tuple[str, list[int]]:
     """Metric and numbers of the ten worst runs: largest first, or smallest if the campaign says
     `worst = "-metric"`.
     """
-    given = str(store.definition()[0].get("worst") or next(iter(metrics)))
+    given = Plan(*store.definition()).worst or next(iter(metrics))
     name = given.removeprefix("-")
     sign = 1.0 if given.startswith("-") else -1.0
     order = np.argsort(sign * metrics[name], kind="stable")

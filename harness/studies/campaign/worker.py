@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import atexit
 import logging
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -64,8 +65,9 @@ class Task:
 
 class Row(NamedTuple):
     """What is kept of one run; message: why it failed, or a line per metric without a value and per
-    requirement that is not met; verdicts: on the requirements, as places in VERDICTS; histories:
-    (rows, elements) by variable, NaN beyond its end.
+    requirement that is not met; verdicts: on the requirements, as places in VERDICTS; margins:
+    their distance to failing, -inf of a run that has failed; histories: (rows, elements) by
+    variable, NaN beyond its end.
     """
 
     status: int
@@ -74,6 +76,7 @@ class Row(NamedTuple):
     last: Array
     metrics: dict[str, float]
     verdicts: tuple[int, ...]
+    margins: tuple[float, ...]
     histories: dict[str, Array]
 
 
@@ -134,7 +137,8 @@ def lost(task: Task, message: str, time: float = float("nan")) -> Row:
     """The row of a run that has left nothing but a message."""
     last = np.full(len(task.columns), np.nan)
     nothing = dict.fromkeys(metrics_of(task), float("nan"))
-    return Row(FAILED, message, time, last, nothing, (0,) * len(task.requirements), {})
+    count = len(task.requirements)
+    return Row(FAILED, message, time, last, nothing, (0,) * count, (-math.inf,) * count, {})
 
 
 def metrics_of(task: Task) -> dict[str, None]:
@@ -156,6 +160,9 @@ def _row(pilot: _Pilot, status: int, message: str, result: Result) -> Row:
         if metrics.get(SUCCESS) == 0 and is_condition(text := task.metrics.get(SUCCESS, "")):
             told[SUCCESS] = finding(result, SUCCESS, text).told
         message = "\n".join(f"{name}: {reason}" for name, reason in told.items())
+    margins = {f.name: f.margin for f in judged if f.margin is not None}
+    if status == FAILED:
+        margins = dict.fromkeys(task.requirements, -math.inf)
     verdicts = {f.name: VERDICTS.index(f.verdict) for f in judged if status == COMPLETE}
     return Row(
         status,
@@ -164,6 +171,7 @@ def _row(pilot: _Pilot, status: int, message: str, result: Result) -> Row:
         _last(task, result),
         metrics,
         tuple(verdicts.get(name, 0) for name in task.requirements),
+        tuple(margins.get(name, math.nan) for name in task.requirements),
         {name: _thinned(task, result[name]) for name in task.kept if name in result},
     )
 

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Where the boundary runs: a map in two factors that is refined where the verdict changes."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.studies.campaign.factors import normal_quantile
+
+Array = NDArray[np.float64]
+
+COARSE, GENERATION = 5, 12
+"""Rows and columns of the first flights; flights of a generation."""
+
+
+def boundary(flights: int) -> Generator[Array, Array, tuple[Array, Array]]:
+    """Places (rows, 2) between 0 and 1, and their margins.
+
+    After a coarse grid flights go half-way between neighbours (edges of the triangulation of
+    Delaunay): the longest edges of unlike verdict first, and those of like verdict that are so long
+    that a boundary may lie between, for the steepest slope that was seen.
+    """
+    from scipy.spatial import Delaunay
+
+    axis = (np.arange(COARSE) + 0.5) / COARSE
+    axis[[0, -1]] = 0.001, 0.999
+    places = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+    margins = yield normal_quantile(places)
+    while len(places) < flights:
+        triangles = Delaunay(places).simplices
+        edges = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [0, 2]]].reshape(-1, 2)), axis=0)
+        middles = _worthwhile(places, margins, edges)[: min(GENERATION, flights - len(places))]
+        if not len(middles):
+            break
+        told = yield normal_quantile(middles)
+        places, margins = np.concatenate([places, middles]), np.concatenate([margins, told])
+    return places, margins
+
+
+def _worthwhile(places: Array, margins: Array, edges: NDArray[np.intp]) -> Array:
+    """Middles of the edges worth a flight, the best first, none close to another."""
+    a, b = places[edges[:, 0]], places[edges[:, 1]]
+    length = np.linalg.norm(a - b, axis=1)
+    finite = margins[np.isfinite(margins)]
+    y = np.nan_to_num(margins, neginf=finite.min() if len(finite) else -1.0)
+    y_a, y_b = y[edges[:, 0]], y[edges[:, 1]]
+    unlike = (y_a < 0) != (y_b < 0)
+    slope = max(float((np.abs(y_a - y_b) / length).max()), 1e-300)
+    room = length - (np.abs(y_a) + np.abs(y_b)) / slope
+    order = np.argsort(-np.where(unlike, length, room), kind="stable")
+    taken: list[Array] = []
+    for k in order:
+        middle = (a[k] + b[k]) / 2
+        if length[k] > 1e-4 and all(np.linalg.norm(middle - t) > length[k] / 4 for t in taken):
+            taken.append(middle)
+    return np.array(taken).reshape(-1, 2)
