@@ -16,17 +16,23 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from harness.api import (
+        Flights,
         Result,
         Simulation,
+        boundary,
         build,
         campaign,
         compare,
         export,
         linearize,
         load,
+        probability,
         read,
         run,
+        sensitivity,
         show,
+        tune,
+        worst,
     )
     from harness.errors import HarnessError
 
@@ -36,19 +42,25 @@ _HOMES = {"HarnessError": "harness.errors"}
 """Modules of the public names that do not come from harness.api."""
 
 __all__ = [
+    "Flights",
     "HarnessError",
     "Result",
     "Simulation",
     "__version__",
+    "boundary",
     "build",
     "campaign",
     "compare",
     "export",
     "linearize",
     "load",
+    "probability",
     "read",
     "run",
+    "sensitivity",
     "show",
+    "tune",
+    "worst",
 ]
 
 

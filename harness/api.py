@@ -26,21 +26,29 @@ if TYPE_CHECKING:
     from harness.mission import Limits
     from harness.studies.campaign.campaign import Campaign
     from harness.studies.compare import Comparison
+    from harness.studies.inquiry.flights import Flights
+    from harness.studies.inquiry.study import Study
     from harness.studies.linearize import LinearModel
     from harness.studies.show import Shown
 
 __all__ = [
+    "Flights",
     "Result",
     "Simulation",
+    "boundary",
     "build",
     "campaign",
     "compare",
     "export",
     "linearize",
     "load",
+    "probability",
     "read",
     "run",
+    "sensitivity",
     "show",
+    "tune",
+    "worst",
 ]
 
 Several = Sequence[str] | Mapping[str, Sequence[Any]]
@@ -152,6 +160,50 @@ def campaign(
     from harness.studies.campaign import campaign as study
 
     return study.campaign(definition, output, **how)
+
+
+def sensitivity(
+    definition: str | Path | Mapping[str, Any], output: str | Path | None = None, **how: Any
+) -> Study:
+    """What matters; see harness.studies.inquiry.study.sensitivity()."""
+    return _study("sensitivity", definition, output, **how)
+
+
+def worst(definition: str | Path | Mapping[str, Any], output: str | Path, **how: Any) -> Study:
+    """What is the worst; see harness.studies.inquiry.study.worst()."""
+    return _study("worst", definition, output, **how)
+
+
+def probability(
+    definition: str | Path | Mapping[str, Any], output: str | Path, **how: Any
+) -> Study:
+    """How probable is a failure; see harness.studies.inquiry.study.probability()."""
+    return _study("probability", definition, output, **how)
+
+
+def boundary(definition: str | Path | Mapping[str, Any], output: str | Path, **how: Any) -> Study:
+    """Where a requirement fails over two factors; see harness.studies.inquiry.study."""
+    return _study("map", definition, output, **how)
+
+
+def tune(definition: str | Path | Mapping[str, Any], output: str | Path, **how: Any) -> Study:
+    """Gains with the best worst margin; see harness.studies.inquiry.study.tune()."""
+    return _study("tune", definition, output, **how)
+
+
+def _study(kind: str, *given: Any, **how: Any) -> Study:
+    from harness.studies.inquiry.study import STUDIES
+
+    return STUDIES[kind](*given, **how)
+
+
+def __getattr__(name: str) -> Any:
+    """Flights, which needs libraries of campaigns, on first use."""
+    if name == "Flights":
+        from harness.studies.inquiry.flights import Flights
+
+        return Flights
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def export(system: str | Path | System, target: str | Path, **changes: Unpack[Changes]) -> Path:

@@ -17,7 +17,7 @@ from typing import Annotated
 
 import typer
 
-from harness.cli import look, models, runs, studies
+from harness.cli import inquiries, look, models, runs, studies
 from harness.cli.once import OnceCommand
 from harness.errors import HarnessError
 from harness.files import signals
@@ -26,7 +26,7 @@ from harness.files.libraries import missing
 from harness.spelling import printable
 
 app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None, no_args_is_help=True)
-for group in (runs, studies, look, models):
+for group in (runs, studies, inquiries, look, models):
     for command in group.app.registered_commands:
         command.cls = OnceCommand
     app.registered_commands += group.app.registered_commands

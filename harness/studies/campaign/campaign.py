@@ -108,7 +108,7 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     with said_once():
         plan, found = read_plan(definition if isinstance(definition, Mapping) else Path(definition))
     _refuse_conditions(plan, found, require)
-    path, task = Path(output), _task(plan, found)
+    path, task = Path(output), task_of(plan, found)
     with ExitStack() as life:
         store = _opened(path, plan, task, found, life) if resume and path.exists() else None
         if store is None:
@@ -150,7 +150,7 @@ def _keep(
 ) -> None:
     """Write what has flown, block by block."""
     status, rule = store.array("status"), plan.until
-    missed = np.where(status == PENDING, PENDING, _missed(store))
+    missed = np.where(status == PENDING, PENDING, _missed(store) if rule else 1)
     done, failed = int((status != 0).sum()), int((status == FAILED).sum())
     for first, rows in flown:
         earlier = status[first : first + len(rows)]
@@ -179,7 +179,8 @@ def _decided(rule: Until, missed: NDArray[np.int8]) -> int | None:
     return rule.decided((missed[: gap[0] if len(gap) else None] == 2).tolist())
 
 
-def _task(plan: Plan, found: Layout) -> Task:
+def task_of(plan: Plan, found: Layout) -> Task:
+    """What all runs of a plan have in common."""
     texts = {name: str(text) for name, text in plan.definition.get("metrics", {}).items()}
     if plan.success is not None:
         texts["success"] = plan.success

@@ -11,7 +11,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -112,6 +112,10 @@ class Plan:
     def expected(self) -> Mapping[str, tuple[float, float]]:
         """Least and largest mean over all runs that a metric should have."""
         return {k: (low, high) for k, (low, high) in self.definition.get("expected", {}).items()}
+
+    def with_entries(self, **entries: Any) -> Plan:
+        """The plan with other entries of its table, about which nothing is asked again."""
+        return replace(self, definition={**self.definition, **entries})
 
     @property
     def digest(self) -> str:

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Flights of independent normal numbers: what optimisers and methods of studies ask.
+
+    with harness.Flights("my.toml", workers=4) as flights:
+        margins = flights(np.zeros((1, flights.d)))         # (rows, requirements)
+
+Number k of a row stands for a draw of its factor, z = Phi^-1(u); zeros are the medians of all
+draws, the nominal flight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import StructureError, UsageError
+from harness.master.changes import Changes
+from harness.results.requirements import has_slope
+from harness.spelling import did_you_mean
+from harness.studies.campaign.campaign import task_of
+from harness.studies.campaign.clusters import Workers, prepare, processes
+from harness.studies.campaign.draft import read_plan, table_of
+from harness.studies.campaign.engine import Block, Fly, crew
+from harness.studies.campaign.factors import SMALLEST
+from harness.studies.campaign.plan import Values
+from harness.studies.campaign.worker import FAILED, Row
+from harness.studies.notes import said_once
+
+Array = NDArray[np.float64]
+
+LARGEST = 50
+"""Flights that are handed to a worker at once, at most."""
+UNUSED = ("keep", "sampler", "until", "expected", "success")
+"""Entries of a campaign that mean nothing to a study that asks on."""
+
+
+class Flights:
+    """Flights by rows of independent normal numbers, with the crew of a campaign.
+
+    d: numbers of a row; groups: their places by factor; names: requirements, in the order of the
+    columns of margins. definition: path of the .toml of a campaign, or the table itself; workers:
+    as of campaign().
+
+    Raises UsageError and StructureError with all that is wrong before the first flight.
+    """
+
+    def __init__(
+        self,
+        definition: str | Path | Mapping[str, Any],
+        *,
+        workers: int | None = None,
+        folder: Path | None = None,
+        said: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        path = None if isinstance(definition, Mapping) else Path(definition)
+        if folder is not None:  # where files are looked for that a table names
+            path = folder / "campaign.toml"
+        table = {
+            k: v
+            for k, v in table_of(
+                definition if isinstance(definition, Mapping) else Path(definition)
+            ).items()
+            if k not in UNUSED
+        }
+        refuse_listed(table)
+        self.workers = Workers(workers)
+        prepare(self.workers)
+        with said_once():
+            self.plan, self.found = read_plan(table | {"runs": 1}, path)
+        self.groups = {name: list(places) for name, places in self.plan.groups.items()}
+        self.d = sum(map(len, self.groups.values()))
+        if not self.d:
+            raise UsageError("factors: nothing is drawn, so there is nothing to ask about")
+        self.names = [*self.found.requirements]
+        self.reserve(1)
+        self._said, self._life = said, ExitStack()
+        self._fly: Fly | None = None
+
+    def reserve(self, runs: int) -> None:
+        """So many flights go into a dataset."""
+        self.plan = self.plan.with_entries(runs=runs, asked=self.d)
+        self.task = task_of(self.plan, self.found)
+
+    def __enter__(self) -> Flights:
+        self._fly = self._life.enter_context(crew(self.workers, self._said))
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._life.close()
+
+    def __call__(self, numbers: Array) -> Array:
+        """Margins (rows, requirements) of flights of numbers (rows, d): -inf of one that died, NaN
+        of a requirement that was not exercised.
+        """
+        return margins_of(list(self.rows(numbers)))
+
+    def rows(self, numbers: Array, first: int = 0) -> list[Row]:
+        """What is kept of flights (rows, d), in their order; first: their number in a dataset, from
+        which the seeds of sensors follow.
+        """
+        if self._fly is None:
+            raise UsageError("Flights: use them in a with block")
+        numbers = np.asarray(numbers, dtype=np.float64)
+        if numbers.ndim != 2 or numbers.shape[1] != self.d:
+            raise UsageError(f"flights: expected numbers (rows, {self.d}), got {numbers.shape}")
+        changes = [self.changes(z, first + k) for k, z in enumerate(numbers)]
+        size = min(LARGEST, -(-len(changes) // (2 * max(1, processes(self.workers)))))
+        blocks = (Block(k, changes[k : k + size]) for k in range(0, len(changes), size or 1))
+        flown = dict(self._fly(self.task, blocks))
+        return [row for k in sorted(flown) for row in flown[k]]
+
+    def values(self, z: Array, run: int) -> Values:
+        """Values of all factors that a row of numbers stands for, and seeds of a run."""
+        from scipy.special import ndtr
+
+        u = np.clip(ndtr(z), SMALLEST, 1 - SMALLEST)
+        return self.plan.of_numbers(u) | self.plan.seeds_of(run)
+
+    def changes(self, z: Array, run: int) -> Changes:
+        """What run() takes for a row of numbers."""
+        return self.plan.changes(self.values(z, run))
+
+
+def margins_of(rows: list[Row]) -> Array:
+    """Margins (rows, requirements); -inf of all of a flight that died."""
+    margins = np.array([row.margins for row in rows], dtype=np.float64)
+    died = np.array([row.status == FAILED for row in rows], dtype=bool)
+    margins[died] = -np.inf
+    return margins
+
+
+def refuse_listed(table: Mapping[str, Any]) -> None:
+    """StructureError if factors are gone through: a list has no normal number."""
+    factors = table.get("factors")
+    listed = [
+        name
+        for name, given in (factors.items() if isinstance(factors, Mapping) else ())
+        if isinstance(given, Mapping) and given.keys() & {"list", "range"}
+    ]
+    if listed:
+        raise StructureError(
+            f"factors.{name}: listed values cannot be asked about; one file per value, or [fixed]"
+            for name in listed
+        )
+
+
+def column(flights: Flights, name: str, slope: bool) -> int:
+    """Place of a requirement among the margins; UsageError if it is none, or has no slope although
+    the method needs one.
+    """
+    if name not in flights.names:
+        known = ", ".join(flights.names) or "none"
+        raise UsageError(
+            f"of: there is no requirement {name}{did_you_mean(name, flights.names)}; "
+            f"there are: {known}"
+        )
+    text = flights.found.requirements[name]
+    if slope and not has_slope(text):
+        raise UsageError(
+            f"of: {name} ({text}) is met or not, without a slope that leads there; compare "
+            f'quantities with < or >, or use method = "random"'
+        )
+    return flights.names.index(name)
+
+
+def asked(names: Any, flights: Flights) -> Iterator[str]:
+    """Requirements that a study is about: those named, or all."""
+    if not flights.names:
+        raise UsageError("there is no requirement to ask about: [requirements] makes one")
+    yield from [names] if isinstance(names, str) else names or flights.names

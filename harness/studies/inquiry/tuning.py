@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Gains with the best worst margin: each candidate flies the same draws and the worst flights of an
+archive.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import UsageError
+from harness.studies.campaign.store import Store
+from harness.studies.inquiry.flights import Flights
+from harness.studies.inquiry.worst import generation, search
+
+Array = NDArray[np.float64]
+
+ARCHIVED = 12
+"""Worst flights of an archive that every candidate flies."""
+
+
+class Tuned(NamedTuple):
+    """Numbers (d,) of the best candidate; worst margins (requirements,) of the start and of the
+    best over the draws they were chosen by, and over as many others.
+    """
+
+    numbers: Array
+    start: Array
+    best: Array
+    start_unseen: Array
+    best_unseen: Array
+
+
+def tuned(
+    flights: Flights,
+    gains: list[int],
+    entry: Mapping[str, Any],
+    archive: Store | None,
+    of: list[str],
+) -> tuple[Generator[Array, Array, Tuned], int]:
+    """The method, and how many flights it takes."""
+    rng = np.random.default_rng([flights.plan.seed, 1])
+    draws = rng.standard_normal((int(entry["draws"]), flights.d))
+    if archive is not None:
+        draws = np.concatenate([_archived(archive, flights, gains, of), draws])
+    unseen = rng.standard_normal((int(entry["draws"]), flights.d))
+    draws[:, gains] = unseen[:, gains] = 0
+    candidates = int(entry["flights"]) // len(draws)
+    least = 2 * generation(len(gains))
+    if candidates < least:
+        raise UsageError(f"tune.flights: {least * len(draws)} at least, {least} candidates")
+    runs = len(draws) * (1 + candidates) + 2 * len(unseen)
+    inner = search(len(gains), flights.plan.seed, candidates, float(entry["box"]))
+    return _tuned(draws, unseen, gains, inner), runs
+
+
+def _archived(archive: Store, flights: Flights, gains: list[int], of: list[str]) -> Array:
+    """The worst flights of a study of the same factors, without gains."""
+    others = [k for k in range(flights.d) if k not in gains]
+    names = [str(n) for n in archive.array("requirement")]
+    if "numbers" not in archive.group or archive.array("numbers").shape[1] != len(others):
+        raise UsageError("tune.archive: expected the dataset of a study of the same factors")
+    least = archive.array("margin")[:, [names.index(n) for n in of if n in names]].min(axis=1)
+    chosen = archive.array("numbers")[np.argsort(least, kind="stable")[:ARCHIVED]]
+    rows = np.zeros((len(chosen), flights.d))
+    rows[:, others] = chosen
+    return rows
+
+
+def _tuned(
+    draws: Array, unseen: Array, gains: list[int], inner: Generator[Array, Array, Any]
+) -> Generator[Array, Array, Tuned]:
+    """Candidates are compared by their worst margin over all draws and requirements, each in parts
+    of the median margin that the start has.
+    """
+    start = _finite((yield draws))
+    scale = np.median(np.abs(start), axis=0)
+    scale[scale == 0] = 1
+    best, least = np.zeros(len(gains)), start.min(axis=0)
+    score = float((start / scale).min())
+    z = next(inner)
+    try:
+        while True:
+            rows = np.tile(draws, (len(z), 1))
+            rows[:, gains] = np.repeat(z, len(draws), axis=0)
+            told = _finite((yield rows)).reshape(len(z), len(draws), -1)
+            scores = (told / scale).min(axis=(1, 2))
+            if scores.max() > score:
+                k = int(np.argmax(scores))
+                score, best, least = float(scores[k]), z[k], told[k].min(axis=0)
+            z = inner.send(-scores)
+    except StopIteration:
+        pass
+    both = np.concatenate([unseen, unseen])
+    both[len(unseen) :, gains] = best
+    told = yield both
+    numbers = np.zeros(draws.shape[1])
+    numbers[gains] = best
+    parts = told[: len(unseen)].min(axis=0), told[len(unseen) :].min(axis=0)
+    return Tuned(numbers, start.min(axis=0), least, *parts)
+
+
+def _finite(y: Array) -> Array:
+    """Margins with a very bad one for flights that died."""
+    finite = np.abs(y[np.isfinite(y)])
+    bad = -10 * float(finite.max()) if len(finite) else -1.0
+    return np.nan_to_num(y, nan=0.0, neginf=bad)
