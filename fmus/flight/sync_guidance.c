@@ -7,8 +7,9 @@
  * with all derivatives, published as seen in N. With range_input L and its derivatives are inputs;
  * with frame = 1 D is the carried frame of carried_frame.h. A sample with active = 0 is as if before
  * the first: nothing is kept. Where the grasp axis comes within guard_angle of
- * the orbit normal, k stays where it was at the last sample outside, turned perpendicular to i. The
- * software knows the model of the target (inertia, gravity gradient, Keplerian orbit rate), not its
+ * the orbit normal, k stays where it was at the last sample outside, turned perpendicular to i, and
+ * jumps back; with roll_rate_max and roll_accel_max D is continuous instead and turns about i within
+ * these limits (limited_roll.h). The software knows the model of the target (inertia, gravity gradient, Keplerian orbit rate), not its
  * disturbances unless know_M_dist.
  * Source: Zhu & Yang 2009, equations (5) to (7) and (10); derivatives: docs/models.md A.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
@@ -16,6 +17,7 @@
 #include "carried_frame.h"
 #include "directions.h"
 #include "earth.h"
+#include "limited_roll.h"
 #include "orbit.h"
 #include "reference_rows.h"
 #include "rigid_body.h"
@@ -27,6 +29,7 @@ typedef struct {
     vec3 p_T;
     double rho_M, rho_0, beta, know_M_dist, use_gravity_gradient, guard_angle, sample_period;
     double range_input, frame;
+    RollLimits roll;
     Steering steering;
     Sinusoid M_dist_T;
 } Parameters;
@@ -37,11 +40,12 @@ typedef struct {
 typedef struct {
     vec3 k_H; /* k of the last sample outside the guard */
     Carried D;
+    RollState roll;
 } State;
 typedef struct {
     Reference ref;
     vec3 rho_H, drho_H, rho_ref_H;
-    double range, beta_t, beta_p, attitude_guard;
+    double range, beta_t, beta_p, attitude_guard, normal_angle, roll_limited;
 } Output;
 MODEL_STRUCT;
 
@@ -73,6 +77,11 @@ static const Variable variables[] = {
     POSITIVE(
         guard_angle, "rad",
         "smallest angle between grasp axis and orbit normal before the roll reference is held"),
+    NONNEGATIVE_AS(
+        "roll_rate_max", roll.rate_max, "rad/s",
+        "largest roll rate of the reference attitude; 0 = none, it jumps back after the guard"),
+    NONNEGATIVE_AS("roll_accel_max", roll.acceleration_max, "rad/s2",
+                   "largest roll acceleration of the reference attitude, with roll_rate_max"),
     SAMPLE_PERIOD,
     SWITCH(range_input, "1: the distance on the axis is L_ref, 0: that of the paper"),
     SWITCH(frame, "1: carried frame, for a fly-around (needs range_input), 0: that of the paper"),
@@ -99,6 +108,9 @@ static const Variable variables[] = {
     ANGLE_OUTPUT(beta_p,
                  "angle between the arm axis (+X of the servicer) and the direction to the target"),
     FLAG(attitude_guard, "1: grasp axis near the orbit normal, roll reference held"),
+    ANGLE_OUTPUT(normal_angle, "angle between the grasp axis and the line of the orbit normal"),
+    FLAG(roll_limited,
+         "1: the reference turns about the grasp axis within its limits, off the rule"),
 };
 
 static void check(const Parameters *p, Problems *problems)
@@ -107,6 +119,9 @@ static void check(const Parameters *p, Problems *problems)
     check_unit_vector(problems, "p_T", p->p_T);
     if (p->guard_angle >= 1.5)
         refuse(problems, "guard_angle", p->guard_angle, "must be below 1.5 rad");
+    if ((p->roll.rate_max > 0) != (p->roll.acceleration_max > 0))
+        refuse(problems, "roll_accel_max", p->roll.acceleration_max,
+               "must be above 0 with roll_rate_max, and 0 without");
     if (p->frame == 1 && p->range_input != 1)
         refuse(problems, "frame", p->frame, "needs range_input = 1");
 }
@@ -179,6 +194,30 @@ static void reference_attitude(const Parameters *p, const HillFrame *H, Motion a
     if (!y->attitude_guard) *held = k.x;
 }
 
+/* derivatives as seen in N of a vector in H, N axes */
+static Motion in_N(const HillFrame *H, Motion a)
+{
+    return (Motion){tmul(H->C_HN, a.x), tmul(H->C_HN, rate_in_N(H, a.x, a.d)),
+                    tmul(H->C_HN, add(a.dd, transport(H, a.x, a.d)))};
+}
+
+/* A.4.6: D as limited_roll.h has it in place of the rule; w = i x i' + r i, in D axes */
+static void limit_roll(const Parameters *p, const HillFrame *H, Motion axis, RollState *x,
+                       Output *y, double t, double period)
+{
+    Motion i = in_N(H, neg_motion(axis));
+    Roll rule = {i.x, dcm_of_quat(y->ref.q).row[2], y->ref.omega.x, y->ref.alpha.x};
+    Roll D = limited_roll(p->roll, x, rule, y->attitude_guard == 1, t, period);
+    y->roll_limited = x->mode == ROLL_FREE;
+    if (!y->roll_limited) return;
+
+    vec3 j = cross(D.k, D.i);
+    y->ref.q = quat_of_dcm(rows(D.i, j, D.k));
+    y->ref.omega = vec(D.rate, -dot(i.d, D.k), dot(i.d, j));
+    y->ref.alpha = vec(D.acceleration, D.rate * dot(i.d, j) - dot(i.dd, D.k),
+                       D.rate * dot(i.d, D.k) + dot(i.dd, j));
+}
+
 /* A.4.1, A.4.2: derivatives as seen in H become derivatives as seen in N, all in N axes */
 static void publish_position(const HillFrame *H, Motion ref, Output *y)
 {
@@ -196,6 +235,7 @@ static void publish_relative_state(const Input *u, const HillFrame *H, vec3 axis
     y->range = norm(rho_N);
     y->beta_t = angle(y->rho_H, axis_H);
     y->beta_p = angle(arm_N, neg(rho_N));
+    y->normal_angle = arc_tangent(norm(vec(axis_H.x, axis_H.y, 0)), fabs(axis_H.z));
 }
 
 /* carried_frame.h: reference in N axes, then D goes on to the next sample; range 0 has no direction
@@ -231,6 +271,7 @@ static void guide(const Parameters *p, const Input *u, State *x, Output *y, doub
     }
     publish_position(&H, reference_position(reference_radius(p, u, t), axis), y);
     reference_attitude(p, &H, axis, &x->k_H, y);
+    if (p->roll.rate_max > 0) limit_roll(p, &H, axis, &x->roll, y, t, period);
 }
 
 /* inside the guard the grasp axis is near z of H: a first sample there holds x of H */
@@ -240,7 +281,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 {
     State first = *x = none;
     guide(p, u, &first, y, t, 0);
-    if (!u->active) y->attitude_guard = 0;
+    if (!u->active) y->attitude_guard = y->roll_limited = 0;
 }
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)

@@ -30,6 +30,7 @@ from .cases import (
 )
 from .driver import bits
 from .motion import deviation, stencil
+from .refusals import refusal
 from .theory import (
     EARTH,
     MU,
@@ -424,3 +425,139 @@ def assert_equal_outputs(found, expected):
         assert deviation(found[name], sign * np.asarray(value), np.abs(value).max() or 1) < 1e-9, (
             name
         )
+
+
+# ---- reference attitude within limits (A.4.6) ----
+
+LIMITS = {"roll_rate_max": 0.05, "roll_accel_max": 1e-3}
+AXIS_T = np.array([1.0, 0, 0])
+
+
+def passing(fmu, limits, miss=0.035, rate=0.01, steps=2400, h=0.1):
+    """Outputs while the grasp axis passes the orbit normal at the angle `miss`, turning about a
+    fixed axis with a constant rate; in deep space, where H is N and the normal is z.
+    """
+    begin = Rotation.from_rotvec([0, 0, 0.3]) * Rotation.from_rotvec([miss, 0, 0])
+    p = {"mu": 0, "J_T": np.diag([100.0] * 3), "p_T": AXIS_T, "guard_angle": GUARD} | limits
+    unit, rows = None, []
+    for k in range(steps):
+        turn = begin * Rotation.from_rotvec([0, -0.8 - rate * k * h, 0])  # T axes to N axes
+        q = turn.inv().as_quat(canonical=True, scalar_first=True)
+        q[1:] *= -1
+        omega = turn.inv().apply(begin.apply([0, -rate, 0]))
+        states = {"r_TN_N": (0, 0, 0), "v_TN_N": (0, 0, 0), "q_TN": q, "omega_TN_T": omega}
+        unit = unit or fmu("sync_guidance", p, states | {"r_SN_N": (4, 0, 0)})
+        unit.step(h, states)
+        rows.append(states | unit.outputs())
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
+@pytest.fixture
+def flown(fmu):
+    return passing(fmu, LIMITS)
+
+
+def apart(q, p):
+    """Angles [rad] between attitudes, row by row."""
+    return 4 * np.arcsin(
+        np.minimum(np.linalg.norm(q - p, axis=-1), np.linalg.norm(q + p, axis=-1)) / 2
+    )
+
+
+def turns(q):
+    """Angles [rad] between consecutive attitudes."""
+    return apart(q[1:], q[:-1])
+
+
+def test_the_reference_jumps_after_the_guard_without_limits(fmu):
+    f = passing(fmu, {})
+    assert f["attitude_guard"].any()
+    assert not f["roll_limited"].any()
+    assert turns(f["q_DN"]).max() > 1.0
+    assert f["normal_angle"].min() == pytest.approx(0.035, abs=1e-3)
+
+
+def test_with_limits_it_is_continuous_and_keeps_them(flown):
+    assert flown["attitude_guard"].any()
+    assert flown["roll_limited"].any()
+    assert turns(flown["q_DN"]).max() < 0.1 * (0.05 + 0.012)
+    assert np.abs(flown["omega_DN_D"][:, 0]).max() <= 0.05 + 1e-15
+    assert np.abs(flown["alpha_DN_D"][:, 0]).max() <= 1e-3 + 1e-15
+    assert np.abs(np.diff(flown["omega_DN_D"], axis=0)).max() < 0.1 * 2e-3
+
+
+def test_its_rates_are_derivatives_of_what_is_published(flown):
+    """The roll acceleration changes at samples, so rates are compared over one sample: the turn of
+    D against the mean of the rates at both ends, an error of h^3 |alpha'|/12.
+    """
+    q, h = flown["q_DN"], 0.1
+    C = np.array([dcm_of_quaternion(x) for x in q])
+    turned_by = Rotation.from_matrix(np.einsum("nij,nkj->nik", C[1:], C[:-1])).as_rotvec()
+    omega = flown["omega_DN_D"]
+    joined = (flown["roll_limited"][:-1] == 1) & (flown["roll_limited"][1:] == 0)
+    mean = (omega[1:] + omega[:-1]) / 2
+    assert -turned_by[~joined] / h == pytest.approx(mean[~joined], abs=2e-6)
+    assert -turned_by[joined] / h == pytest.approx(mean[joined], abs=1e-6 / h)
+    alpha, end = flown["alpha_DN_D"][:-1], omega[1:]
+    free = (flown["roll_limited"][:-1] == 1) & (flown["roll_limited"][1:] == 1)
+    expected = (omega[:-1] + h * alpha)[free]
+    assert end[free, 0] == pytest.approx(expected[:, 0], abs=1e-15)
+    assert end[free, 1:] == pytest.approx(expected[:, 1:], abs=2e-6)
+
+
+def test_the_axis_stays_on_the_target_and_rule_and_reference_agree_in_the_end(fmu, flown):
+    C = np.array([dcm_of_quaternion(x) for x in flown["q_DN"]])
+    axis = np.array([dcm_of_quaternion(q).T @ AXIS_T for q in flown["q_TN"]])
+    assert C[:, 0] == pytest.approx(-axis, abs=1e-9)
+    rule = passing(fmu, {})
+    off = flown["roll_limited"] == 1
+    last = np.flatnonzero(off)[-1]
+    assert 0 < np.argmax(off) < last < len(off) - 1
+    np.testing.assert_array_equal(flown["q_DN"][~off], rule["q_DN"][~off])
+    np.testing.assert_array_equal(flown["omega_DN_D"][~off], rule["omega_DN_D"][~off])
+    assert apart(flown["q_DN"][last], rule["q_DN"][last]) < 2e-6
+
+
+def test_limited_rolls_are_those_of_an_independent_derivation(fmu, flown):
+    """D turned by the rotation vector of the shortest turn, then rolled; the law of A.4.6."""
+    rule, h, most, a_max = passing(fmu, {}), 0.1, 0.05, 1e-3
+    axes = -np.array([dcm_of_quaternion(q).T @ AXIS_T for q in rule["q_TN"]])
+    D, rate, acceleration, off = None, 0.0, 0.0, False
+    for k, axis in enumerate(axes):
+        C, r, dr = (
+            dcm_of_quaternion(rule["q_DN"][k]),
+            *(rule[n][k, 0] for n in ("omega_DN_D", "alpha_DN_D")),
+        )
+        if k:
+            across = np.cross(axes[k - 1], axis)
+            sine = np.linalg.norm(across)
+            along = Rotation.from_rotvec(across / sine * np.arctan2(sine, axes[k - 1] @ axis))
+            roll = Rotation.from_rotvec(axis * (rate * h + acceleration * h * h / 2))
+            D, rate = roll.apply(along.apply(D)), rate + acceleration * h
+        guard = rule["attitude_guard"][k] == 1
+        psi = 0.0 if D is None else np.arctan2(np.cross(D, C[2]) @ axis, D @ C[2])
+        if abs(psi) > 3 and psi * (rate - r) < 0:
+            psi += 2 * np.pi * np.sign(rate - r)
+        allowed = not guard and abs(r + dr * h) <= most and abs(dr) <= a_max
+        if allowed and (not off or (abs(psi) < 1e-6 and abs(rate - r) < 1e-6)):
+            D, rate, acceleration, off = C[2], r, dr, False
+        else:
+            off, a, tau, wanted = True, a_max / 2, 10 * h, 0.0
+            if not guard:
+                close = abs(psi) <= a * tau**2
+                v = (
+                    psi / tau
+                    if close
+                    else np.sign(psi) * np.sqrt(2 * a * (abs(psi) - a * tau**2 / 2))
+                )
+                wanted = r + dr * h + v
+            rate = np.clip(rate, -most, most)
+            acceleration = np.clip((np.clip(wanted, -most, most) - rate) / h, -a_max, a_max)
+        assert flown["roll_limited"][k] == off
+        assert dcm_of_quaternion(flown["q_DN"][k])[2] == pytest.approx(D, abs=1e-7)
+        assert flown["omega_DN_D"][k, 0] == pytest.approx(rate, abs=1e-8)
+
+
+def test_one_limit_without_the_other_is_refused(tmp_path):
+    text = refusal("sync_guidance", {"roll_rate_max": 0.05}, tmp_path)
+    assert "must be above 0 with roll_rate_max" in text

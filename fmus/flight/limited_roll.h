@@ -1,0 +1,105 @@
+/* limited_roll.h - a reference attitude whose axis i is given and which turns about it within limits.
+ *
+ *   i, k, j = k x i: axes of D,   w = i x i' + r i,   |r| <= rate_max,   |dr/dt| <= acceleration_max
+ *
+ * D follows a rule that may turn at any rate, or jump. As long as the rule keeps the limits, D is
+ * what it says. Where it does not, or is held, D leaves it: k is carried along with i without turning
+ * about it, plus the roll of r; r strives for the rate of the rule and for the roll angle psi that is
+ * missing,
+ *
+ *   r_d = r* + v(psi),   v = psi/tau,  beyond |psi| = a tau^2:  +-sqrt(2 a (|psi| - a tau^2/2)),
+ *
+ * a = acceleration_max/2, tau = ten samples; while the rule is held r_d = 0. Where D and the rule
+ * agree it follows the rule again. Derivation: docs/models.md A.4.6. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef LIMITED_ROLL_H
+#define LIMITED_ROLL_H
+
+#include "attitude.h"
+#include "motion.h"
+#include "portable_math.h"
+
+#define ROLL_SAMPLES 10   /* tau */
+#define AGREED       1e-6 /* rad and rad/s: D and the rule are one */
+#define NEARLY_BACK  3.0  /* rad: beyond, the way round is the one on which D already turns */
+
+typedef enum { ROLL_NONE, ROLL_BY_RULE, ROLL_FREE } RollMode;
+typedef struct { double rate_max, acceleration_max; } RollLimits;
+typedef struct {
+    vec3 i, k;                 /* axes of D, N axes */
+    double rate, acceleration; /* about i */
+} Roll;
+typedef struct {
+    double mode, t; /* RollMode, and the time of the last sample */
+    Roll D;
+} RollState;
+
+/* k goes with its axis from a to b, without turning about it: the shortest turn */
+static inline vec3 carried_along(vec3 k, vec3 a, vec3 b)
+{
+    return sub(k, scale(dot(k, b) / (1 + dot(a, b)), add(a, b)));
+}
+
+/* D a time h later, with the axis i */
+static inline Roll rolled_on(Roll D, vec3 i, double h)
+{
+    vec3 k = carried_along(D.k, D.i, i);
+    SineCosine turn = sine_and_cosine((D.rate + 0.5 * D.acceleration * h) * h);
+    k = add(scale(turn.c, k), scale(turn.s, cross(i, k)));
+    return (Roll){i, unit(sub(k, scale(dot(k, i), i))), D.rate + D.acceleration * h, 0};
+}
+
+/* the roll angle from D to the rule; near half a turn the way that D already goes */
+static inline double missing_roll(Roll D, Roll rule)
+{
+    double psi = arc_tangent(dot(cross(D.k, rule.k), D.i), dot(D.k, rule.k));
+    double lead = D.rate - rule.rate;
+    if (fabs(psi) > NEARLY_BACK && psi * lead < 0) psi += lead > 0 ? 2 * PI : -2 * PI;
+    return psi;
+}
+
+/* the rate at which a roll angle goes to 0 with half of the acceleration */
+static inline double closing_rate(double psi, double a, double tau)
+{
+    double linear = a * tau * tau;
+    if (fabs(psi) <= linear) return psi / tau;
+    double rate = sqrt(2 * a * (fabs(psi) - 0.5 * linear));
+    return psi > 0 ? rate : -rate;
+}
+
+static inline int keeps(RollLimits limits, Roll rule, double h)
+{
+    return fabs(rule.rate + rule.acceleration * h) <= limits.rate_max &&
+           fabs(rule.acceleration) <= limits.acceleration_max;
+}
+
+/* the acceleration until the next sample */
+static inline double roll_acceleration(RollLimits limits, Roll D, Roll rule, int held, double h)
+{
+    if (h == 0) return 0;
+    double a = 0.5 * limits.acceleration_max, wanted = 0;
+    if (!held)
+        wanted = rule.rate + rule.acceleration * h +
+                 closing_rate(missing_roll(D, rule), a, ROLL_SAMPLES * h);
+    wanted = clamp(wanted, -limits.rate_max, limits.rate_max);
+    return clamp((wanted - D.rate) / h, -limits.acceleration_max, limits.acceleration_max);
+}
+
+/* D at a sample: as the rule says, or on its own within the limits; h: time to the next sample */
+static inline Roll limited_roll(RollLimits limits, RollState *x, Roll rule, int held, double t,
+                                double h)
+{
+    Roll D = x->mode == ROLL_NONE ? rule : rolled_on(x->D, rule.i, t - x->t);
+    int may = !held && keeps(limits, rule, h), agreed = x->mode != ROLL_FREE;
+    if (!agreed) agreed = fabs(missing_roll(D, rule)) < AGREED && fabs(D.rate - rule.rate) < AGREED;
+    if (may && agreed) {
+        *x = (RollState){ROLL_BY_RULE, t, rule};
+        return rule;
+    }
+    D.rate = clamp(D.rate, -limits.rate_max, limits.rate_max);
+    D.acceleration = roll_acceleration(limits, D, rule, held, h);
+    *x = (RollState){ROLL_FREE, t, D};
+    return D;
+}
+
+#endif

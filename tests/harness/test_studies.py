@@ -1,0 +1,355 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Studies that ask on, over a system whose margins are known: what they find, that they go on where
+they were interrupted, and what they refuse before the first flight.
+
+twice.y = k n + d over rows n = 0..6, so the margin of `small` is 20 - 6 k - d.
+"""
+
+from __future__ import annotations
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from harness import Flights, boundary, campaign, probability, read, run, sensitivity, tune, worst
+from harness.cli import main
+from harness.errors import StructureError, UsageError
+from harness.ssp.build import system_of
+from harness.ssp.writer import write_ssp
+from harness.studies.campaign.campaign import like
+from harness.studies.inquiry import driver as driving
+
+TOML = """
+name = "demo"
+[experiment]
+stop = 6.0
+step = 1.0
+[components]
+count = "counter"
+twice = "gain"
+bad = "failing"
+[connections]
+"twice.u" = "count.n"
+[parameters.bad]
+t_fail = 100.0
+[requirements]
+small = "twice.y <= 20"
+flag = "twice.y != 5"
+"""
+K, Z = {"normal": {"mean": 2.0, "sigma": 0.5}}, 8 / 3
+"""Draw of k, and where `small` begins to fail: 6 (2 + z / 2) = 20."""
+P = float(stats.norm.sf(Z))
+
+
+@pytest.fixture
+def system(fmus, tmp_path):
+    write_ssp(system_of(tomllib.loads(TOML), fmus), tmp_path / "demo.ssp")
+    return tmp_path / "demo.ssp"
+
+
+def table(system, **more):
+    factors = {"twice.k": K, "bad.t_fail": {"uniform": {"low": 50.0, "high": 60.0}}}
+    return {"system": str(system), "factors": factors, "seed": 3, **more}
+
+
+def k_of(z):
+    return 2 + z / 2
+
+
+def test_flights_are_margins_of_numbers(system):
+    z = np.array([[0.0, 0.0], [1.0, -2.0], [3.0, 1.0]])
+    with Flights(table(system), workers=0) as flights:
+        assert (flights.d, flights.names) == (2, ["small", "flag"])
+        assert flights.groups == {"twice.k": [0], "bad.t_fail": [1]}
+        assert flights(z)[:, 0] == pytest.approx(20 - 6 * k_of(z[:, 0]), abs=1e-12)
+        with pytest.raises(UsageError, match=r"expected numbers \(rows, 2\)"):
+            flights(np.zeros((3, 1)))
+
+
+def test_a_flight_that_died_has_failed_everything(system):
+    given = table(system)
+    given["factors"]["bad.t_fail"] = {"uniform": {"low": 0.0, "high": 12.0}}
+    with Flights(given, workers=0) as flights:
+        margins = flights(np.array([[0.0, -1.0], [0.0, 1.0]]))
+    assert (margins[0] == -np.inf).all()
+    assert margins[1, 0] == pytest.approx(8)
+
+
+def found_by(study):
+    """Numbers, margins and status of a dataset."""
+    return [study.store.array(n) for n in ("numbers", "margin", "status", "generation")]
+
+
+def test_worst_finds_the_corner_and_its_flight_repeats(system, tmp_path):
+    study = worst(
+        table(system, worst={"of": "small", "flights": 120}), tmp_path / "w.zarr", workers=0
+    )
+    found = study.estimate["of"]["small"]
+    assert found["margin"] == pytest.approx(20 - 6 * k_of(3), abs=0.05)
+    assert found["nominal"] == pytest.approx(8)
+    assert not study.verdict
+    numbers, margins, status, _ = found_by(study)
+    assert (len(numbers), status.min()) == (121, 1)
+    assert found["run"] == 1 + np.argmin(margins[1:, 0])
+    changes = like(f"{tmp_path / 'w.zarr'}#{found['run']}")[1]
+    again = run(system, **changes)
+    assert 20 - again["twice.y"].max() == found["margin"]
+    kept = read(tmp_path / "w_worst" / "small.nc")
+    assert (kept["twice.y"] == again["twice.y"]).all()
+    assert f"--like {tmp_path / 'w.zarr'}#{found['run']}" in study.summary()
+    assert "small: NOT MET, worst margin -0.99" in study.summary()
+    assert "twice.k +3.0 sigma" in study.summary()
+
+
+def interrupted(monkeypatch, after):
+    """Ctrl-C when so many generations have flown."""
+    count, ask = [0], driving.Driver.ask
+
+    def asked(self, numbers):
+        count[0] += 1
+        if count[0] > after:
+            raise KeyboardInterrupt
+        return ask(self, numbers)
+
+    monkeypatch.setattr(driving.Driver, "ask", asked)
+
+
+def test_a_study_goes_on_to_the_same_bits_whoever_flies(system, tmp_path, monkeypatch):
+    given = table(system, worst={"of": "small", "flights": 60})
+    whole = found_by(worst(given, tmp_path / "a.zarr", workers=0))
+    two = found_by(worst(given, tmp_path / "b.zarr", workers=2))
+    with monkeypatch.context() as patch:
+        interrupted(patch, 3)
+        with pytest.raises(KeyboardInterrupt):
+            worst(given, tmp_path / "c.zarr", workers=0)
+    resumed = found_by(worst(given, tmp_path / "c.zarr", workers=0, resume=True))
+    once_more = found_by(worst(given, tmp_path / "c.zarr", workers=0, resume=True))
+    for others in (two, resumed, once_more):
+        for ours, theirs in zip(whole, others, strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+
+
+def test_flights_asked_by_another_version_are_refused(system, tmp_path):
+    given = table(system, worst={"of": "small", "flights": 60})
+    study = worst(given, tmp_path / "a.zarr", workers=0)
+    study.store.group["numbers"][20, 0] = 7.0
+    with pytest.raises(UsageError, match="run 20 was asked by other versions"):
+        worst(given, tmp_path / "a.zarr", workers=0, resume=True)
+
+
+def test_probability_by_three_methods(system, tmp_path):
+    for method, flights, low, high in (
+        ("random", 2000, 0.2, 5.0),
+        ("subset", 3000, 0.5, 2.0),
+        ("importance", 4000, 0.6, 1.6),
+    ):
+        entry = {"of": "small", "method": method, "flights": flights, "below": 0.05}
+        path = tmp_path / f"{method}.zarr"
+        study = probability(table(system, probability=entry), path, workers=0)
+        found = study.estimate["of"]["small"]
+        assert low < found["p"] / P < high
+        assert found["low"] < P < found["high"]
+        assert len(found_by(study)[0]) <= flights + 1
+        assert study.verdict is (found["verdict"] == "met") is True
+        assert f"by {method}" in study.summary()
+
+
+def test_centres_may_come_from_another_study(system, tmp_path):
+    entry = {"of": "small", "flights": 3000}
+    probability(table(system, probability=entry), tmp_path / "s.zarr", workers=0)
+    entry = {"method": "importance", "flights": 400, "centres": str(tmp_path / "s.zarr")}
+    study = probability(table(system, probability=entry), tmp_path / "i.zarr", workers=0)
+    found = study.estimate["of"]["small"]
+    assert found["low"] < P < found["high"]
+    assert found["cov"] < 0.2
+
+
+def test_sensitivity_measures_slopes_and_exact_zeros(system, tmp_path):
+    """Over u = Phi(z) k is no straight line: the effect is that of the four levels."""
+    for method, flights in (("morris", 30), ("sobol", 100)):
+        entry = {"of": "small", "method": method, "flights": flights}
+        path = tmp_path / f"{method}.zarr"
+        study = sensitivity(table(system, sensitivity=entry), path, workers=0, said=lambda _: None)
+        value = study.estimate["of"]["small"]["value"]
+        assert value[1] == 0
+        step = 3 * np.diff(stats.norm.ppf([0.125, 0.625])).item() / 0.5
+        assert value[0] == pytest.approx(step if method == "morris" else 1, rel=0.1)
+        assert "exactly not: bad.t_fail" in study.summary()
+
+
+def test_a_campaign_that_has_flown_says_what_mattered(system, tmp_path):
+    campaign(table(system, runs=120), tmp_path / "c.zarr", workers=0)
+    study = sensitivity(tmp_path / "c.zarr")
+    found = dict(zip(study.estimate["factors"], study.estimate["of"]["small"]["p"], strict=True))
+    assert found["twice.k"] < 0.01 < found["bad.t_fail"]
+    assert "twice.k" in study.summary()
+
+
+def test_a_map_follows_the_boundary(system, tmp_path):
+    given = table(system, map={"of": "small", "flights": 60})
+    given["factors"]["twice.k"] = {"uniform": {"low": 0.0, "high": 10.0}}
+    study = boundary(given, tmp_path / "m.zarr", workers=0)
+    k, margin = study.store.array("twice.k"), study.store.array("margin")[:, 0]
+    assert margin == pytest.approx(20 - 6 * k)
+    assert k[margin < 0].min() - k[margin >= 0].max() < 0.5
+    assert "fails with twice.k from 3.3" in study.summary()
+
+
+def test_gains_are_tuned_against_draws_and_an_archive(system, tmp_path):
+    """`small` wants a small k, `large` a large one: the margins meet at k = 2.5."""
+    given = table(system)
+    gain = {"twice.k": {"log_normal": {"median": 1.0, "sigma": 0.5}}}
+    given["factors"] = {"bad.t_fail": given["factors"]["bad.t_fail"]}
+    given["requirements"] = {"large": "time < 6 s or twice.y >= 10"}
+    archived = {**given, "worst": {"of": "small", "flights": 24}}
+    worst(archived, tmp_path / "w.zarr", workers=0)
+    entry = {"gains": gain, "of": ["small", "large"], "draws": 3, "flights": 900}
+    entry["archive"] = str(tmp_path / "w.zarr")
+    study = tune({**given, "tune": entry}, tmp_path / "t.zarr", workers=0)
+    found = study.estimate["of"]["small, large"]
+    scale = np.abs([20 - 6, 6 - 10])
+    k = found["gains"]["twice.k"]
+    assert (20 - 6 * k) / scale[0] == pytest.approx((6 * k - 10) / scale[1], abs=0.05)
+    assert found["start_unseen"] == pytest.approx([14, -4])
+    assert found["best_unseen"] == pytest.approx([20 - 6 * k, 6 * k - 10])
+    assert "--set 'twice.k=" in study.summary()
+
+
+REFUSED = {
+    "no such requirement": (worst, {"worst": {"of": "smal"}}, "close: small"),
+    "flag has no slope": (worst, {"worst": {"of": "flag"}}, "without a slope"),
+    "flag has no levels": (probability, {"probability": {"of": "flag"}}, "without a slope"),
+    "one generation": (worst, {"worst": {"of": "small", "flights": 11}}, "12 at least"),
+    "box": (worst, {"worst": {"box": -1.0}}, "worst.box: expected a number above 0"),
+    "entry": (worst, {"worst": {"flight": 9}}, "close: flights"),
+    "method": (probability, {"probability": {"method": "subsets"}}, "close: subset"),
+    "levels": (probability, {"probability": {"of": "small", "flights": 900}}, "1400 at least"),
+    "paths": (sensitivity, {"sensitivity": {"flights": 3}}, "6 at least"),
+    "gains": (tune, {"tune": {"of": "small"}}, "a draw per gain"),
+    "two factors": (boundary, {"map": {"of": "small", "factors": ["twice.k"]}}, "expected two"),
+    "a list": (worst, {"factors": {"twice.k": {"list": [1, 2]}}}, "listed values"),
+    "no draw": (worst, {"factors": {}}, "nothing is drawn"),
+    "nominal": (
+        probability,
+        {
+            "fixed": {"set": {"twice.k": 9}},
+            "factors": {"count.n_0": K},
+            "probability": {"of": "small"},
+        },
+        "the nominal flight fails",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_wrong_use_is_refused(name, system, tmp_path):
+    study, more, problem = REFUSED[name]
+    with pytest.raises((UsageError, StructureError), match=problem):
+        study(table(system) | more, tmp_path / "x.zarr", workers=0)
+    assert name == "nominal" or not (tmp_path / "x.zarr").exists()
+
+
+def test_all_flights_of_a_generation_that_die_end_the_study(system, tmp_path):
+    given = table(system, worst={"of": "small", "flights": 60}, fixed={"set": {"bad.t_fail": 3.0}})
+    given["factors"] = {"twice.k": K}
+    with pytest.raises(
+        UsageError, match=r"all 12 flights of a generation died; the first one: .*bad"
+    ):
+        worst(given, tmp_path / "x.zarr", workers=0)
+
+
+def test_another_study_is_not_gone_on_with(system, tmp_path):
+    given = table(system, worst={"of": "small", "flights": 24}, sensitivity={"flights": 24})
+    worst(given, tmp_path / "a.zarr", workers=0)
+    with pytest.raises(UsageError, match="is no sensitivity of this file"):
+        sensitivity(given, tmp_path / "a.zarr", workers=0, resume=True)
+    with pytest.raises(UsageError, match="is there already"):
+        worst(given, tmp_path / "a.zarr", workers=0)
+
+
+def test_seeds_of_sensors_are_drawn_again_for_the_worst_flight(system, tmp_path):
+    given = table(system, worst={"of": "small", "flights": 24}, seeds=["count.n_0"])
+    with Flights({**given, "seeds": []}, workers=0):
+        pass
+    study = worst(given, tmp_path / "a.zarr", workers=0)
+    assert len(study.estimate["of"]["small"]["other seeds"]) == 10
+    assert len(found_by(study)[0]) == 1 + 24 + 10
+
+
+def test_the_command_says_what_it_found_and_ends_with_status_1(system, tmp_path, capsys):
+    text = f"""
+        system = "{system}"
+        [factors]
+        "twice.k" = {{normal = {{mean = 2.0, sigma = 0.5}}}}
+        [requirements]
+        positive = "twice.y >= -9"
+        [worst]
+        of = "small"
+        flights = 60
+    """
+    (tmp_path / "my.toml").write_text(text)
+    out = str(tmp_path / "o.zarr")
+    assert main(["worst", str(tmp_path / "my.toml"), "-o", out, "--workers", "0", "-q"]) == 1
+    assert "small: NOT MET" in capsys.readouterr().out
+    safe = text.replace('of = "small"', 'of = "positive"')
+    (tmp_path / "my.toml").write_text(safe)
+    out = str(tmp_path / "p.zarr")
+    assert main(["worst", str(tmp_path / "my.toml"), "-o", out, "--workers", "0", "-q"]) == 0
+    said = capsys.readouterr().out
+    assert "no failure in 60 flights" in said
+    assert "this is no proof; 0 of 60 random ones would say p < 4.9 % at 95 %" in said
+
+
+# ---- plain campaigns
+
+
+def test_campaigns_keep_margins_with_their_units(system, tmp_path):
+    given = table(system, runs=5, requirements={"own": "time < 3 s or twice.y >= 1"})
+    store = campaign(given, tmp_path / "c.zarr", workers=0).store
+    k = store.array("twice.k")
+    assert store.array("requirement").tolist() == ["small", "flag", "own"]
+    wanted = np.stack([20 - 6 * k, 3 * k - 1], axis=1)
+    assert store.array("margin")[:, [0, 2]] == pytest.approx(wanted)
+    assert json.loads(store.group.attrs["definition"])["requirements"] == given["requirements"]
+
+
+def test_a_campaign_ends_when_it_is_decided(system, tmp_path):
+    given = table(system, until={"success": 0.9, "confidence": 0.9}, success="twice.y <= 20")
+    found = campaign(given, tmp_path / "c.zarr", workers=0)
+    log = np.log([0.2, (1 - 0.02) / (1 - 0.1)])
+    failed = np.cumsum(found.store.array("success") != 1)
+    ratio = failed * log[0] + (np.arange(1, len(failed) + 1) - failed) * log[1]
+    assert ratio[-1] >= np.log(10)
+    assert (ratio[:-1] < np.log(10)).all()
+    assert "success above 90 % at 90 %: shown by" in found.summary()
+    again = campaign(given, tmp_path / "c.zarr", workers=0, resume=True)
+    assert again.store.runs == len(failed)
+
+
+def test_a_campaign_of_as_many_runs_as_wilks_demands(system, tmp_path):
+    until = {"success": 0.9, "confidence": 0.9, "fixed": True}
+    found = campaign(table(system, until=until, success="twice.y <= 99"), tmp_path / "c", workers=0)
+    assert found.store.runs == 22
+    assert "shown by 22 runs, 0 failed (Wilks: 22 runs without a failure)" in found.summary()
+
+
+@pytest.mark.parametrize(
+    ("more", "problem"),
+    [
+        ({"until": {"success": 2}}, "until.success: expected a number between 0 and 1"),
+        ({"until": {"sucess": 0.9}}, "until: expected {success = 0.99"),
+        ({"until": {"success": 0.9}, "runs": 5}, "until: instead of runs"),
+        (
+            {"until": {"success": 0.9}, "factors": {"twice.k": {"list": [1.0]}}},
+            "until: counts draws",
+        ),
+        ({"requirements": {"own": "twice.z > 1"}}, "close: twice.y"),
+        ({"requirements": {"own": "twice.y"}}, "is no condition"),
+    ],
+)
+def test_wrong_entries_of_a_campaign_are_refused(more, problem, system, tmp_path):
+    with pytest.raises(StructureError, match=problem):
+        campaign(table(system) | more, tmp_path / "x.zarr", workers=0)
