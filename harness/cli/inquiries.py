@@ -16,11 +16,13 @@ from harness.spelling import printable
 app = typer.Typer()
 
 FileArgument = Annotated[
-    Path, typer.Argument(metavar="CAMPAIGN.toml", help="system, factors, requirements, the study")
+    Path, typer.Argument(metavar="CAMPAIGN.toml", help="System, factors, requirements, the study")
 ]
 EitherArgument = Annotated[
     Path,
-    typer.Argument(metavar="CAMPAIGN.toml|OUT.zarr", help="a file, or a campaign that has flown"),
+    typer.Argument(
+        metavar="CAMPAIGN.toml|OUT.zarr", help="File, or dataset of a complete campaign"
+    ),
 ]
 
 
@@ -34,7 +36,7 @@ def sensitivity_command(
 ) -> None:
     """Find out which factors matter.
 
-    By Morris or Sobol; of a campaign that has flown by dependence (HSIC), without a flight.
+    By Morris or Sobol; for a complete campaign by dependence (HSIC), without further flights.
     """
     _study("sensitivity", definition, output, workers, resume, quiet)
 
@@ -65,7 +67,7 @@ def probability_command(
     """Estimate how probable a failure is.
 
     By subset simulation, importance sampling or random flights. Status 1 unless the probability is
-    below that of the entry `below`.
+    below the entry `below`.
     """
     _study("probability", definition, output, workers, resume, quiet)
 

@@ -129,7 +129,7 @@ def test_a_run_that_died_has_failed_whatever_it_did_not_live_to_see(text, expect
         ("always(a.x > 1, 3, 2)", "a window of 3 to 2 s ends before it begins"),
         ("always(a.x > 1, a.x)", "expected a time as `60 s`, got `a.x`"),
         ("until(a.x > 1)", "expected x and y, then at most two times"),
-        ("alway(a.x > 1)", "close: always"),
+        ("alwayss(a.x > 1)", "close: always"),
         ("norm(always(a.x > 1)) > 2", "a window is a condition, not a number"),
     ],
 )
