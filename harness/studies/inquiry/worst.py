@@ -50,18 +50,19 @@ def search(d: int, seed: int, flights: int, box: float = 3.0, sigma: float = 1.0
     """
     rng = np.random.default_rng(seed)
     rows, margins = np.empty((0, d)), np.empty(0)
-    start = np.zeros(d)
+    wide = max(d, 2)  # the package knows no search in one number: a second one means nothing
+    start = np.zeros(wide)
     while flights - len(margins) >= generation(d):
         engine = _engine(start, sigma, box, rng)
         while flights - len(margins) >= generation(d) and not engine.stop():
             z = np.array(engine.ask())
-            y = yield z
+            y = yield z[:, :d]
             engine.tell(list(z), _ranked(y))
-            rows, margins = np.concatenate([rows, z]), np.concatenate([margins, y])
-        start = rng.uniform(-box, box, d) / 2
+            rows, margins = np.concatenate([rows, z[:, :d]]), np.concatenate([margins, y])
+        start = rng.uniform(-box, box, wide) / 2
     if flights > len(margins):  # too few for a generation: about the best so far
         spread = rng.standard_normal((flights - len(margins), d)) * sigma / 2
-        middle = rows[np.argmin(margins)] if len(margins) else start
+        middle = rows[np.argmin(margins)] if len(margins) else start[:d]
         z = (middle + spread).clip(-box, box)
         y = yield z
         rows, margins = np.concatenate([rows, z]), np.concatenate([margins, y])
