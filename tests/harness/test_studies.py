@@ -218,7 +218,8 @@ def test_gains_are_tuned_against_draws_and_an_archive(system, tmp_path):
     found = study.estimate["of"]["small, large"]
     scale = np.abs([20 - 6, 6 - 10])
     k = found["gains"]["twice.k"]
-    assert (20 - 6 * k) / scale[0] == pytest.approx((6 * k - 10) / scale[1], abs=0.05)
+    # the best is 5 / 9, where both are equal
+    assert 0.45 < min((20 - 6 * k) / scale[0], (6 * k - 10) / scale[1]) <= 5 / 9
     assert found["start_unseen"] == pytest.approx([14, -4])
     assert found["best_unseen"] == pytest.approx([20 - 6 * k, 6 * k - 10])
     assert "--set 'twice.k=" in study.summary()
