@@ -101,5 +101,6 @@ def _run(command: Sequence[str], source: Path) -> None:
         check=False, stdin=subprocess.DEVNULL,
     )  # fmt: skip
     if done.returncode:
-        said = "\n".join(line for line in done.stdout.splitlines() if line.strip())
-        raise FmuError(f"{source} does not build:\n{said}")
+        said = [line for line in done.stdout.splitlines() if line.strip()]
+        between = "\n" if len(said) > 1 else " "
+        raise FmuError(f"{source} does not build:{between}" + "\n".join(said))

@@ -197,6 +197,23 @@ def test_a_mistake_in_c_is_told_in_the_words_of_the_compiler_and_keeps_the_last_
     assert (created.folder / "mine.fmu").read_bytes() == before
 
 
+@pytest.mark.parametrize(
+    ("before", "said"),
+    [
+        (b"", "must begin with a comment /* ... */: equations and their source"),
+        (b"/* 5 \xb5m */\n", "must be text in UTF-8 (invalid start byte at byte 5)"),
+    ],
+)
+def test_a_file_that_cannot_be_documented_is_one_line(tmp_path, before, said):
+    source = new_controller("mine", folder=tmp_path).source
+    code = re.sub(rb"(?s)\A(/\*.*?\*/\n)+", b"", source.read_bytes())
+    assert not code.startswith(b"/*")
+    source.write_bytes(before + code)
+    with pytest.raises(HarnessError) as caught:
+        build(source)
+    assert str(caught.value) == f"{source} does not build: mine.c: {said}"
+
+
 def test_a_mistake_in_the_table_of_variables_is_told(tmp_path):
     created = new_controller("mine", folder=tmp_path)
     created.source.write_text(created.source.read_text().replace('"N/m"', '"furlong"'))

@@ -12,6 +12,7 @@ import argparse
 import html
 import io
 import re
+import sys
 import zipfile
 from pathlib import Path
 from xml.etree import ElementTree
@@ -52,9 +53,7 @@ def headers_of(sources: list[Path], folders: list[Path]) -> list[Path]:
     found: dict[str, Path] = {}
     waiting = list(sources)
     while waiting:
-        for name in re.findall(
-            r'^#include "(.+?)"', waiting.pop().read_text(encoding="utf-8"), re.MULTILINE
-        ):
+        for name in re.findall(r'^#include "(.+?)"', text_of(waiting.pop()), re.MULTILINE):
             header = next((folder / name for folder in folders if (folder / name).exists()), None)
             if header and name not in found:
                 found[name] = header
@@ -76,10 +75,19 @@ def table(rows: list[dict[str, str]]) -> str:
     return f"<table>{head}{''.join(body)}</table>"
 
 
+def text_of(source: Path) -> str:
+    """Of a C file; ends the program if it is not UTF-8."""
+    try:
+        return source.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        sys.exit(f"{source.name}: must be text in UTF-8 ({error.reason} at byte {error.start})")
+
+
 def opening_comment(source: str) -> str:
-    """Text of the first comment of a C file without its stars."""
+    """Text of the first comment of a C file without its stars; ValueError without one."""
     match = re.match(r"/\*(.*?)\*/", source, re.DOTALL)
-    assert match is not None, "the C file has no opening comment"
+    if match is None:
+        raise ValueError("must begin with a comment /* ... */: equations and their source")
     return "\n".join(line.removeprefix(" *").rstrip() for line in match[1].splitlines())
 
 
@@ -179,13 +187,15 @@ def main() -> None:
     parser.add_argument("--include", type=Path, nargs="+", required=True)
     a = parser.parse_args()
     description = ElementTree.parse(a.description).getroot()
+    try:
+        page = documentation(description, text_of(a.source[0]))
+    except ValueError as error:
+        sys.exit(f"{a.source[0].name}: {error}")
     png = picture(description)
     files = {
         "modelDescription.xml": a.description.read_bytes(),
         "model.png": png,
-        "documentation/index.html": documentation(
-            description, a.source[0].read_text(encoding="utf-8")
-        ).encode(),
+        "documentation/index.html": page.encode(),
         "documentation/model.png": png,
         "licenses/license.txt": a.license.read_bytes(),
         **{
