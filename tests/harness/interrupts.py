@@ -1,17 +1,30 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Ctrl-C and hang-up heard also where the tests themselves are deaf to them (`make test &`, nohup):
-a process inherits that a signal is ignored.
+"""Processes that a test starts: Ctrl-C and hang-up heard also where the tests themselves are deaf
+to them (`make test &`, nohup), since a process inherits that a signal is ignored; and patience
+with a machine that has much else to do.
 """
 
 import signal
 import subprocess
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 ANSWERS: dict[int, Any] = {signal.SIGINT: signal.default_int_handler}
 if hasattr(signal, "SIGHUP"):
     ANSWERS[signal.SIGHUP] = signal.SIG_DFL
+LONGEST = 600.0
+"""What a process may take for anything, or for its end [s]: for a test that would fail anyway."""
+
+
+def until(found: Callable[[], Any], what: str) -> Any:
+    """What a function finds, as soon as it finds something."""
+    end = time.monotonic() + LONGEST
+    while not (result := found()):
+        assert time.monotonic() < end, f"no {what} after {LONGEST} s"
+        time.sleep(0.02)
+    return result
 
 
 def start(command: list[str], **options: Any) -> "subprocess.Popen[Any]":

@@ -8,7 +8,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 import tomllib
 import zipfile
 
@@ -20,7 +19,7 @@ from harness.results import files as result_files
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from tests.harness.demo import TOML
-from tests.harness.interrupts import start
+from tests.harness.interrupts import LONGEST, start, until
 
 
 @pytest.fixture
@@ -350,13 +349,9 @@ def test_ctrl_c_ends_the_run_with_one_line_and_keeps_what_was_recorded(fmus, tmp
     text = 'name = "endless"\n[experiment]\nstop = 1e6\nstep = 1.0\n[components]\na = "slow"\n'
     write_ssp(system_of(tomllib.loads(text), fmus), tmp_path / "endless.ssp")
     running = process("run", "endless.ssp", "-o", "x.csv", "--executor", executor, cwd=tmp_path)
-    for _ in range(200):
-        if (tmp_path / "stepping").exists():
-            break
-        time.sleep(0.05)
-    time.sleep(0.2)
+    until((tmp_path / "stepping").exists, "step")
     running.send_signal(signal.SIGINT)
-    out, err = running.communicate(timeout=20)
+    out, err = running.communicate(timeout=LONGEST)
     assert running.returncode == 1
     assert out == ""
     assert re.fullmatch(
@@ -368,7 +363,7 @@ def test_ctrl_c_ends_the_run_with_one_line_and_keeps_what_was_recorded(fmus, tmp
 
 
 def test_no_progress_bar_in_a_pipe(folder):
-    out, err = process("run", "demo.ssp", "-o", "x.csv", cwd=folder).communicate(timeout=20)
+    out, err = process("run", "demo.ssp", "-o", "x.csv", cwd=folder).communicate(timeout=LONGEST)
     assert err == ""
     assert len(out.splitlines()) == 1
 
@@ -378,7 +373,7 @@ def test_a_reader_that_goes_away_is_no_error_message(folder):
     running.stdout.close()
     assert "Traceback" not in running.stderr.read()
     running.stderr.close()
-    running.wait(timeout=20)
+    running.wait(timeout=LONGEST)
 
 
 # ---- linearize

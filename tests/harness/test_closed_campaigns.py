@@ -6,13 +6,14 @@ the network; and nothing of it stays behind a kill.
 from __future__ import annotations
 
 import asyncio
+import datetime
 import os
 import re
 import shutil
+import ssl
 import subprocess
 import sys
-import time
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import psutil
@@ -23,11 +24,9 @@ from harness import campaign
 from harness.errors import UsageError
 from harness.studies.campaign import credentials
 from tests.harness import intruder
-from tests.harness.interrupts import start
+from tests.harness.interrupts import LONGEST, start, until
 
 NOBODY = 65534
-SOME_TIME = 90.0
-"""What a campaign, its workers or their end may take on a machine with much else to do [s]."""
 ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
 
@@ -48,16 +47,6 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and users of
 def definition(folder, runs):
     (folder / "c.toml").write_text(CAMPAIGN.format(runs=runs))
     return folder / "c.toml"
-
-
-def until(found, what):
-    """What a function finds, as soon as it finds something."""
-    end = time.monotonic() + SOME_TIME
-    while time.monotonic() < end:
-        if result := found():
-            return result
-        time.sleep(0.1)
-    raise AssertionError(f"no {what} after {SOME_TIME} s")
 
 
 def family(pid):
@@ -99,7 +88,7 @@ def intrude(host, ports, foreign, user="-", before=()):
         [*before, sys.executable, "-I", "-c", script, *given],
         capture_output=True,
         text=True,
-        timeout=SOME_TIME,
+        timeout=LONGEST,
         check=False,
     )
     *doors, last = ended.stdout.splitlines() or [""]
@@ -153,6 +142,44 @@ def test_a_client_of_dask_without_the_credentials_is_refused(flying):
     found = asyncio.run(all_of_them())
     assert len(found) == 10
     assert all(isinstance(each, OSError) for each in found), found
+
+
+def test_credentials_pass_the_strictest_check_and_those_of_another_campaign_none():
+    """As Python 3.13 checks by default; a clock that is half a day behind accepts them."""
+    mine, theirs = credentials.made(), credentials.made()
+    assert shaken(mine, mine) == "TLSv1.3"
+    for server, client in ((mine, theirs), (theirs, mine)):
+        with pytest.raises(ssl.SSLCertVerificationError):
+            shaken(server, client)
+    from cryptography import x509
+
+    certificate = x509.load_pem_x509_certificate(mine.tls_client_cert.encode())
+    half_a_day = datetime.timedelta(hours=12)
+    now = datetime.datetime.now(datetime.UTC)
+    assert certificate.not_valid_before_utc < now - half_a_day
+    assert certificate.not_valid_after_utc > now + 300 * 2 * half_a_day
+
+
+def shaken(server, client):
+    """The version of TLS that a scheduler and a client agree on, in memory."""
+    ends = []
+    for security, who in ((server, "scheduler"), (client, "client")):
+        arguments = {"scheduler": security.get_listen_args, "client": security.get_connection_args}
+        context = arguments[who](who)["ssl_context"]
+        context.verify_flags |= ssl.VERIFY_X509_STRICT
+        reads, writes = ssl.MemoryBIO(), ssl.MemoryBIO()
+        ends.append(
+            (context.wrap_bio(reads, writes, server_side=who == "scheduler"), reads, writes)
+        )
+    (one, to_one, from_one), (other, to_other, from_other) = ends
+    for _ in range(4):
+        for end in (other, one):
+            with suppress(ssl.SSLWantReadError):
+                end.do_handshake()
+            to_one.write(from_other.read())
+            to_other.write(from_one.read())
+    assert one.version() == other.version()
+    return other.version()
 
 
 def test_another_user_of_the_machine_does_not_enter_a_campaign(flying, foreign):
@@ -229,7 +256,7 @@ def test_intruders_and_pages_leave_no_line_in_the_terminal_and_a_kill_nothing_be
     assert len(everybody) > 3
     assert any(temporary.iterdir())
     process.kill()
-    output, errors = process.communicate(timeout=SOME_TIME)
+    output, errors = process.communicate(timeout=LONGEST)
     note = r"\S+resource_tracker.py:\d+: .*\n.*\n"  # of Python, on semaphores that it removes
     assert (output, re.sub(note, "", errors)) == ("", "")
     until(lambda: not any(map(lives, everybody)), "end of all")

@@ -8,7 +8,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 import tomllib
 
 import numpy as np
@@ -28,7 +27,7 @@ from harness.studies.compare import _thinning, compare
 from harness.studies.variants import combinations
 from tests.harness.demo import TOML
 from tests.harness.foreign_fmu import Model, build, p, u, y
-from tests.harness.interrupts import start
+from tests.harness.interrupts import LONGEST, start, until
 
 
 @pytest.fixture
@@ -205,9 +204,7 @@ def comparing(fmus, tmp_path):
         text=True,
         env=os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
     )
-    until = time.monotonic() + 60
-    while not (tmp_path / "stepping").exists() and time.monotonic() < until:
-        time.sleep(0.05)
+    until((tmp_path / "stepping").exists, "step")
     yield process
     process.kill()
     process.wait()
@@ -216,14 +213,14 @@ def comparing(fmus, tmp_path):
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 def test_ctrl_c_ends_all_flights_with_one_line(comparing):
     comparing.send_signal(signal.SIGINT)
-    assert comparing.communicate(timeout=60) == ("", "harness: interrupted\n")
+    assert comparing.communicate(timeout=LONGEST) == ("", "harness: interrupted\n")
     assert comparing.returncode == 1
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 def test_no_flight_goes_on_when_the_comparison_is_killed(comparing):
     comparing.kill()
-    comparing.communicate(timeout=60)  # returns when nobody holds the pipes any more
+    comparing.communicate(timeout=LONGEST)  # returns when nobody holds the pipes any more
     assert comparing.returncode == -signal.SIGKILL
 
 

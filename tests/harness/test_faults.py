@@ -12,7 +12,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 import tomllib
 import zipfile
 from pathlib import Path
@@ -25,7 +24,7 @@ from harness.results.files import read
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from tests.harness import vices
-from tests.harness.interrupts import start
+from tests.harness.interrupts import LONGEST, start, until
 from tests.harness.vices import CRASH, FAIL, HANG, NO_STATUS, PHASES, QUIET, VICES
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="vices of Linux")
@@ -80,7 +79,7 @@ def harness(folder, *arguments, **about):
         env=environment(**about),
         capture_output=True,
         check=False,
-        timeout=120,
+        timeout=LONGEST,
         start_new_session=True,
     )
     return done.returncode, done.stdout.decode().splitlines(), done.stderr.decode().splitlines()
@@ -103,17 +102,19 @@ def in_process(folder, *arguments, **about):
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(status)
-    until = time.monotonic() + 60
-    while True:
-        ended, status = os.waitpid(process, os.WNOHANG)
-        if ended:
-            code = os.waitstatus_to_exitcode(status)
-            return code, *(f.read_text(errors="replace").splitlines() for f in (out, err))
-        if time.monotonic() > until:
-            os.kill(process, signal.SIGKILL)
-            os.waitpid(process, 0)
-            pytest.fail(f"{arguments} does not end: {err.read_text()}")
-        time.sleep(0.01)
+    try:
+        status = until(lambda: ended(process), f"end of {arguments}")
+    except AssertionError:
+        os.kill(process, signal.SIGKILL)
+        os.waitpid(process, 0)
+        raise
+    return status[0], *(f.read_text(errors="replace").splitlines() for f in (out, err))
+
+
+def ended(process):
+    """The status of a child that has ended, in a tuple."""
+    pid, status = os.waitpid(process, os.WNOHANG)
+    return (os.waitstatus_to_exitcode(status),) if pid else ()
 
 
 def shows(vice, phase):
@@ -198,13 +199,6 @@ def test_the_line_names_component_function_time_and_last_words(folder):
 # ---- endless loops
 
 
-def stepping(folder, trace):
-    until = time.monotonic() + 60
-    while not trace.exists() and time.monotonic() < until:
-        time.sleep(0.02)
-    return trace.exists()
-
-
 ENDLESS = ("fmi2Instantiate", "fmi2DoStep", "fmi2Terminate")
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -230,9 +224,9 @@ def test_an_endless_loop_ends_at_once_and_keeps_the_rows(folder, tmp_path, phase
         stderr=subprocess.PIPE,
         text=True,
     )
-    assert stepping(folder, trace)
+    until(trace.exists, "call")
     running.send_signal(number)
-    out, err = running.communicate(timeout=60)  # the FMU would go on for ever
+    out, err = running.communicate(timeout=LONGEST)  # the FMU would go on for ever
     if phase == "fmi2Terminate":
         assert (running.returncode, len(out.splitlines()), err) == (0, 1, "")
         assert read(folder / "x.csv").complete

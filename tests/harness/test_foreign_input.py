@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 import zipfile
 
 import pytest
@@ -20,6 +19,7 @@ from harness.system.interface import read_interface
 from tests.harness import interrupts
 from tests.harness.foreign_fmu import COUNTER, description
 from tests.harness.foreign_ssp import component, ssm, ssv, system, write
+from tests.harness.interrupts import until
 
 LAUGHS = '<!DOCTYPE x [<!ENTITY a0 "ha">' + "".join(
     f'<!ENTITY a{i} "{f"&a{i - 1};" * 10}">' for i in range(1, 12)
@@ -155,28 +155,20 @@ def process(fmus, tmp_path):
     return start
 
 
-def wait_for(condition):
-    for _ in range(200):
-        if condition():
-            return True
-        time.sleep(0.05)
-    return False
-
-
 def test_nothing_is_left_after_a_crash_inside_an_fmu(process):
     running, scratch = process("crashing")
-    assert running.wait(timeout=30) == 1
-    assert wait_for(lambda: not list(scratch.iterdir()))
+    assert running.wait(timeout=interrupts.LONGEST) == 1
+    until(lambda: not any(scratch.iterdir()), "empty folder")
 
 
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
 def test_nothing_is_left_after_the_run_was_ended_from_outside(process, tmp_path, end):
     running, scratch = process("slow")
-    assert wait_for((tmp_path / "stepping").exists)
+    until((tmp_path / "stepping").exists, "step")
     assert list(scratch.iterdir())
     running.send_signal(end)
-    running.wait(timeout=30)
-    assert wait_for(lambda: not list(scratch.iterdir()))
+    running.wait(timeout=interrupts.LONGEST)
+    until(lambda: not any(scratch.iterdir()), "empty folder")
 
 
 def test_a_private_folder_is_private_and_goes_with_its_block():

@@ -26,7 +26,7 @@ from harness.results.files import ResultFile, read
 from harness.results.result import Result
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
-from tests.harness.interrupts import heard, start
+from tests.harness.interrupts import LONGEST, heard, start, until
 
 posix = pytest.mark.skipif(os.name != "posix", reason="signals and modes of POSIX")
 
@@ -301,10 +301,6 @@ def started(work, arguments):
     )
 
 
-LONGEST = 600.0
-"""Time that a command has on a machine that is busy with other things [s]."""
-
-
 def kill_and_judge(work, arguments, seconds, number):
     """Kill the command after a while; then its files must be whole, and the next start clean."""
     running = started(work, arguments)
@@ -320,10 +316,7 @@ def kill_and_judge(work, arguments, seconds, number):
     again = started(work, arguments)
     _, err = again.communicate(timeout=LONGEST)
     assert again.returncode == 0, err
-    until = time.monotonic() + 10
-    while list((work / "scratch").iterdir()) and time.monotonic() < until:
-        time.sleep(0.05)
-    assert list((work / "scratch").iterdir()) == []
+    until(lambda: not any((work / "scratch").iterdir()), "empty folder")
     assert not [p for p in (work / "out").iterdir() if p.name.startswith(".")]
     assert not [p for p in (work / "out").iterdir() if ".partial" in p.name]
 
@@ -406,7 +399,4 @@ def test_a_kill_between_guard_and_folder_leaves_no_folder(tmp_path):
         env=os.environ | {"PYTHONPATH": paths, "TMPDIR": str(tmp_path)},
         check=False,
     )
-    until = time.monotonic() + 20
-    while list(tmp_path.iterdir()) and time.monotonic() < until:
-        time.sleep(0.05)
-    assert list(tmp_path.iterdir()) == []
+    until(lambda: not any(tmp_path.iterdir()), "empty folder")

@@ -9,12 +9,16 @@ made for one campaign and forgotten with it, or named by the user.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from harness.errors import UsageError
 
 OPEN = "without TLS anybody on the network may run code as this user"
+
+SKEW, LIFE = timedelta(days=1), timedelta(days=365)
+"""What the clocks of the nodes may differ by, and how long a campaign may take."""
 
 
 class Files(NamedTuple):
@@ -29,10 +33,45 @@ NONE = Files()
 
 
 def made() -> Any:
-    """New credentials for one campaign, in memory."""
+    """New credentials for one campaign, in memory: a key and a certificate that it signs itself,
+    the same for everybody.
+
+    As Security.temporary() of Dask, with a key on the curve P-256 in place of RSA: it is made in
+    0.2 ms instead of 60 ms of processor time, and every connection costs less.
+    """
+    from cryptography import x509
+    from cryptography.hazmat.primitives import hashes, serialization
+    from cryptography.hazmat.primitives.asymmetric import ec
     from distributed.security import Security
 
-    return Security.temporary()
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "campaign")])
+    now = datetime.now(UTC)
+    certificate = (
+        x509.CertificateBuilder(name, name, key.public_key(), x509.random_serial_number())
+        .not_valid_before(now - SKEW)
+        .not_valid_after(now + LIFE)
+        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+        .add_extension(_usage(x509.KeyUsage), critical=True)
+        .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
+        .sign(key, hashes.SHA256())
+    )
+    pem = serialization.Encoding.PEM
+    secret = key.private_bytes(
+        pem, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+    ).decode()
+    public = certificate.public_bytes(pem).decode()
+    everybody = _of_all({"cert": public, "key": secret})
+    return Security(require_encryption=True, tls_ca_file=public, **everybody)
+
+
+def _usage(key_usage: Any) -> Any:
+    """It signs the beginning of a connection, and itself."""
+    further = (
+        "content_commitment", "key_encipherment", "data_encipherment", "key_agreement",
+        "crl_sign", "encipher_only", "decipher_only",
+    )  # fmt: skip
+    return key_usage(digital_signature=True, key_cert_sign=True, **dict.fromkeys(further, False))
 
 
 def made_in(folder: Path) -> Any:
