@@ -10,6 +10,8 @@ import os
 import signal
 import subprocess
 import sys
+import threading
+import time
 import zipfile
 
 import psutil
@@ -21,9 +23,12 @@ from harness.cli.app import app
 from harness.errors import FmuError, UsageError
 from harness.files.paths import fmus, link_library
 from harness.master.changes import apply
+from harness.master.serve import StandIn
 from harness.remote import targets
+from harness.remote.remote import _made
 from harness.remote.targets import TARGETS, find_target, missing
-from tests.link.conftest import flown_twice_from
+from tests.harness.interrupts import until
+from tests.link.conftest import PATIENCE, flown_twice_from
 
 SYSTEM, STOP = "sync_approach", 30.0
 
@@ -180,6 +185,86 @@ def test_an_emulator_that_cannot_be_started_leaves_nothing(tmp_path, argument, s
     started = "fmi2Instantiate: none: the emulator cannot be started: "
     assert done.stdout == f"{started}{said}\n"
     assert list((tmp_path / "tmp").iterdir()) == []
+
+
+EMULATOR = """
+import os, sys
+from pathlib import Path
+from harness.master.serve import StandIn
+
+fmu, to_board, from_board = map(Path, sys.argv[1:])
+with StandIn(fmu) as board, to_board.open("rb", 0) as reads, from_board.open("wb", 0) as writes:
+    board.answer(reads.read, writes.write)
+"""
+
+
+def behind_pipes(group, *command):
+    """The controller as a link to what a command starts, which speaks over two pipes."""
+    settings = [("via", "emulator"), ("target", "native"), ("group", group), ("timeout", "60")]
+    return _made(
+        fmus()["adaptive_controller"], [*settings, *(("argument", a) for a in command)], b""
+    )
+
+
+@pytest.mark.parametrize("group", ["", "alone"])
+def test_a_board_that_is_started_and_speaks_over_pipes_gives_the_same_bits(
+    tmp_path, monkeypatch, group
+):
+    """As an emulator, without one: started by the keeper, which leaves nothing behind."""
+    (tmp_path / "emulator.py").write_text(EMULATOR)
+    (tmp_path / "tmp").mkdir()
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(p for p in sys.path if p))
+    program = [sys.executable, str(tmp_path / "emulator.py"), str(fmus()["adaptive_controller"])]
+    fmu = behind_pipes(group, *program, "%/to_board", "%/from_board")
+    with load(SYSTEM) as system:
+        changed = apply(system, swap={"controller": fmu}, stop=3.0)
+        with Simulation(changed) as simulation:
+            simulation.advance(to=5)
+            assert len(list((tmp_path / "tmp").glob("slnk-*"))) == 1
+            simulation.advance()
+            result = simulation.result()
+    assert result.values.tobytes() == flown({}, 3.0).values.tobytes()
+    until(lambda: not list((tmp_path / "tmp").glob("slnk-*")), "end of the keeper")
+
+
+def test_a_link_that_joins_waits_until_the_keeper_is_ready(tmp_path, monkeypatch):
+    """The folder of a shared board is there already, its pipes come later: made by another thread,
+    which is the board too.
+    """
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    folder = tmp_path / f"slnk-{os.getpid()}-shared"
+    folder.mkdir(mode=0o700)
+    asked = threading.Event()
+
+    def board():
+        asked.wait()
+        time.sleep(0.3)  # as long as the link is here, it waits
+        for name in ("to_board", "from_board", "life"):
+            os.mkfifo(folder / name, 0o600)
+        life = os.open(folder / "life", os.O_RDWR)
+        with (
+            StandIn(fmus()["adaptive_controller"]) as found,
+            (folder / "to_board").open("rb", 0) as reads,
+            (folder / "from_board").open("wb", 0) as writes,
+        ):
+            found.answer(reads.read, writes.write)
+        said.append(os.read(life, 10))
+        os.close(life)
+
+    said = []
+    worker = threading.Thread(target=board)
+    worker.start()
+    fmu = behind_pipes("shared", "/no/emulator")
+    with load(SYSTEM) as system:
+        changed = apply(system, swap={"controller": fmu}, stop=1.0)
+        asked.set()
+        with Simulation(changed) as simulation:
+            simulation.advance()
+            result = simulation.result()
+    worker.join(PATIENCE)
+    assert result.values.tobytes() == flown({}, 1.0).values.tobytes()
+    assert said == [b"jq"]
 
 
 def test_missing_tools_are_named_with_their_packages(monkeypatch):
