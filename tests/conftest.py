@@ -107,12 +107,12 @@ def pytest_runtest_makereport(item, call):
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_pyfunc_call(pyfuncitem):
-    """A test of each of many things, in one go."""
+    """A test of each of many things, in one go; under -x until the first of them fails."""
     names = signature(pyfuncitem.obj).parameters
     given = {name: x for name, x in pyfuncitem.funcargs.items() if name in names}
     if not any(isinstance(x, Each) for x in given.values()):
         return None
-    call_for_each(pyfuncitem.obj, given)
+    call_for_each(pyfuncitem.obj, given, pyfuncitem.config.getoption("maxfail"))
     return True
 
 

@@ -49,8 +49,8 @@ class _Made(Each):
         return chosen[self]
 
 
-def call_for_each(test: Callable, given: Mapping[str, Any]) -> None:
-    """Calls the test for all combinations of the values.
+def call_for_each(test: Callable, given: Mapping[str, Any], most: int = 0) -> None:
+    """Calls the test for all combinations of the values, or until so many calls have failed.
 
     Raises
     ------
@@ -74,6 +74,8 @@ def call_for_each(test: Callable, given: Mapping[str, Any]) -> None:
             error.add_note(f"for {', '.join(names)}")
             wrong.append(error)
             failed.append(" ".join(names))
+            if len(failed) == most:
+                break
     if wrong:
         raise BaseExceptionGroup(f"{len(wrong)} of {len(combinations)}: {', '.join(failed)}", wrong)
     if len(skipped) == len(combinations):
