@@ -76,8 +76,14 @@ def is_ours(fmu: Path) -> bool:
 
 @lru_cache(maxsize=256)
 def _is_ours(fmu: Path, found: Stamp, _chosen: tuple[Path, ...]) -> bool:
-    candidates = (path for path in fmus().values() if path.stat().st_size == found.size)
-    return any(filecmp.cmp(path, fmu, shallow=False) for path in candidates)
+    return any(_are_same(path, fmu, found.size) for path in fmus().values())
+
+
+def _are_same(ours: Path, fmu: Path, size: int) -> bool:
+    try:
+        return ours.stat().st_size == size and filecmp.cmp(ours, fmu, shallow=False)
+    except FileNotFoundError:  # one of them has been removed since it was listed
+        return False
 
 
 def systems() -> dict[str, Path]:

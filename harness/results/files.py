@@ -63,7 +63,7 @@ class ResultFile:
             raise ResultsError(f"{self.path}: cannot be written (no permission for {folder})")
         if folder == self.path.absolute().parent:
             try:
-                new_beside(self.path.absolute()).unlink()
+                new_beside(self.path.absolute()).unlink(missing_ok=True)
             except OSError as error:
                 raise ResultsError(f"{self.path}: cannot be written ({error.strerror})") from error
 

@@ -136,6 +136,27 @@ def test_what_a_kill_leaves_of_a_chunk_or_a_band_is_no_band(flown, damaged):
     assert files(damaged) == files(flown)
 
 
+def test_whoever_reads_while_a_campaign_ends_is_told_of_no_damage(damaged, monkeypatch):
+    """Histories that are no longer needed go whole, and who has listed them before finds less."""
+    scratch = damaged / "history_of_guidance.range"
+    shutil.copytree(damaged / "guidance.range", scratch)
+    reader, listed = Store.open(damaged), Store.open(damaged)._folders()
+    assert scratch.name in listed
+    monkeypatch.setattr(Store, "_folders", lambda _: listed)
+    Store.open(damaged).finish()
+    assert not scratch.exists()
+    assert reader.names("history") == ["guidance.range"]
+    monkeypatch.undo()
+    shutil.copytree(damaged / "guidance.range", scratch)
+    monkeypatch.setattr(shutil, "rmtree", lambda *_: None)  # killed before
+    Store.open(damaged).finish()
+    monkeypatch.undo()
+    assert not scratch.exists()
+    assert reader.names("history") == ["guidance.range"]
+    assert resumed(damaged) == 0
+    assert not list(damaged.glob("unfinished_*"))
+
+
 def test_a_damaged_dataset_says_so_to_whoever_reads_it(damaged):
     (damaged / "range" / "c" / "3").write_bytes(b"")
     with pytest.raises(ResultsError, match=r"c.zarr: range is damaged; .*--resume"):

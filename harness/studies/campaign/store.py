@@ -116,12 +116,16 @@ class Store:
             return None
 
     def _arrays(self) -> Iterator[tuple[str, Any]]:
-        """All complete arrays by name; ResultsError if one is damaged."""
+        """All complete arrays by name; ResultsError if one is damaged. What whoever flies the
+        campaign removes meanwhile is not.
+        """
         for name in self._folders():
-            if not name.startswith(MAKING):
-                if (array := self._found(name)) is None:
-                    raise self._damaged(name)
+            if name.startswith(MAKING):
+                continue
+            if (array := self._found(name)) is not None:
                 yield name, array
+            elif (self.path / name).is_dir():
+                raise self._damaged(name)
 
     def _damaged(self, name: str) -> ResultsError:
         return ResultsError(
@@ -346,7 +350,8 @@ class Store:
                 self._bands(self.group[name], plain)
                 (self.path / (MAKING + label)).rename(self.path / label)  # complete or not there
             if name.startswith(SCRATCH):
-                del self.group[name]
+                gone = (self.path / name).rename(self.path / (MAKING + name))  # whole or not there
+                shutil.rmtree(gone)
 
     def _bands(self, source: Any, plain: str) -> None:
         if "percentile" not in self.group:
