@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import copy
 import importlib.util
 import os
 import shlex
@@ -10,16 +11,22 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import zipfile
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from lxml import etree
+
 from harness.errors import FmuError, UsageError
 from harness.files import paths
+from harness.files.archive import pack
 from harness.files.output import written
+from harness.files.safe_xml import parsed
 from harness.system.interface import Interface, read_interface
 
 ENDINGS = (".c", ".py")
+DESCRIPTION = "modelDescription.xml"
 
 
 def build(name: str | Path, output: str | Path | None = None, compiler: str = "cc") -> Interface:
@@ -91,7 +98,26 @@ def _build_python(source: Path, folder: Path) -> Path:
     found = list(folder.glob("*.fmu"))
     if len(found) != 1:
         raise FmuError(f"{source}: it has no class derived from Fmi2Slave")
+    _complete(found[0])
     return found[0]
+
+
+def _complete(path: Path) -> None:
+    """Write what FMI 2.0 demands of a description and PythonFMU leaves out: outputs among the
+    InitialUnknowns (2.2.8), a guid in braces (2.2.1).
+    """
+    with zipfile.ZipFile(path) as file:
+        content = {name: file.read(name) for name in file.namelist() if not name.endswith("/")}
+    root = parsed(content[DESCRIPTION])
+    if not (guid := root.get("guid", "")).startswith("{"):
+        root.set("guid", f"{{{guid}}}")
+    structure, outputs = root.find("ModelStructure"), root.find("ModelStructure/Outputs")
+    if outputs is not None and root.find("ModelStructure/InitialUnknowns") is None:
+        initial = copy.deepcopy(outputs)
+        initial.tag = "InitialUnknowns"
+        structure.append(initial)
+    content[DESCRIPTION] = etree.tostring(root, xml_declaration=True, encoding="UTF-8")
+    pack(path, content, zipfile.ZIP_DEFLATED)
 
 
 def _run(command: Sequence[str], source: Path) -> None:

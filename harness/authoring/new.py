@@ -20,7 +20,7 @@ from harness.files import paths
 from harness.files.output import written
 from harness.mission.conventions import Example
 from harness.mission.library import everything
-from harness.ssp.library import of_component
+from harness.ssp.library import load, of_component
 from harness.studies.show import Signal, show
 
 LANGUAGES = {"c": ".c", "python": ".py"}
@@ -69,7 +69,11 @@ def new_controller(
         f"harness run {system} --swap {component}={target} -o {target / name}.nc",
     )
     _write(source, text)
-    _write(target / "README.md", _readme(name, source.name, place, commands))
+    with load(system) as found:
+        present = found.component(component).fmu.stem
+    compare = f"harness compare {system} --swap {component}={target},{present}"
+    note = f"\n{fitting.note}" if fitting and fitting.note else ""
+    _write(target / "README.md", _readme(name, source.name, place, (*commands, compare), note))
     return Created(target, source, commands)
 
 
@@ -135,8 +139,9 @@ def _skeleton(name: str, language: str, place: str, ports: Sequence[Signal]) -> 
     return make(name, place, ports)
 
 
-def _readme(name: str, source: str, place: str, commands: tuple[str, str]) -> str:
+def _readme(name: str, source: str, place: str, commands: tuple[str, str, str], note: str) -> str:
     results = commands[1].rpartition(" ")[2]
+    fmu = commands[0].rpartition(" ")[2] + f"/{name}.fmu"
     return f"""# {name}
 
 A controller in the place of `{place}`. The law is `control` in `{source}`.
@@ -144,13 +149,17 @@ A controller in the place of `{place}`. The law is `control` in `{source}`.
     {commands[0]}
     {commands[1]}
 
-The first command builds `{name}.fmu` here, again after every edit; the second one flies it.
+The first command builds `{name}.fmu` here, again after every edit; the second one runs it.
 
     harness show {place}
-    harness plot {results}
+    harness check {fmu} --strict
+    harness report {results} -o {results.removesuffix(".nc")}.html
+    {commands[2]}
 
-The first of these lists its ports and their units, the second one draws the figures of the run.
-"""
+The first of these lists its ports and their units, the second one says whether the FMU is by the
+book, the third one writes a page with plots, replay and verdicts, the last one puts the run beside
+that of the component it replaces, both with the actuators of the set that the system compares with.
+{note}"""
 
 
 def _write(path: Path, text: str) -> None:

@@ -42,10 +42,12 @@ class Bodies(NamedTuple):
 
 class Example(NamedTuple):
     """A source that flies in the place of a component: where, the inputs that it needs, the outputs
-    that it has, and its file without ending in the folder of examples.
+    that it has, its file without ending in the folder of examples, and what whoever changes it must
+    know.
     """
 
     place: str
     inputs: frozenset[str]
     outputs: frozenset[str]
     file: Path
+    note: str = ""

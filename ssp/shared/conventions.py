@@ -23,4 +23,8 @@ CONTROLLER = Example(
     inputs=frozenset(("r_TN_N", "v_TN_N", "r_SN_N", "v_SN_N", "q_SN", "rho_ref_N", "drho_ref_N")),
     outputs=frozenset(("F_cmd_S", "M_cmd_S", "wheel_accel_cmd")),
     file=Path("my_controller"),
+    note="""\
+The attitude of the servicer is frozen until `servicer.t_att`, 1200 s in `sync_approach`: torques
+and wheel accelerations have no effect until then. `--set servicer.t_att=0` releases it at once.
+""",
 )

@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import keyword
 import re
+import zipfile
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -19,6 +21,7 @@ from harness.authoring.build import build
 from harness.authoring.new import new_controller
 from harness.cli.app import main
 from harness.files import paths
+from harness.studies.check import check
 
 
 def fly(place, name, stop, **changes):
@@ -247,3 +250,32 @@ def test_a_name_is_an_identifier_of_a_folder_of_its_own_or_refused(tmp_path, nam
         assert not keyword.iskeyword(name)
         assert created.folder == tmp_path / name
         assert name not in paths.fmus()
+
+
+@pytest.mark.parametrize("place", [None, "space_robot.joints"])
+def test_an_fmu_in_python_is_by_the_book(tmp_path, place):
+    """Outputs are calculated, so FMI 2.0 wants them among the InitialUnknowns."""
+    pytest.importorskip("pythonfmu")
+    created = new_controller("mine", "python", place, folder=tmp_path)
+    interface = build(created.folder)
+    assert check(str(interface.path), strict=True).warnings == ()
+    with zipfile.ZipFile(interface.path) as file:
+        root = ElementTree.fromstring(file.read("modelDescription.xml"))
+    outputs, initial = (
+        [e.get("index") for e in root.find(f"ModelStructure/{name}")]
+        for name in ("Outputs", "InitialUnknowns")
+    )
+    assert outputs == initial
+    assert len(outputs) == len(interface.named("output")) > 0
+    assert re.fullmatch(r"\{.+\}", root.get("guid"))
+
+
+def test_the_readme_names_the_next_commands_and_where_attitude_control_begins(tmp_path):
+    text = (new_controller("mine", folder=tmp_path).folder / "README.md").read_text()
+    assert f"harness compare sync_approach --swap controller={tmp_path}/mine,adaptive" in text
+    assert f"harness report {tmp_path}/mine/mine.nc -o {tmp_path}/mine/mine.html" in text
+    assert f"harness check {tmp_path}/mine/mine.fmu --strict" in text
+    assert "frozen until `servicer.t_att`" in text
+    other = new_controller("other", "c", "space_robot.joints", tmp_path).folder / "README.md"
+    assert "t_att" not in other.read_text()
+    assert "harness compare space_robot --swap joints=" in other.read_text()
