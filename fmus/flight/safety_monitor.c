@@ -7,7 +7,7 @@
  *   4 passive     the drift without thrust for the next passive_time keeps out of the zone
  *   5 plume       the exhaust of F_cmd_S does not meet the target
  *   6 navigation  no longer than lost_time without a valid relative state; with use_range one that
- *                 disagrees with an independent range is not valid
+ *                 disagrees with an independent range is not valid (range_alone: nothing else counts)
  *
  * Rules 1, 2, 3 and 5 are judged in continuous time: between two samples the servicer moves on the
  * cubic arc through both states, and what was in force at the first (approaching, F_cmd_S) is in
@@ -140,9 +140,10 @@ static int valid(const Parameters *p, const Input *u, State *x, double t)
     return u->relative_valid && !x->range.distrusted;
 }
 
-static void judge_navigation(const Parameters *p, State *x, int is_valid, double t)
+/* with range_alone a state that its source calls invalid is the business of the source */
+static void judge_navigation(const Parameters *p, const Input *u, State *x, int is_valid, double t)
 {
-    if (is_valid) x->t_valid = t;
+    if (is_valid || (p->range_alone && !u->relative_valid)) x->t_valid = t;
     if (p->lost_time == 0 || !armed(p, t)) return;
     double since = p->t_armed > 0 ? larger(x->t_valid, p->t_armed) : x->t_valid;
     double left = since + p->lost_time - t;
@@ -238,7 +239,7 @@ static void watch(const Parameters *p, const Input *u, State *x, Output *y, doub
     x->seen = judged;
     x->foreseen = judged && !passive_rests(p, u);
     x->t = t;
-    judge_navigation(p, x, is_valid, t);
+    judge_navigation(p, u, x, is_valid, t);
     decide(p, x);
     if (p->act && x->abort) y->F_safe_S = abort_force_S(p, u, x, period);
     publish(x, y);

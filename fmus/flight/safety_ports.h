@@ -20,7 +20,7 @@ typedef struct {
     double passive_time, passive_step, passive_period, passive_opens;
     double use_plume, plume_half_angle, plume_range, plume_force_min;
     double lost_time, t_armed;
-    double use_range, range_at_zero, range_slope, range_patience, range_tau;
+    double use_range, range_at_zero, range_slope, range_patience, range_tau, range_alone;
     double abort_on[RULES];
     double act, mass, abort_force, abort_speed;
     vec3 abort_dv_H;
@@ -81,7 +81,10 @@ typedef struct {
         NONNEGATIVE(range_patience, "s", "ranges disagree that long before the estimate is lost"), \
         POSITIVE(range_tau, "s",                                                                   \
                  "time constant with which dead reckoning on the estimated velocity follows the "  \
-                 "range")
+                 "range"),                                                                         \
+        SWITCH(range_alone,                                                                        \
+               "1: the rule on navigation counts only a state that is called valid and disagrees " \
+               "with the range")
 
 #define SAFETY_INPUTS                                                                        \
     BODY_INPUTS("T", T, "target"), BODY_INPUTS("S", S, "servicer"),                          \

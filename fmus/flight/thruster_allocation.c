@@ -16,8 +16,8 @@
  *
  * Pulses: once per period each thruster is given x_i times the period plus what was not spent, in
  * whole samples; less than min_on_time waits. So the on-time lags the demand by less than
- * min_on_time or one sample at any time. Own design; the wrench of a thruster as in docs/models.md
- * B.6. */
+ * min_on_time or one sample at any time. Thrusters that are known to be lost are left out from
+ * lost_from on. Own design; the wrench of a thruster as in docs/models.md B.6. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "thrusters.h"
 #include "time_grid.h"
@@ -30,6 +30,7 @@ typedef struct {
     Thrusters thrusters;
     vec3 weight_F, weight_M;
     double keep_direction, pulsed, pulse_period, min_on_time, sample_period;
+    double lost[THRUSTERS], lost_from;
 } Parameters;
 typedef struct { vec3 F_cmd_S, M_cmd_S; } Input;
 typedef struct {
@@ -63,6 +64,8 @@ static const Variable variables[] = {
     POSITIVE(pulse_period, "s", "period of the pulses, a multiple of sample_period"),
     NONNEGATIVE(min_on_time, "s", "shortest pulse"),
     SAMPLE_PERIOD_AS(sample_period, "at every call (not with pulses)"),
+    SWITCH(lost, "1: known to be lost, left out from lost_from on; per thruster"),
+    PARAMETER(lost_from, "s", "the lost thrusters are left out from this time on"),
 
     INPUT(F_cmd_S, "N", "commanded force, body axes"),
     INPUT(M_cmd_S, "N.m", "commanded torque about the centre of mass, body axes"),
@@ -117,11 +120,16 @@ static Column weighted(const Parameters *p, vec3 F, vec3 M)
     return (Column){{f.x, f.y, f.z, m.x, m.y, m.z}};
 }
 
-static Matrix columns_of(const Parameters *p)
+static double thrust_at(const Parameters *p, int i, double t)
+{
+    return p->lost[i] && reached(t, p->lost_from) ? 0 : p->thrusters.nominal[i];
+}
+
+static Matrix columns_of(const Parameters *p, double t)
 {
     Matrix A;
     for (int i = 0; i < THRUSTERS; i++) {
-        Wrench w = thruster_wrench(&p->thrusters, i, p->thrusters.nominal[i]);
+        Wrench w = thruster_wrench(&p->thrusters, i, thrust_at(p, i, t));
         A.a[i] = weighted(p, w.F, w.M);
         A.a[i].v[6 + i] = DAMPING * sqrt(product_of(&A.a[i], &A.a[i], 6));
     }
@@ -216,9 +224,9 @@ static Iterate bounded_least_squares(const Matrix *A, const Column *b)
 }
 
 /* ---- the command ---- */
-static void allocate_wrench(const Parameters *p, const Input *u, Output *y)
+static void allocate_wrench(const Parameters *p, const Input *u, Output *y, double t)
 {
-    Matrix A = columns_of(p);
+    Matrix A = columns_of(p, t);
     Column w = weighted(p, u->F_cmd_S, u->M_cmd_S), none = {{0}};
     Iterate it;
     y->scale = 1;
@@ -267,9 +275,10 @@ static void modulate(const Parameters *p, State *x, Output *y, double index)
     }
 }
 
-static void allocate(const Parameters *p, const Input *u, State *x, Output *y, double index)
+static void allocate(const Parameters *p, const Input *u, State *x, Output *y, double t,
+                     double index)
 {
-    allocate_wrench(p, u, y);
+    allocate_wrench(p, u, y, t);
     publish_wrench(p, u, y);
     if (p->pulsed) modulate(p, x, y, index);
     else memcpy(y->throttle, y->demand, sizeof y->demand);
@@ -279,13 +288,13 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 {
     State first = {.on = {0}};
     *x = first;
-    allocate(p, u, &first, y, p->sample_period > 0 ? sample_index(t, p->sample_period) : 0);
+    allocate(p, u, &first, y, t, p->sample_period > 0 ? sample_index(t, p->sample_period) : 0);
 }
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
     for (Sample s = first_sample(t, h, p->sample_period); s.left > 0; s = next_sample(s))
-        allocate(p, u, x, y, s.index);
+        allocate(p, u, x, y, s.t, s.index);
 }
 
 FMU_MODEL("thruster_allocation",

@@ -4,9 +4,10 @@
  *   r = C_KN ((r_T - r_S) + C_TN^T p_GT_T) - C_KS p_KS_S,     q = (q_SN q_KS)* q_TN
  *   r_GK_K = r + sigma_r(|r|) o z_0..2,                       q_TK = q rot(sigma_t(|r|) z_3..5)
  *
- * G is the origin of the model of the target that the camera tracks. Outliers and flips (half a
- * turn about flip_axis, for a target that looks the same) come on top, unseen by pose_valid. A
- * sample is published `latency` later, from a ring of the last 8. Equations: docs/models.md F.2. */
+ * G is the origin of the model of the target that the camera tracks. Outliers, flips (half a turn
+ * about flip_axis, for a target that looks the same) and a fault (the position drifts, the attitude
+ * is turned) come on top, unseen by pose_valid. A sample is published `latency` later, from a ring
+ * of the last 8. Equations: docs/models.md F.2. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "mounting.h"
 #include "pose_noise.h"
@@ -24,6 +25,8 @@ typedef struct {
     vec3 flip_axis;
     Sun sun;
     Outage outage;
+    double fault_start, fault_duration;
+    vec3 fault_drift_K, fault_theta_T;
 } Parameters;
 typedef struct {
     vec3 r_TN_N;
@@ -87,6 +90,10 @@ static const Variable variables[] = {
     PARAMETER(flip_axis, "1", "axis of that half turn, unit vector, target axes"),
     SUN_ROWS(sun),
     OUTAGE_ROWS(outage),
+    PARAMETER(fault_start, "s", "poses are wrong, and look well, from this time on"),
+    NONNEGATIVE(fault_duration, "s", "duration of the fault"),
+    PARAMETER(fault_drift_K, "m/s", "drift of the position during the fault, camera axes"),
+    PARAMETER(fault_theta_T, "rad", "turn of the attitude during the fault, target axes"),
 
     INPUT(r_TN_N, "m", "position of the target, N axes"),
     INPUT(q_TN, "1", "attitude of the target relative to N, scalar first"),
@@ -150,6 +157,15 @@ static void spoil(const Parameters *p, Output *pose, int what, const Draws *d)
         pose->q_TK = product(pose->q_TK, (quat){0, p->flip_axis.x, p->flip_axis.y, p->flip_axis.z});
 }
 
+/* a fault of the tracker that nothing in the pose shows */
+static void mislead(const Parameters *p, Output *pose, double t)
+{
+    double since = t - p->fault_start;
+    if (!reached(t, p->fault_start) || reached(t, p->fault_start + p->fault_duration)) return;
+    pose->r_GK_K = add(pose->r_GK_K, scale(since, p->fault_drift_K));
+    pose->q_TK = product(pose->q_TK, rotation(p->fault_theta_T));
+}
+
 static Output seen(const Parameters *p, const Input *u, Sample s)
 {
     const Draws d = draws_of_sample(&p->random, s.index);
@@ -160,6 +176,7 @@ static Output seen(const Parameters *p, const Input *u, Sample s)
     if (valid) {
         pose = pose_with_noise(p, r, product(conjugate(q_KN), canonical(u->q_TN)), &d);
         spoil(p, &pose, what, &d);
+        mislead(p, &pose, s.t);
         pose.q_TK = canonical(pose.q_TK);
     }
     pose.pose_time = s.t;

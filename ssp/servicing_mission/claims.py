@@ -157,5 +157,5 @@ PAPER = Paper(
     claims=CLAIMS,
     parameters=(ISP,),
     meant=lambda result: bool((result["manager.phase"] == 10).any()),
-    cases=(Case("servicing_mission"),),
+    cases=(Case("servicing_mission"), Case("servicing_mission_navigated")),
 )

@@ -8,13 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from harness.mission import Limits, Measure
 from harness.mission.figure import Array
 from harness.results.result import Result
 
 from ..shared.relative_motion import SERVICER, TARGET, range_
 
 PHASE, REASON, BEGUN = "manager.phase", "manager.reason", "manager.t_phase"
-DOCKING, MASS = "mechanism.phase", "servicer.mass"
+DOCKING, MASS, MISSED = "mechanism.phase", "servicer.mass", "mechanism.missed"
 NEEDS = (PHASE, REASON, BEGUN, DOCKING, MASS, SERVICER, TARGET)
 PHASES = (
     "FAR", "HOLD_1", "CLOSING", "HOLD_2", "FLYAROUND", "FINAL", "HOLD_3", "MATING",
@@ -26,6 +27,10 @@ REASONS = (
 )  # fmt: skip
 CAPTURE = {2: "soft capture", 3: "hard capture", 4: "release", 5: "latch broken"}
 ISP, G_0 = "propulsion.Isp", 9.80665
+TOUCHING, BESIDE = 1.5, 2.0
+"""Range below which the bodies have met [m]: docked it is 1.58 m, with the probe askew in the cone
+1.55 m. Range within which a probe that misses the drogue hits the target beside it: the material of
+the mechanism has no back."""
 
 
 class Stay(NamedTuple):
@@ -54,6 +59,34 @@ def increments(result: Result) -> Array:
     """Velocity increments so far by the propellant that is gone, (rows,) [m/s]."""
     mass = result[MASS]
     return np.asarray(float(result.parameter(ISP)) * G_0 * np.log(mass[0] / mass))
+
+
+def collided(result: Result) -> bool:
+    """Whether the bodies met anywhere but in the drogue."""
+    far = range_(result)
+    missed = (np.diff(result[MISSED], prepend=0.0) > 0) & (far < BESIDE)
+    return bool((far < TOUCHING).any() or missed.any())
+
+
+def outcome(result: Result) -> str:
+    """How a mission ended: collided, captured (the stack detumbled), aborted (by the monitor),
+    retreated, or under way.
+    """
+    flown = {s.phase for s in stays(result)}
+    ends = {"STACK": "captured", "ABORTED": "aborted", "RETREAT": "retreated"}
+    found = [word for phase, word in ends.items() if phase in flown]
+    return "collided" if collided(result) else found[0] if found else "under way"
+
+
+def _measure(word: str) -> Measure:
+    def value(result: Result, limits: Limits) -> float:
+        del limits
+        return float(outcome(result) == word)
+
+    return Measure(word, "1", (*NEEDS, MISSED), value)
+
+
+MEASURES = tuple(map(_measure, ("captured", "retreated", "aborted", "collided", "under way")))
 
 
 def captures(result: Result) -> Iterator[tuple[float, str]]:

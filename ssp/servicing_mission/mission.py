@@ -12,7 +12,7 @@ from ..shared.approach import approach
 from ..shared.gauges import GAUGES as OF_APPROACHES
 from .claims import PAPER
 from .figures import FIGURES
-from .flight import PHASE, PHASES, notes
+from .flight import MEASURES, PHASE, PHASES, notes
 from .scene import SCENE
 
 
@@ -36,6 +36,7 @@ _APPROACH = approach(FIGURES, (PAPER,))
 MISSION = replace(
     _APPROACH,
     gauges=(*GAUGES, *OF_APPROACHES),
+    measures=(*_APPROACH.measures, *MEASURES),
     notes=(*_APPROACH.notes, notes),
     scene=(SCENE,),
 )

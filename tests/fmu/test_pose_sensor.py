@@ -90,6 +90,22 @@ def test_outliers_and_flips_come_on_top_and_stay_valid(fmu, rng):
     assert len(seen) == 4
 
 
+def test_a_fault_misleads_from_its_start_for_its_duration_and_looks_well(fmu, rng):
+    """Position drifts from the start on, attitude is turned about target axes; samples 3 to 6."""
+    p, u, _r_K, _q_TK = scene(rng)
+    drift, theta = np.array((0.6, -0.2, 0.1)), np.array((0.1, -0.3, 0.2))
+    fault = {"fault_start": 1.5, "fault_duration": 2.0}
+    fault |= {"fault_drift_K": drift, "fault_theta_T": theta}
+    clean = rows(fmu("pose_sensor", PROMPT | p), u, 10)
+    for n, row in enumerate(rows(fmu("pose_sensor", PROMPT | p | fault), u, 10)):
+        wrong = 3 <= n < 7
+        dr = wrong * (n * P - 1.5) * drift
+        q = multiply(clean[n]["q_TK"], rot(wrong * theta))
+        assert row["r_GK_K"] == pytest.approx(clean[n]["r_GK_K"] + dr, abs=1e-14)
+        assert turn_between(row["q_TK"], q) < 1e-14
+        assert (row["pose_valid"], row["pose_status"]) == (1, 0)
+
+
 FOV = 0.5236
 
 

@@ -77,6 +77,22 @@ def test_drifting_position_aborts_when_it_is_off_by_the_tolerance(fmu):
     assert unit.get("keep_out_margin") == pytest.approx(47)  # as estimated
 
 
+@pytest.mark.parametrize("alone", [0, 1])
+def test_alone_the_range_counts_only_against_a_state_that_is_called_valid(fmu, alone):
+    """Ten seconds called invalid, on purpose or not; then valid and in error by 5 m."""
+    p = {"range_at_zero": 1.0, "range_tau": 10, "range_patience": 0, "range_alone": alone}
+    unit = fmu("safety_monitor", ALONE | p)
+    for k in range(20):
+        unit.step(H, told(k, 50, 0, 50, relative_valid=0))
+    assert unit.get("abort") == 1 - alone
+    for k in range(20, 24):
+        unit.step(H, told(k, 50, 0, 45, relative_valid=1))
+    assert unit.get("abort") == 1
+    assert unit.get("rule_violated") == 6
+    # valid at 9.5 s for the last time; abort after lost_time
+    assert unit.get("t_first")[5] == pytest.approx(10.5 if alone else 1.0)
+
+
 def test_tolerance_grows_with_the_range(fmu):
     p = {"range_at_zero": 0.5, "range_slope": 0.01, "range_patience": 0}
     for off, aborts in ((1.49, False), (1.52, True)):

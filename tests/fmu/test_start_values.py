@@ -74,7 +74,8 @@ SENSORS_AND_FILTERS = {
     "pose_sensor": CAMERA
     | {"sun_N": (1, 0, 0), "r_TN_N": (20, 0, 0), "q_TN": AHEAD, "q_SN": AHEAD}
     | {"sample_period": 0.5, "stream": 3, "fov": 0.5236, "range_min": 0.5, "range_max": 100}
-    | {"latency": 0.3, "outlier_r": 2, "outlier_theta": 1, "p_drop": 0, "p_flip": 0},
+    | {"latency": 0.3, "outlier_r": 2, "outlier_theta": 1, "p_drop": 0, "p_flip": 0}
+    | {"fault_duration": 0},
     "orbit_sensor": FIX | {"sample_period": 1.0, "stream": 4, "p_drop": 0},
     "range_sensor": {"sample_period": 0.5, "stream": 5, "p_drop": 0, "sigma_range_0": 0.1}
     | {"sigma_range_1": 1e-3, "bias_0": 0, "sigma_bias_0": 0, "range_min": 0.5, "range_max": 5000}
@@ -204,7 +205,7 @@ CONTROLLERS = {
     | {"q_DN": AHEAD},
     "thruster_allocation": THRUSTERS
     | {"weight_F": (1, 1, 1), "weight_M": (1, 1, 1), "keep_direction": 1}
-    | {"pulse_period": 1, "min_on_time": 0.2, "sample_period": 0.1},
+    | {"pulse_period": 1, "min_on_time": 0.2, "sample_period": 0.1, "lost": (0,) * 16},
     "joint_controller": {"joint_angle_ref": (radians(60), radians(-40))}
     | {"Kp": (2, 1), "Kd": (60, 20)},
     "assembly_controller": BOTH_BODIES
@@ -229,7 +230,7 @@ CONTROLLERS = {
     | {"plume_force_min": 1e-3, "lost_time": 20, "abort_on": (1,) * 6, "mass": 100}
     | {"abort_force": 20, "abort_speed": 0.1, "approaching": 1, "relative_valid": 1}
     | {"use_range": 0, "range_at_zero": 1, "range_slope": 0.01, "range_patience": 5}
-    | {"range_tau": 10, "range_meas": 0, "range_time": -1, "range_valid": 0},
+    | {"range_tau": 10, "range_alone": 0, "range_meas": 0, "range_time": -1, "range_valid": 0},
 }
 CONTROLLERS |= {
     name: CONTROLLERS[name] | {"active": 1} for name in CONTROLLERS if name.endswith("_controller")

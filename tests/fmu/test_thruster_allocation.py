@@ -112,6 +112,22 @@ def test_a_command_in_reach_is_met(fmu, rng):
         assert (unit.get("infeasible"), unit.get("scale")) == (0, 1)
 
 
+def test_lost_thrusters_are_left_out_from_the_time_on(fmu, rng):
+    """The bits of an allocation to whom they have no thrust; before that those of a whole one."""
+    g, lost = box_of_thrusters(), np.arange(N) % 2
+    half = g | {"thrust_nominal": g["thrust_nominal"] * (1 - lost)}
+    units = [fmu("thruster_allocation", g | {"lost": lost, "lost_from": 2 * T0})]
+    units += [fmu("thruster_allocation", other) for other in (g, half)]
+    for k in range(4):
+        w = command(effect(g) @ rng.uniform(0, 0.1, N))
+        for unit in units:
+            unit.step(T0, w)
+        there, other = units[0], units[1 + (k >= 2)]
+        for name in ("throttle", "F_alloc_S", "M_alloc_S", "scale", "infeasible"):
+            assert np.array_equal(there.get(name), other.get(name)), (k, name)
+    assert not units[0].get("throttle")[lost == 1].any()
+
+
 def test_a_command_out_of_reach_is_scaled_to_the_largest_part_in_reach(fmu, rng):
     """Against a linear program; "in reach" means within 1e-6 of the command, and the facet may be
     oblique: 1e-5.

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""servicing_mission_navigated: the mission on estimates, and four stories of real missions with
+what protects and without it. Whole flights are marked long.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from harness import load, run
+from harness.mission.claim import Verdict
+from ssp.servicing_mission.claims import CLAIMS
+from ssp.servicing_mission.flight import collided, increments, outcome, stays
+from ssp.shared.relative_motion import range_
+
+from .test_servicing_mission import ENDS, NOMINAL, drift_of_a_day
+
+SYSTEM = "servicing_mission_navigated"
+SEES_THE_TRUTH = {
+    "star_tracker", "gyro", "pose_sensor", "orbit_sensor", "range_sensor", "mechanism",
+}  # fmt: skip
+PLANTS = {"servicer", "target"}
+STATES = {"r_TN_N", "v_TN_N", "q_TN", "omega_TN_T", "r_SN_N", "v_SN_N", "q_SN", "omega_SN_S"}
+
+
+def test_no_software_sees_the_truth():
+    """States of the bodies reach sensors and mechanism only; the software has them from filters."""
+    with load(SYSTEM) as system:
+        wires = {(*c.target, c.source.component) for c in system.connections}
+    seen = {(to, name.split("[")[0], of) for to, name, of in wires if of in PLANTS}
+    assert {to for to, name, _ in seen if name in STATES} <= SEES_THE_TRUTH
+    told = {to for to, name, of in wires if of == "relative_filter"}
+    assert {"manager", "monitor", "guidance", "controller", "stack_guidance"} <= told
+
+
+def test_first_seconds_have_the_same_bits_in_both_executors():
+    """Filters start at the wrong place and are told better by the first pose."""
+    one, other = (run(SYSTEM, stop=0.6, executor=e) for e in ("c", "python"))
+    for name in one.vectors:
+        assert np.array_equal(one[name], other[name]), name
+    off = one["servicer.r_SN_N"] - one["target.r_TN_N"]
+    off -= one["relative_filter.r_SN_N"] - one["relative_filter.r_TN_N"]
+    assert np.linalg.norm(off[0]) == pytest.approx(
+        np.linalg.norm((5, 10, 2)), abs=0.4
+    )  # axes of H at S, not T
+
+
+@pytest.fixture(scope="module")
+def nominal():
+    return run(SYSTEM)
+
+
+@pytest.mark.long
+def test_the_mission_on_estimates_comes_to_a_stack_at_rest(nominal):
+    assert [s.phase for s in stays(nominal)] == NOMINAL
+    assert outcome(nominal) == "captured"
+    assert not nominal["monitor.abort"].any()
+    assert (nominal["monitor.least_margin"][-1, [0, 1, 2, 5]] > 0).all()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("claim", CLAIMS, ids=lambda claim: claim.name)
+def test_events_lie_in_the_bands_of_the_truth(nominal, claim):
+    judgement = claim.evaluate(nominal)
+    assert judgement.verdict is Verdict.REPRODUCED, judgement.figure
+
+
+def fly(name):
+    return run(SYSTEM, params=name, every=50)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", sorted(set(ENDS) - {"bounce"}))
+def test_sets_of_the_truth_end_for_the_same_reasons(name):
+    before, reason = ENDS[name]
+    result = fly(name)
+    flown = stays(result)
+    assert [s.phase for s in flown] == [*before, "RETREAT", "SAFE"]
+    assert flown[-2].reason == reason
+    assert drift_of_a_day(result) > 150
+
+
+@pytest.mark.long
+def test_bounce_ends_in_a_safe_drift_when_the_wheels_are_full():
+    """Pushing and backing off take so long that a wheel is at its limit before the second try."""
+    result = fly("bounce")
+    flown = stays(result)
+    assert [s.phase for s in flown] == [*NOMINAL[:8], "BACKOFF", "RETREAT", "SAFE"]
+    assert flown[-2].reason == "time-out"
+    backing = result["manager.phase"] == 11
+    assert np.abs(result["servicer.wheel_speed"][backing]).max() == pytest.approx(0.3)
+    assert not collided(result)
+    assert drift_of_a_day(result) > 150
+
+
+@pytest.mark.long
+def test_dart_collides_on_its_own_estimate_and_aborts_on_the_independent_range():
+    blind, watched = fly("dart_blind"), fly("dart")
+    met = int(range_(blind).argmin())
+    assert collided(blind)
+    v = blind["servicer.v_SN_N"][met] - blind["target.v_TN_N"][met]
+    assert np.linalg.norm(v) > 0.6
+    assert not blind["monitor.violated"][:met, [0, 1, 2, 5]].any()  # all looked well
+    assert outcome(watched) == "aborted"
+    assert watched["monitor.t_first"][-1][5] < 1420  # of a fault at 1384 s
+    assert range_(watched).min() > 50
+    assert drift_of_a_day(watched) > 150
+
+
+@pytest.mark.long
+def test_elsa_d_without_half_of_its_thrusters_stays_at_the_hold_and_drifts_safely():
+    known, unseen = fly("elsa_d"), fly("elsa_d_blind")
+    told = (known.time > 2032.5) & (known.time < 2090)
+    assert known["allocation.infeasible"][told].mean() > 0.9
+    assert not unseen["allocation.infeasible"][(unseen.time > 2032) & (unseen.time < 2043)].any()
+    assert [s.phase for s in stays(known)] == [*NOMINAL[:4], "RETREAT", "SAFE"]
+    assert drift_of_a_day(known) > 150
+    assert [s.phase for s in stays(unseen)][4] == "FLYAROUND"
+    lost = [np.ptp(increments(r)[r.time > 2032]) for r in (known, unseen)]
+    assert lost[0] < 0.3
+    assert lost[1] > 5
+
+
+@pytest.mark.long
+def test_adras_j_aborts_when_the_attitude_jumps_and_misses_the_drogue_without_the_guard():
+    guarded, blind = fly("adras_j"), fly("adras_j_blind")
+    flown = stays(guarded)
+    assert [s.phase for s in flown] == [*NOMINAL[:6], "RETREAT", "SAFE"]
+    assert flown[-2].reason == "error near the target"
+    assert 13 < range_(guarded)[flown[-2].row] < 15
+    assert range_(guarded).min() > 13
+    assert drift_of_a_day(guarded) > 150
+    touching = blind["mechanism.phase"] == 1
+    assert touching.any()
+    assert blind["mechanism.misalignment"][touching].min() > np.radians(10)  # 5 deg latches
+    assert not (blind["mechanism.phase"] >= 2).any()
+
+
+@pytest.mark.long
+def test_orbital_express_retreats_at_its_reset_and_comes_back_to_the_outer_hold():
+    guarded, blind = fly("orbital_express"), fly("orbital_express_blind")
+    flown = stays(guarded)
+    assert [s.phase for s in flown] == [*NOMINAL[:6], "RETREAT", "SAFE", "FAR", "HOLD_1"]
+    assert flown[6].reason == "navigation lost"
+    assert 9 < range_(guarded)[flown[6].row] < 10
+    assert range_(guarded)[flown[6].row :].min() > 8
+    assert 95 < range_(guarded)[-1] < 110
+    assert (guarded["monitor.least_margin"][-1, :3] > 0).all()
+    assert collided(blind)
+    assert not blind["monitor.violated"][blind.time < 3200][:, :3].any()  # the estimate is at 3 m
