@@ -69,14 +69,14 @@ def run(  # noqa: PLR0913 - every one is an option of the command line
 ) -> Result:
     """Run a system and return what was recorded.
 
-    system: name of a system of the project, path of an .ssp, or a System; executor: c or python
-    (same bits); every: record every N-th macro step (default: as the system says); progress: show a
-    bar on stderr; in_process: run FMUs that are not ours in this process too, patience: how long
-    one of them may take for one call else [s] (docs/robustness.md); realtime: simulated seconds per
-    second, late: what a component elsewhere does that does not keep this pace, wait, hold or stop
-    (docs/processors.md); changes: what shall be otherwise than the system says, see
-    harness.master.changes.Changes (params, set, swap, map, on, latency, step, stop, algorithm,
-    epoch, require).
+    system: name of a system of the project, path of an .ssp, or a System; executor: c, python
+    or fused (same bits); every: record every N-th macro step (default: as the system says);
+    progress: show a bar on stderr; in_process: run FMUs that are not ours in this process too,
+    patience: how long one of them may take for one call else [s] (docs/robustness.md); realtime:
+    simulated seconds per second, late: what a component elsewhere does that does not keep this
+    pace, wait, hold or stop (docs/processors.md); changes: what shall be otherwise than the system
+    says, see harness.master.changes.Changes (params, set, swap, map, on, latency, step, stop,
+    algorithm, epoch, require).
 
     Raises UsageError, ArchiveError, StructureError, FmuError, or RunError, whose `partial` is what
     was recorded so far.

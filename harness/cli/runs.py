@@ -30,7 +30,7 @@ OutputOption = Annotated[
     Path | None, typer.Option("--output", "-o", help="File to write: .nc, .csv, .mat or .parquet")
 ]
 ExecutorOption = Annotated[
-    str | None, typer.Option(help="Step with c or python (the same bits, for debugging)")
+    str | None, typer.Option(help="Step with c, python (to debug) or fused (compiled): equal bits")
 ]
 RecordOption = Annotated[int | None, typer.Option(help="Record every N-th macro step")]
 LikeOption = Annotated[

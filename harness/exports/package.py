@@ -1,21 +1,28 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The run at hand as one file for others: an .ssp with everything inside, or one FMU that contains
-the whole system.
+"""The run at hand as one file for others: an .ssp with everything inside, or the whole system as
+one FMU, compiled of its models where all are C of this project, else a container of its FMUs.
 """
 
 from __future__ import annotations
 
+import logging
+import shutil
 from pathlib import Path
 from typing import Unpack
 
 from harness.errors import ResultsError, UsageError
 from harness.exports.container import write_container
+from harness.files.output import written
+from harness.files.temporary import PrivateFolder
 from harness.master.changes import Changes, apply
+from harness.master.fused import NotFusedError, write_whole
 from harness.spelling import file_stem
 from harness.ssp.library import load
 from harness.ssp.writer import write_ssp
-from harness.system.graph import checked, say_warnings
+from harness.system.graph import Graph, checked, say_warnings
 from harness.system.model import System
+
+_log = logging.getLogger("harness")
 
 
 def export(system: str | Path | System, target: Path, **changes: Unpack[Changes]) -> Path:
@@ -29,13 +36,30 @@ def export(system: str | Path | System, target: Path, **changes: Unpack[Changes]
     with load(system) as found:
         changed = apply(found, **changes)
         say_warnings(changed)
-        checked(changed)
+        graph = checked(changed).graph
         file = _file(target, changed.name)
         try:
-            (write_container if file.suffix == ".fmu" else write_ssp)(changed, file)
+            if file.suffix == ".fmu":
+                _write_fmu(changed, graph, file)
+            else:
+                write_ssp(changed, file)
         except ValueError as error:  # lxml: control characters, which XML has no way to write
             raise ResultsError(f"{file}: cannot be written ({error})") from error
     return file
+
+
+def _write_fmu(system: System, graph: Graph, file: Path) -> None:
+    """One model of all models; a line says why it is a container instead."""
+    with PrivateFolder() as folder:
+        made = folder / file.name
+        try:
+            write_whole(system, graph, made)
+        except NotFusedError as reason:
+            _log.warning("%s: is a container of its FMUs: %s", file.name, reason)
+            write_container(system, file)
+            return
+        with written(file) as new:
+            shutil.copyfile(made, new)
 
 
 def _file(target: Path, name: str) -> Path:

@@ -26,7 +26,7 @@ def fmus() -> dict[str, Path]:
 def is_file(path: str | Path) -> bool:
     """Whether there is a file of this name; no name is too long or too odd to ask."""
     try:
-        return Path(path).is_file()
+        return (path if isinstance(path, Path) else Path(path)).is_file()
     except (OSError, ValueError):
         return False
 

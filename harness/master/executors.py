@@ -227,4 +227,7 @@ def _loop() -> CFunction:
 
 Factory = Callable[[Sequence[Action[Instance]], NDArray[np.float64], Recorder, Clock], Executor]
 
-EXECUTORS: dict[str, Factory] = {"c": CExecutor, "python": PythonExecutor}
+FUSED = "fused"
+"""The loop in C over one FMU of the whole system (harness.master.fused)."""
+
+EXECUTORS: dict[str, Factory] = {"c": CExecutor, "python": PythonExecutor, FUSED: CExecutor}

@@ -66,14 +66,14 @@ def all_ours(system: System) -> bool:
 
 
 def timed(
-    system: System, every: int | None = 1, patience: float = math.inf
+    system: System, every: int | None = 1, patience: float = math.inf, executor: str = "c"
 ) -> tuple[Result, float]:
     """The result of a run in a child process, and the time of a macro step of its quickest stretch
     [s].
 
     patience: how long one FMI call may take; then the process is ended [s].
     """
-    with _Run(system, "c", every, patience) as run:
+    with _Run(system, executor, every, patience) as run:
         return run.result(progress=False), run.simulation.pace
 
 

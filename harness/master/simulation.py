@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any, Self, Unpack
@@ -18,8 +18,9 @@ from harness.files import signals
 from harness.files.temporary import PrivateFolder
 from harness.master import messages
 from harness.master.changes import Changes, apply
-from harness.master.executors import EXECUTORS, Clock
+from harness.master.executors import EXECUTORS, FUSED, Clock
 from harness.master.fmu import Instance
+from harness.master.fused import Whole, WholeInstance, compiled, slots_of
 from harness.master.initialization import initialize
 from harness.master.pacer import Pacer
 from harness.master.progress import Watch, shown
@@ -27,7 +28,7 @@ from harness.master.recorder import Recorder
 from harness.master.refusals import as_typed
 from harness.results.provenance import flown, now
 from harness.results.result import Result
-from harness.system.graph import Checked, Node, checked, columns, constants, rechecked
+from harness.system.graph import Checked, Node, Slot, checked, columns, constants, rechecked
 from harness.system.model import System
 from harness.system.schedule import schedule
 
@@ -38,6 +39,9 @@ REHEARSED = 100
 """Rows of a run that are repeated to see whether an FMU from elsewhere can be reset."""
 
 _log = logging.getLogger("harness")
+
+Kept = tuple[int, ...] | None
+"""Slots that are recorded, in order; None: all."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +81,8 @@ class Simulation:
         when they are due; None: as soon as they can. Raises StructureError, FmuError or UsageError.
         """
         if executor not in EXECUTORS:
-            raise UsageError(f"there is no executor {executor}, only {' and '.join(EXECUTORS)}")
+            *names, last = EXECUTORS
+            raise UsageError(f"there is no executor {executor}, only {', '.join(names)} and {last}")
         now()  # a SOURCE_DATE_EPOCH that is none is refused before the run, not after it
         self.base = system
         self.every = every
@@ -86,22 +91,32 @@ class Simulation:
         """How well the pacer was followed, in a line."""
         self.instances: list[Instance] = []
         self._executor_name = executor
+        self._whole: Whole | None = None
+        self._apart = executor != FUSED
+        """Whether the FMUs are loaded one by one; else there is one for the whole system."""
         self._folder: PrivateFolder | None = None
         changed = apply(system, **changes)
         found = checked(changed)
         self._lay_out(changed, found, self._recorder(found, changed))
 
-    def _recorder(self, found: Checked, system: System, every: int | None = None) -> Recorder:
+    def _recorder(
+        self, found: Checked, system: System, every: int | None = None, kept: Kept = None
+    ) -> Recorder:
         """The first that is said: of this run, of the simulation, of the system."""
         told = next(n for n in (every, self.every, system.experiment.every) if n is not None)
-        return Recorder(found.steps, len(found.graph.slots), told)
+        return Recorder(found.steps, len(found.graph.slots if kept is None else kept), told)
 
-    def _lay_out(self, system: System, found: Checked, recorder: Recorder) -> None:
+    def _lay_out(
+        self, system: System, found: Checked, recorder: Recorder, kept: Kept = None
+    ) -> None:
         self.system = system
         self.graph, self.steps = found
+        self.kept = kept
+        """Slots that are recorded, in order; None: all."""
         self.clock = Clock(system.experiment.start, system.experiment.step or 0.0)
-        self.bus: NDArray[np.float64] = np.zeros(len(self.graph.slots))
-        self.settled: NDArray[np.intp] = np.zeros(len(self.graph.slots), dtype=np.intp)
+        width = len(self.graph.slots if kept is None else kept)
+        self.bus: NDArray[np.float64] = np.zeros(width)
+        self.settled: NDArray[np.intp] = np.zeros(width, dtype=np.intp)
         """Per slot the round of initial propagation in which it changed last."""
         self.recorder = recorder
         self.pace = math.inf
@@ -154,9 +169,14 @@ class Simulation:
         *,
         every: int | None = None,
         progress: Callable[[int], None] | None = None,
+        wanted: Collection[str] | None = None,
     ) -> Result:
-        """The same for a system that was changed already."""
-        self.begin(system, every)
+        """The same for a system that was changed already.
+
+        wanted: variables that are to be recorded, by their names without indices (None: all); only
+        the executor `fused` leaves out the others, and only where a run does not fail.
+        """
+        self.begin(system, every, wanted)
         try:
             self.advance(progress=progress)
             return self.result()
@@ -164,7 +184,12 @@ class Simulation:
             for instance in self.instances:
                 messages.report_warnings(instance.name)
 
-    def begin(self, system: System, every: int | None = None) -> None:
+    def begin(
+        self,
+        system: System,
+        every: int | None = None,
+        wanted: Collection[str] | None = None,
+    ) -> None:
         """Go back to before the initialization, with this system in the place of the present one.
 
         FMUs are reset; only those that were not there before, or cannot be reset to the bit, are
@@ -173,18 +198,43 @@ class Simulation:
         if self._folder is None:
             raise UsageError("a Simulation can run inside its `with` block only")
         found = rechecked(system, self.system, self.graph)
-        recorder = self._recorder(found, system, every)
+        self._apart = self._executor_name != FUSED
+        everything = self._apart or wanted is None
+        kept = None if everything else slots_of(found.graph.slots, frozenset(wanted or ()))
+        recorder = self._recorder(found, system, every, kept)
         if self._initialised and self.step >= self.recorder.every and self._unproved():
             self._rehearse()
-        self._lay_out(system, found, recorder)
+        self._lay_out(system, found, recorder, kept)
         self._assemble()
+
+    def _nodes(self) -> tuple[Node, ...]:
+        """What is loaded: a node per component, or one for the whole system; where that cannot be
+        made, a line says so and the usual executor runs.
+        """
+        if self._apart:
+            return self.graph.nodes
+        if self._whole is None or not self._whole.fits(self.system, self.graph):
+            self._whole = compiled(self.system, self.graph)
+        if self._whole is None:
+            self._executor_name = "c"
+            self._separate()
+            return self.graph.nodes
+        return (self._whole.node(self.graph, self.kept),)
+
+    def _separate(self) -> None:
+        """The same run with the FMUs one by one, from its beginning, and all of it recorded."""
+        self._apart = True
+        every, found = self.recorder.every, Checked(self.graph, self.steps)
+        recorder = self.recorder if self.kept is None else self._recorder(found, self.system, every)
+        recorder.done = 0
+        self._lay_out(self.system, found, recorder)
 
     def _assemble(self, *, trial: bool = False) -> None:
         """An instance for every node: the one of that name if it can go back, else a new one."""
         before = {instance.name: instance for instance in self.instances}
         self.instances = []
         try:
-            for node in self.graph.nodes:
+            for node in self._nodes():
                 earlier = before.get(node.component.name)
                 if earlier is not None and earlier.renew(node, trial=trial):
                     self.instances.append(before.pop(node.component.name))
@@ -201,7 +251,10 @@ class Simulation:
         assert self._folder is not None
         if earlier is not None:
             earlier.close()
-        instance = Instance(node, self._folder.path)
+        if self._apart or self._whole is None:
+            instance = Instance(node, self._folder.path)
+        else:
+            instance = WholeInstance(node, self._folder.path, self._whole)
         if earlier is not None and earlier.node.interface is node.interface:
             instance.resettable = earlier.resettable
         return instance
@@ -221,7 +274,7 @@ class Simulation:
         regular = min(max(REHEARSED // every, 1), self.step // every) + 1
         wanted = self.recorder.rows[:regular].copy()
         again = Recorder((len(wanted) - 1) * every, len(self.bus), every)
-        self._lay_out(self.system, Checked(self.graph, self.steps), again)
+        self._lay_out(self.system, Checked(self.graph, self.steps), again, self.kept)
         self._assemble(trial=True)
         same = self._repeats(wanted)
         unproved = self._unproved()
@@ -250,6 +303,9 @@ class Simulation:
 
         Raises RunError: a refused parameter, a failing FMU, or an output that is not finite.
         """
+        for instance in self.instances:
+            if isinstance(instance, WholeInstance):
+                instance.values = instance.whole.values(self.system, self.graph)
         self.settled, undecided = initialize(
             self.instances, self.bus, self.clock.start, self.clock.time(self.steps)
         )
@@ -287,9 +343,15 @@ class Simulation:
         try:
             if self._folder is None:
                 raise UsageError("a Simulation can advance inside its `with` block only")
-            if not self._initialised:
-                self.initialize()
-            self._advance(self.steps if to is None else min(to, self.steps), progress)
+            last = self.steps if to is None else min(to, self.steps)
+            try:
+                self._begin_and_advance(last, progress)
+            except RunError:
+                if self._apart:
+                    raise
+                self._separate()  # the same run, and its end in the words of the FMU that fails
+                self._assemble()
+                self._begin_and_advance(last, progress)
         except KeyboardInterrupt:
             raise self._partial(InterruptionError(self.system.name, self.time)) from None
         except RefusalError as error:
@@ -297,6 +359,11 @@ class Simulation:
             raise typed from error.__cause__
         except RunError as error:
             raise self._partial(error) from error.__cause__
+
+    def _begin_and_advance(self, to: int, progress: Callable[[int], None] | None) -> None:
+        if not self._initialised:
+            self.initialize()
+        self._advance(to, progress)
 
     def _advance(self, to: int, progress: Callable[[int], None] | None) -> None:
         chunk = 1
@@ -355,7 +422,7 @@ class Simulation:
 
         The table is not copied: stepping on after restore() overwrites its later rows.
         """
-        names, units, descriptions = columns(self.graph.slots)
+        names, units, descriptions = columns(self._recorded_slots())
         time = np.asarray(
             self.clock.start + self.recorder.macro_steps * self.clock.step, dtype=np.float64
         )
@@ -373,6 +440,18 @@ class Simulation:
             self.parameters(),
             flown(self.system, self._executor_name, self.recorder.every, self.timing),
         )
+
+    def _recorded_slots(self) -> tuple[Slot, ...]:
+        slots = self.graph.slots
+        return slots if self.kept is None else tuple(slots[i] for i in self.kept)
+
+    def last(self) -> NDArray[np.float64]:
+        """Values of all slots of the system now, those included that are not recorded."""
+        if self.kept is None:
+            return self.bus.copy()
+        (instance,) = self.instances
+        assert isinstance(instance, WholeInstance)
+        return instance.everything()
 
     def parameters(self) -> Result:
         """All parameters as a table of one row."""

@@ -6,15 +6,23 @@ stays; a run with others is flown in a process of its own, which does not.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from harness.master import isolated
 from harness.master.changes import Changes, apply
+from harness.master.executors import FUSED
 from harness.master.simulation import Simulation
 from harness.results.result import Result
 from harness.ssp.library import load
+from harness.system.graph import Slot, columns
 from harness.system.model import System
+from harness.system.names import base
 
 
 class Warm:
@@ -23,30 +31,90 @@ class Warm:
     pace: time of a macro step of the last run, of its quickest stretch [us].
     """
 
-    def __init__(self, system: str | Path) -> None:
+    def __init__(self, system: str | Path, executor: str = "c") -> None:
         self._life = ExitStack()
+        self._executor = executor
         self.system = self._life.enter_context(load(system))
         self._simulation: Simulation | None = None
         self.pace = math.nan
 
-    def fly(self, changes: Changes, every: int = 1, patience: float = math.inf) -> Result:
+    def fly(
+        self,
+        changes: Changes,
+        every: int = 1,
+        patience: float = math.inf,
+        wanted: Collection[str] | None = None,
+    ) -> Result:
         """One run; raises what run() raises.
 
-        patience: how long an FMU that is not ours may take for one call [s].
+        patience: how long an FMU that is not ours may take for one call [s]; wanted: variables that
+        are to be recorded (None: all), see Simulation.fly_system(). With the executor `fused` it is
+        a Reading.
         """
         changed = apply(self.system, **changes)
         if isolated.all_ours(changed):
-            result, pace = self._here(changed, every)
+            result, pace = self._here(changed, every, wanted)
         else:
-            result, pace = isolated.timed(changed, every, patience)
+            result, pace = isolated.timed(changed, every, patience, self._executor)
         self.pace = 1e6 * pace
         return result
 
-    def _here(self, system: System, every: int) -> tuple[Result, float]:
+    def _here(
+        self, system: System, every: int, wanted: Collection[str] | None
+    ) -> tuple[Result, float]:
         if self._simulation is None:
-            self._simulation = self._life.enter_context(Simulation(system))
-        return self._simulation.fly_system(system, every=every), self._simulation.pace
+            made = Simulation(system, executor=self._executor)
+            self._simulation = self._life.enter_context(made)
+        simulation = self._simulation
+        result = simulation.fly_system(system, every=every, wanted=wanted)
+        if self._executor == FUSED:
+            result = Reading(result, simulation.graph.slots, simulation.last())
+        return result, simulation.pace
 
     def close(self) -> None:
         """End the simulation and remove what was unpacked for it."""
         self._life.close()
+
+
+class Reading(Result):
+    """A run that notes what is read of it, where not every variable needs to be recorded.
+
+    recorded: what there is; columns, units and descriptions are those of the whole run, `last` are
+    the last values of all of them; asked: variables that somebody has read, all of them where
+    somebody has wanted the table itself.
+    """
+
+    recorded: Result
+    last: NDArray[np.float64]
+    asked: set[str]
+
+    def __init__(self, recorded: Result, slots: Sequence[Slot], last: NDArray[np.float64]) -> None:
+        self.__dict__.update(recorded=recorded, last=last, asked=set())
+        names, units, texts = columns(slots)
+        r = recorded
+        super().__init__(
+            r.system, r.time, names, units, r.values, texts, r.complete, r.message,
+            r.parameters, r.provenance,
+        )  # fmt: skip
+        self.asked.clear()
+
+    @property
+    def missed(self) -> bool:
+        """Whether something was read that is not recorded."""
+        return not self.asked.issubset(map(base, self.recorded.columns))
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        if name not in self:
+            return super().__getitem__(name)
+        self.asked.add(base(name))
+        return self.recorded[name]
+
+    @property
+    def values(self) -> Any:
+        """The table, of which not all may be there."""
+        self.asked.update(map(base, self.columns))
+        return self.recorded.values
+
+    @values.setter
+    def values(self, _: Any) -> None:
+        """It is that of what was recorded."""

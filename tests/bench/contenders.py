@@ -92,6 +92,12 @@ class RecordingC(Contender):
         self.ready.advance()
 
 
+class RecordingFused(RecordingC):
+    """The same loop over one FMU of the whole system: all outputs are read and recorded."""
+
+    executor = "fused"
+
+
 class RecordingPython(RecordingC):
     """Our Python executor, recording every macro step."""
 
@@ -186,6 +192,7 @@ CONTENDERS: tuple[tuple[str, type[Contender]], ...] = (
     ("monolithic C program", MonolithicProgram),
     ("bare C loop over the FMUs", BareLoop),
     ("C executor, recording", RecordingC),
+    ("fused executor, recording", RecordingFused),
     ("Python executor, recording", RecordingPython),
     ("FMPy FMU2Slave methods", FMPyLoop),
     ("libcosim, 0 worker threads", LibcosimMaster),

@@ -139,7 +139,10 @@ def test_help_names_every_command(command):
             ["run", "demo", "--swap", "cuont=gain"],
             "--swap cuont: demo has no such component (close: count)",
         ),
-        (["run", "demo", "--executor", "rust"], "there is no executor rust, only c and python"),
+        (
+            ["run", "demo", "--executor", "rust"],
+            "there is no executor rust, only c, python and fused",
+        ),
         (["run", "demo", "--every", "0"], "--every must be at least 1, not 0"),
         (["check", "gian"], "gian: there is no such system or FMU (close: gain)"),
     ],

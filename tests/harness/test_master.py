@@ -323,7 +323,7 @@ def test_what_was_unpacked_is_gone_after_the_run_and_after_a_failure(make, monke
 
 
 def test_unknown_executors_and_senseless_thinning_are_wrong_use(make):
-    with pytest.raises(UsageError, match="there is no executor fortran, only c and python"):
+    with pytest.raises(UsageError, match="there is no executor fortran, only c, python and fused"):
         simulate(make({"a": "counter"}), executor="fortran")
     with pytest.raises(UsageError, match="--every must be at least 1, not 0"):
         simulate(make({"a": "counter"}), every=0)

@@ -202,6 +202,7 @@ def task_of(plan: Plan, found: Layout) -> Task:
         tuple(steps[list(rows)].tolist()),
         plan.patience,
         max(1, PIECE_STEPS // found.steps),
+        plan.executor,
     )
 
 

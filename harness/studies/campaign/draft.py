@@ -13,6 +13,8 @@ import numpy as np
 
 from harness.errors import HarnessError, StructureError
 from harness.master.changes import Changes, apply, as_in_a_file, pairs
+from harness.master.executors import EXECUTORS, FUSED
+from harness.master.fused import compiled
 from harness.master.recorder import recorded
 from harness.master.refusals import as_typed, without
 from harness.master.trial import refused
@@ -41,8 +43,8 @@ from harness.system.values import plain
 
 KEYS = {
     "system", "runs", "seed", "sampler", "every", "fixed", "factors", "seeds", "metrics",
-    "success", "worst", "keep", "expected", "patience", "requirements", "until", "asked",
-    "sensitivity", "probability", "tune", "map",
+    "success", "worst", "keep", "expected", "patience", "executor", "requirements", "until",
+    "asked", "sensitivity", "probability", "tune", "map",
 }  # fmt: skip
 
 MAX_RUNS = 10_000_000
@@ -104,6 +106,10 @@ class _Draft:
         factors = [*table.get("factors", {})]
         seeds, keep = self.plan.seeds, self.plan.keep
         self.problems += wrong_names(table.get("metrics", {}), factors, seeds, keep)
+        if self.plan.executor not in EXECUTORS:
+            close = did_you_mean(self.plan.executor, EXECUTORS)
+            known = ", ".join(EXECUTORS)
+            self.problems.append(f"executor: there is no {self.plan.executor}{close}, only {known}")
         sampler = self.plan.sampler
         if sampler not in draws.SAMPLERS:
             close = did_you_mean(sampler, draws.SAMPLERS)
@@ -230,6 +236,9 @@ class _Draft:
         if not self.problems:
             say_warnings(*systems)
             say_inconsistencies(*systems)
+            if self.plan.executor == FUSED:  # compiled here, and said here if it cannot be
+                for changed, found in ready:
+                    compiled(changed, found.graph)
             self.layout = _layout(systems[0], [found for _, found in ready])
 
     def _try(self, systems: Sequence[System]) -> None:

@@ -74,6 +74,11 @@ class Plan:
         return float(self.definition.get("patience", PATIENCE))
 
     @property
+    def executor(self) -> str:
+        """Who performs the macro steps of the runs, as for run()."""
+        return str(self.definition.get("executor", "c"))
+
+    @property
     def fixed(self) -> Changes:
         """Changes common to all runs, with the requirements of the campaign."""
         changes: dict[str, Any] = dict(self.definition.get("fixed", {}))

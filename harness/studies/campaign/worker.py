@@ -25,7 +25,7 @@ from harness.results.result import Result
 from harness.results.verdict import Verdict
 from harness.ssp.library import take_mission
 from harness.studies.campaign.metrics import Metric, is_condition, measured, read
-from harness.studies.warm import Warm
+from harness.studies.warm import Reading, Warm
 
 Array = NDArray[np.float64]
 
@@ -46,7 +46,8 @@ class Task:
     metrics: texts by name; requirements: texts of those of the system by name, judged in every run;
     success is what `metrics` says, or all of them; kept: variables whose histories are wanted, in
     recorded rows of these numbers, after so many macro steps; patience: how long an FMU that is not
-    ours may take for one call [s]; piece: runs that a worker is given at once.
+    ours may take for one call [s]; piece: runs that a worker is given at once; executor: as for
+    run(), of which `fused` records only what is read of a run.
     """
 
     key: str
@@ -61,6 +62,7 @@ class Task:
     steps: tuple[int, ...] = ()
     patience: float = 60.0
     piece: int = 1
+    executor: str = "c"
 
 
 class Row(NamedTuple):
@@ -82,11 +84,14 @@ class Row(NamedTuple):
 
 @dataclass
 class _Pilot:
-    """The warm simulation of this process, and its metrics."""
+    """The warm simulation of this process, and its metrics; wanted: variables that were read of the
+    runs so far, None before the first.
+    """
 
     task: Task
     warm: Warm
     metrics: dict[str, Metric] = field(default_factory=dict)
+    wanted: frozenset[str] | None = None
 
 
 _pilots: dict[str, _Pilot] = {}
@@ -98,7 +103,7 @@ def _pilot(task: Task) -> _Pilot:
         close()
         take_mission(task.system)
         found = {name: read(name, text, task.folder) for name, text in task.metrics.items()}
-        _pilots[task.key] = _Pilot(task, Warm(task.system), found)
+        _pilots[task.key] = _Pilot(task, Warm(task.system, task.executor), found)
     return _pilots[task.key]
 
 
@@ -122,7 +127,7 @@ def fly_block(task: Task, block: Sequence[Changes]) -> list[Row]:
 def _fly(pilot: _Pilot, changes: Changes) -> Row:
     task = pilot.task
     try:
-        return _row(pilot, COMPLETE, "", pilot.warm.fly(changes, task.every, task.patience))
+        return _complete(pilot, changes)
     except InterruptionError as error:  # the user means the campaign, not this run
         raise KeyboardInterrupt from error
     except RunError as error:
@@ -131,6 +136,21 @@ def _fly(pilot: _Pilot, changes: Changes) -> Row:
         return lost(task, str(error), error.time)
     except HarnessError as error:
         return lost(task, as_in_a_file(error))
+
+
+def _complete(pilot: _Pilot, changes: Changes) -> Row:
+    """A run that does not fail; once more, with everything, if something was read of it that was
+    not recorded.
+    """
+    task = pilot.task
+    result = pilot.warm.fly(changes, task.every, task.patience, pilot.wanted)
+    row = _row(pilot, COMPLETE, "", result)
+    if isinstance(result, Reading) and result.missed:
+        result = pilot.warm.fly(changes, task.every, task.patience)
+        row = _row(pilot, COMPLETE, "", result)
+    if isinstance(result, Reading):
+        pilot.wanted = frozenset(result.asked).union(pilot.wanted or ())
+    return row
 
 
 def lost(task: Task, message: str, time: float = float("nan")) -> Row:
@@ -186,9 +206,10 @@ def _all_met(judged: Sequence[Finding]) -> tuple[float, str]:
 
 def _last(task: Task, result: Result) -> Array:
     """Last row in the columns of the campaign; a swapped FMU may have others."""
+    last = result.last if isinstance(result, Reading) else result.values[-1]
     if result.columns == task.columns:
-        return np.array(result.values[-1])
-    given = dict(zip(result.columns, result.values[-1], strict=True))
+        return np.array(last)
+    given = dict(zip(result.columns, last, strict=True))
     return np.array([given.get(name, np.nan) for name in task.columns])
 
 

@@ -1,0 +1,37 @@
+/* layout.c - host tool: prints what fuse.py needs to know of the models that it is linked with.
+ *
+ * parts.inc lists them as MODEL(symbol). One line per model: symbol, doubles of the model, of its
+ * scratch, first double of inputs, states, outputs; then one line with the start values of its
+ * parameters and inputs, and one per row: causality, first double, size, columns,
+ * rule, kind, unit, name, text; columns are separated by tabs. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#include "fmu.h"
+
+#define MODEL(symbol)                   \
+    extern const ModelInterface symbol; \
+    extern const size_t symbol##_inputs;
+#include "parts.inc"
+#undef MODEL
+
+static void print_model(const char *symbol, const ModelInterface *m, size_t inputs)
+{
+    const size_t states = m->state_offset / sizeof(double);
+    const double *start = m->start;
+    const size_t scratch = (m->scratch + sizeof(double) - 1) / sizeof(double);
+    printf("model\t%s\t%zu\t%zu\t%zu\t%zu\t%zu\nstart", symbol, m->size / sizeof(double), scratch,
+           inputs, states, states + m->state_count);
+    for (size_t i = 0; i < states; i++) printf("\t%a", start[i]);
+    printf("\n");
+    for (const Variable *v = m->variables; v < m->variables + m->variable_count; v++)
+        printf("row\t%d\t%zu\t%zu\t%zu\t%d\t%d\t%s\t%s\t%s\n", (int)v->causality,
+               v->offset / sizeof(double), v->size, v->columns, (int)v->rule, (int)v->kind, v->unit,
+               v->name, v->text);
+}
+
+int main(void)
+{
+#define MODEL(symbol) print_model(#symbol, &symbol, symbol##_inputs);
+#include "parts.inc"
+#undef MODEL
+    return 0;
+}

@@ -1,0 +1,244 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A whole system as one FMU, compiled from the sources in its FMUs, and its one instance in a run.
+
+core/build/fuse.py writes, compiles and packs it. For runs that happens once for every structure
+(components, connections, schedule): all values are set before every run.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import json
+import logging
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import HarnessError
+from harness.files import cache, paths
+from harness.files.temporary import PrivateFolder
+from harness.master.fmu import OK, WARNING, Instance
+from harness.master.transfer import Transfer
+from harness.system.graph import Graph, Node, Slot, Wire
+from harness.system.interface import read_interface
+from harness.system.model import Component, System
+from harness.system.names import base
+from harness.system.schedule import Verb, schedule
+
+_log = logging.getLogger("harness")
+
+MACRO_STEP = "macro_step"
+"""Parameter of the whole FMU: its communication steps are whole multiples of it [s]."""
+
+COMPILER = "cc"
+
+
+class NotFusedError(HarnessError):
+    """The system cannot be one FMU of ours; str() is the reason, in one line."""
+
+
+def write_whole(system: System, graph: Graph, path: Path, compiler: str = COMPILER) -> None:
+    """Write a checked system as one FMU with its values as start values; NotFusedError."""
+    _make(_plan(system, graph, path.stem), path, _command(compiler))
+
+
+class Whole:
+    """The FMU of one structure of a system, and what its instance is given for a run of it."""
+
+    def __init__(self, system: System, graph: Graph) -> None:
+        """Compile it, unless that was done before; NotFusedError."""
+        self._graph, self._algorithm = graph, system.experiment.algorithm
+        plan = _plan(system, graph, "whole")
+        compiler = _command(COMPILER)
+        file = cache.made("whole.fmu", _key(plan, compiler), lambda to: _make(plan, to, compiler))
+        self.interface = read_interface(file)
+        found = self.interface.variables
+        self.outputs = tuple(Wire(found[slot.name], i) for i, slot in enumerate(graph.slots))
+        self._places = {v.name: i for i, v in enumerate(self.interface.settable().values())}
+        self.references = [v.reference for v in self.interface.settable().values()]
+        starts = {f"{p['name']}.{k}": v for p in plan["parts"] for k, v in p["own"].items()}
+        self._starts = np.array([starts.get(name, 0.0) for name in self._places])
+        self.ours = all(paths.is_ours(node.interface.path) for node in graph.nodes)
+
+    def fits(self, system: System, graph: Graph) -> bool:
+        """Whether a system differs from the one that this was made of in values only."""
+        return system.experiment.algorithm == self._algorithm and (
+            graph is self._graph
+            or (
+                graph.slots == self._graph.slots
+                and len(graph.nodes) == len(self._graph.nodes)
+                and all(map(_same_place, graph.nodes, self._graph.nodes))
+            )
+        )
+
+    def node(self, graph: Graph, kept: Sequence[int] | None) -> Node:
+        """The one node of a run; kept: the slots that are wanted, in order (None: all)."""
+        component = Component("whole", self.interface.path)
+        outputs = self.outputs
+        if kept is not None:
+            outputs = tuple(Wire(outputs[slot].variable, i) for i, slot in enumerate(kept))
+        return Node(component, self.interface, (), outputs, (), ())
+
+    def values(self, system: System, graph: Graph) -> NDArray[np.float64]:
+        """Values of all settable variables, in their order."""
+        values = self._starts.copy()
+        values[self._places[MACRO_STEP]] = system.experiment.step or 0.0
+        for node in graph.nodes:
+            name = node.component.name
+            for variable, value in node.settings:
+                place = self._places.get(f"{name}.{variable.name}")
+                if place is not None:  # an input that somebody drives has no start value
+                    values[place] = value
+        return values
+
+
+def compiled(system: System, graph: Graph) -> Whole | None:
+    """The whole of a system; None, and a line in the log, where it has none."""
+    try:
+        return Whole(system, graph)
+    except NotFusedError as reason:
+        _log.warning("%s: runs with the executor c: %s", system.name, reason)
+        return None
+
+
+def _same_place(a: Node, b: Node) -> bool:
+    one, other = a.component, b.component
+    return (
+        a.interface is b.interface
+        and a.inputs == b.inputs
+        and (one.name, one.every, one.latency) == (other.name, other.every, other.latency)
+    )
+
+
+@lru_cache(maxsize=8)
+def slots_of(slots: tuple[Slot, ...], wanted: frozenset[str]) -> tuple[int, ...]:
+    """Places of these variables, in order."""
+    return tuple(i for i, slot in enumerate(slots) if base(slot.name) in wanted)
+
+
+class WholeInstance(Instance):
+    """The instance of a whole system: all its values are set in one call."""
+
+    def __init__(self, node: Node, folder: Path, whole: Whole) -> None:
+        super().__init__(node, folder)
+        self.whole = whole
+        self.resettable = True if whole.ours else None
+        n = len(whole.references)
+        self._references = (ctypes.c_uint * n)(*whole.references)
+        self.values: NDArray[np.float64] = np.zeros(n)
+        self._get = Transfer(self.library.fmi2GetReal, self.handle, whole.outputs, ctypes.c_double)
+
+    def set_start_values(self, time: float) -> None:
+        """All parameters and open inputs at once; RunError without the name of a refused one."""
+        self._used = True
+        address = self.values.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+        count = len(self.values)
+        status = self.library.fmi2SetReal(self.handle, self._references, count, address)
+        if status not in (OK, WARNING):
+            raise self._failure(status, "setReal refused", time)
+
+    def everything(self) -> NDArray[np.float64]:
+        """All outputs as they are now, those included that are not kept."""
+        bus = np.zeros(len(self.whole.outputs))
+        self.raise_if_failed(Verb.GET, self._get.read(bus), 0.0)
+        return bus
+
+
+# ---- what fuse.py is told
+
+
+def _plan(system: System, graph: Graph, name: str) -> dict[str, Any]:
+    """The system in its words; NotFusedError if there are variables other than Real."""
+    if others := sorted({node.component.name for node in graph.nodes if not _only_real(node)}):
+        raise NotFusedError(f"{', '.join(others)}: has variables that are not Real")
+    experiment = system.experiment
+    driver = {w.slot: (i, w.variable.name) for i, n in enumerate(graph.nodes) for w in n.outputs}
+    place = {node.component.name: i for i, node in enumerate(graph.nodes)}
+    actions = schedule(experiment.algorithm, [node.component for node in graph.nodes])
+    return {
+        "name": re.sub(r"\W", "_", f"_{name}" if name[:1].isdigit() else name),
+        "text": " ".join((system.description or system.name).split()),
+        "start": experiment.start,
+        "stop": experiment.stop or 0.0,
+        "step": experiment.step or 0.0,
+        "parts": [_part(node, driver, experiment.algorithm) for node in graph.nodes],
+        "plan": [[a.verb.value, place[a.instance.name], a.every, a.phase] for a in actions],
+    }
+
+
+def _only_real(node: Node) -> bool:
+    return all(v.type == "Real" for v in node.interface.variables.values())
+
+
+def _part(node: Node, driver: dict[int, tuple[int, str]], algorithm: str) -> dict[str, Any]:
+    component = node.component
+    own = {name: v.start for name, v in node.interface.settable().items()}
+    late = component.latency > 0 or (algorithm == "jacobi" and component.every > 1)
+    return {
+        "name": component.name,
+        "fmu": str(component.fmu),
+        "own": own,
+        "values": own | {s.variable.name: s.value for s in node.settings},
+        "driven": {w.variable.name: [*driver[w.slot], *w.change] for w in node.inputs},
+        "late": late,
+    }
+
+
+# ---- compiling
+
+
+def _command(compiler: str) -> list[str]:
+    """The compiler, which is there, and so are the sources; NotFusedError."""
+    command = shlex.split(compiler)
+    if paths.core() is None:
+        raise NotFusedError("the C sources of the project are not there")
+    if not command or shutil.which(command[0]) is None:
+        raise NotFusedError(f"there is no C compiler ({compiler})")
+    return command
+
+
+def _key(plan: dict[str, Any], compiler: Sequence[str]) -> bytes:
+    """What the compiled whole depends on: structure, FMUs, tools; not the values, which are set."""
+    total = hashlib.sha256(json.dumps([plan["plan"], list(compiler)]).encode())
+    for part in plan["parts"]:
+        total.update(json.dumps([part["name"], part["driven"], part["late"]]).encode())
+        total.update(hashlib.sha256(Path(part["fmu"]).read_bytes()).digest())
+    found = Path(shutil.which(compiler[0]) or "").resolve()
+    total.update(repr((str(found), paths.stamp(found))).encode())
+    for file in _tools():
+        total.update(file.read_bytes())
+    return total.digest()
+
+
+def _tools() -> Iterator[Path]:
+    core = paths.core()
+    assert core is not None
+    for room in ("adapter", "build"):
+        yield from sorted(f for f in (core / room).iterdir() if f.suffix in (".c", ".h", ".py"))
+
+
+def _make(plan: dict[str, Any], path: Path, compiler: Sequence[str]) -> None:
+    core = paths.core()
+    assert core is not None
+    with PrivateFolder() as folder:
+        file = folder / "system.json"
+        file.write_text(json.dumps(plan), encoding="utf-8")
+        tool = [sys.executable, str(core / "build" / "fuse.py"), str(file), "-o", str(path)]
+        done = subprocess.run(
+            [*tool, f"--cc={shlex.join(compiler)}"], stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT, text=True, errors="replace", check=False,
+            stdin=subprocess.DEVNULL,
+        )  # fmt: skip
+    if done.returncode:
+        said = [line for line in done.stdout.splitlines() if line.strip()]
+        raise NotFusedError(said[0] if said else f"fuse.py ended with {done.returncode}")
