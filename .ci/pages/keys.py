@@ -65,6 +65,7 @@ CAMPAIGN: Keys = {
         "sampler": ("text", "`random` (default), `latin-hypercube` or `sobol`"),
         "every": ("whole number", "Record every N-th macro step of a run"),
         "patience": ("number", "Time that a third-party FMU may take for one call [s]"),
+        "executor": ("text", "`c` (default), `python` or `fused`: all FMUs compiled into one"),
         "seeds": ("list of texts", "Parameters that get a seed of their own in every draw"),
         "success": ("text", "Expression that is true for a successful run"),
         "worst": ("text", "Metric that ranks the ten worst runs; `-NAME`: smallest first"),
