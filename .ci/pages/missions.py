@@ -108,7 +108,7 @@ def pages(facts: Mapping[str, Any], parts: Mapping[str, str]) -> Iterator[tuple[
     rows = []
     for name in names():
         systems = []
-        for system in systems_in(places()[name].folder):
+        for system in sorted(systems_in(places()[name].folder), key=lambda s: (s != name, s)):
             with load(paths.systems()[system]) as found:
                 systems.append(found)
                 yield f"reference/missions/{system}.svg", svg(found)

@@ -25,6 +25,11 @@ def commands(writer):
 
 
 @pytest.fixture(scope="module")
+def missions(writer):
+    return dict(writer["missions"].pages({}, {}))
+
+
+@pytest.fixture(scope="module")
 def models(writer):
     parts = {letter: page for letter, (_, page) in writer["missions"].equations().items()}
     return dict(writer["models"].pages({}, parts))
@@ -102,13 +107,11 @@ def test_every_port_and_parameter_is_on_the_page_of_its_fmu(models):
     assert all(name in models["reference/fmus/index.md"] for name in paths.fmus())
 
 
-def test_every_mission_has_a_page_with_its_systems_and_sets(writer):
-    pages = dict(writer["missions"].pages({}, {}))
-    missions = {n: systems_in(place.folder) for n, place in places().items()}
-    for name, systems in missions.items():
-        for system in systems:
-            page = pages[f"reference/missions/{name}.md"]
-            assert pages[f"reference/missions/{system}.svg"].startswith(b"<?xml")
+def test_every_mission_has_a_page_with_its_systems_and_sets(missions):
+    for name, place in places().items():
+        for system in systems_in(place.folder):
+            page = missions[f"reference/missions/{name}.md"]
+            assert missions[f"reference/missions/{system}.svg"].startswith(b"<?xml")
             with load(paths.systems()[system]) as found:
                 assert all(f"| `{s.name}` |" in page for s in found.sets)
                 assert all(f"| `{c.name}` |" in page for c in found.components)
@@ -138,3 +141,9 @@ def test_no_page_is_longer_than_300_lines_and_links_lead_somewhere(writer, comma
         for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
             generated = "reference/" in target or page.name in {"index.md"}
             assert generated or (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_a_mission_begins_with_its_own_system(writer, missions):
+    for name in writer["missions"].names():
+        with load(paths.systems()[name]) as found:
+            assert missions[f"reference/missions/{name}.md"].splitlines()[2] == found.description
