@@ -105,21 +105,23 @@ static vec3 base_rate(const State *x, int released)
     return released ? x->base.omega : vec(0, 0, 0);
 }
 
-static Vehicle vehicle_at(const Parameters *p, const State *x, int released)
+static void find_vehicle(Vehicle *now, const Parameters *p, const State *x, int released)
 {
-    Vehicle now = {.tree = tree_in(&p->arm, x->base.mass, p->base.J_S, x->joint_angle),
-                   .C_SN = dcm_of_mrp(x->base.sigma)};
-    Composite all = whole(&now.tree);
     double v[3];
+    now->tree = tree_in(&p->arm, x->base.mass, p->base.J_S, x->joint_angle);
+    now->H = mass_matrix(&p->arm, &now->tree);
+    now->C_SN = dcm_of_mrp(x->base.sigma);
+    set_vector(now->u.at, vec(0, 0, 0));
+    set_vector(now->u.at + 3, base_rate(x, released));
+    memcpy(now->u.at + 6, x->joint_rate, sizeof x->joint_rate);
 
-    now.H = mass_matrix(&p->arm, &now.tree);
-    set_vector(now.u.at + 3, base_rate(x, released));
-    memcpy(now.u.at + 6, x->joint_rate, sizeof x->joint_rate);
-    for (int i = 0; i < 3; i++) v[i] = row_times(now.H.at[i], now.u.at, ARM_SPEEDS) / all.m;
-    now.mass = all.m;
-    now.c = scale(1 / all.m, all.h);
-    now.v_c = vector_at(v);
-    return now;
+    /* H_00 = [m 1, -h~; h~, I] */
+    double m = now->H.at[0][0];
+    vec3 h = vec(now->H.at[1][5], now->H.at[2][3], now->H.at[0][4]);
+    for (int i = 0; i < 3; i++) v[i] = row_times(now->H.at[i], now->u.at, ARM_SPEEDS) / m;
+    now->mass = m;
+    now->c = scale(1 / m, h);
+    now->v_c = vector_at(v);
 }
 
 static PosVel centre_of_mass(const Vehicle *now, const BaseState *x)
@@ -201,15 +203,24 @@ static Column loads_on(const Context *c, double t, const State *x, const Vehicle
 }
 
 /* ---- motion ---- */
-/* the rows of w before t_att and those of locked joints leave the system */
-static Column solved_free(const Input *u, const Vehicle *now, int released, Column y)
+/* x of H x = y; the rows of w before t_att and those of locked joints leave the system: 0. NaN where
+ * H is not positive definite */
+static Column solved_free(const Input *u, const Vehicle *now, int released, const Column *y)
 {
-    Matrix H = now->H;
-    int n = now->tree.joints;
-    for (int k = 3; k < 6 && !released; k++) hold(&H, &y, k);
-    for (int i = 0; i < n; i++)
-        if (locked(u, i)) hold(&H, &y, 6 + i);
-    return solved(H, y, n);
+    int row[ARM_SPEEDS], n = 0;
+    for (int k = 0; k < 6 + now->tree.joints; k++)
+        if (k < 6 ? k < 3 || released : !locked(u, k - 6)) row[n++] = k;
+
+    double L[ARM_SPEEDS][ARM_SPEEDS], part[ARM_SPEEDS];
+    for (int i = 0; i < n; i++) {
+        part[i] = y->at[row[i]];
+        for (int j = 0; j <= i; j++) L[i][j] = now->H.at[row[i]][row[j]];
+    }
+    int good = cholesky(&L[0][0], n, ARM_SPEEDS);
+    if (good) cholesky_solve(&L[0][0], n, ARM_SPEEDS, part);
+    Column found = {{0}};
+    for (int i = 0; i < n; i++) found.at[row[i]] = good ? part[i] : NAN;
+    return found;
 }
 
 typedef struct {
@@ -224,7 +235,7 @@ static Acceleration accelerate(const Context *c, double t, const State *x, const
     Column b = velocity_terms(&now->tree, vector_at(now->u.at + 3), x->joint_rate);
     for (int i = 0; i < 6 + n; i++) y.at[i] -= b.at[i];
 
-    Acceleration found = {.du = solved_free(c->u, now, c->released, y)};
+    Acceleration found = {.du = solved_free(c->u, now, c->released, &y)};
     for (int i = 0; i < n; i++)
         if (locked(c->u, i))
             found.lock_torque[i] =
@@ -235,7 +246,8 @@ static Acceleration accelerate(const Context *c, double t, const State *x, const
 static void derivative(const Context *c, double t, const State *x, State *dx)
 {
     const BaseParameters *p = &c->p->base;
-    Vehicle now = vehicle_at(c->p, x, c->released);
+    Vehicle now;
+    find_vehicle(&now, c->p, x, c->released);
     PosVel C = centre_of_mass(&now, &x->base);
     Column du = accelerate(c, t, x, &now).du;
     vec3 field = add(free_fall_N(p, &C.r, &C.v, c->since, t),
@@ -257,12 +269,13 @@ RK4(integrate, derivative, Context, State)
 /* u_f += H_ff^-1 H_fl dq_l,  dq_l = 0: the joints stop, the momenta of base and free joints stay */
 static void stop_joints(const Context *c, State *x)
 {
-    Vehicle now = vehicle_at(c->p, x, c->released);
+    Vehicle now;
+    find_vehicle(&now, c->p, x, c->released);
     Column handed = {{0}};
     for (int i = 0; i < now.tree.joints; i++)
         for (int j = 0; j < ARM_SPEEDS && locked(c->u, i); j++)
             handed.at[j] += now.H.at[j][6 + i] * x->joint_rate[i];
-    Column gain = solved_free(c->u, &now, c->released, handed);
+    Column gain = solved_free(c->u, &now, c->released, &handed);
 
     x->base.v = add(x->base.v, tmul(now.C_SN, vector_at(gain.at)));
     x->base.omega = add(x->base.omega, vector_at(gain.at + 3));
@@ -305,7 +318,8 @@ static void publish_momentum(const Parameters *p, const Vehicle *now, Output *y)
 static void publish(const Parameters *p, const Input *u, const State *x, Output *y, double t)
 {
     Context c = context_at(p, u, x, t, p->base.max_step);
-    Vehicle now = vehicle_at(p, x, c.released);
+    Vehicle now;
+    find_vehicle(&now, p, x, c.released);
     Acceleration accel = accelerate(&c, t, x, &now);
 
     publish_base(&p->base, &x->base, &y->base, t);

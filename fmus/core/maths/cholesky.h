@@ -27,8 +27,10 @@ static inline int cholesky(double *a, int n, int stride)
 static inline void cholesky_solve(const double *l, int n, int stride, double *b) /* b := A^-1 b */
 {
     for (int i = 0; i < n; i++) {
-        for (int k = 0; k < i; k++) b[i] -= l[i * stride + k] * b[k];
-        b[i] /= l[i * stride + i];
+        const double *row = l + i * stride;
+        double sum = b[i];
+        for (int k = 0; k < i; k++) sum -= row[k] * b[k];
+        b[i] = sum / row[i];
     }
     for (int i = n; i-- > 0;) {
         b[i] /= l[i * stride + i];

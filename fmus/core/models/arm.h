@@ -109,10 +109,15 @@ typedef struct {
     mat3 I; /* inertia about S */
 } Composite;
 
+static inline mat3 spread(vec3 c) /* c.c 1 - c c^T: inertia of a unit mass at c */
+{
+    return minus(identity(dot(c, c)), outer(c, c));
+}
+
 static inline Composite with_link(Composite b, const Link *k)
 {
     return (Composite){b.m + k->m, add(b.h, scale(k->m, k->c)),
-                       plus(b.I, plus(k->I, scaled(k->m, inertia_product(k->c, k->c))))};
+                       plus(b.I, plus(k->I, scaled(k->m, spread(k->c))))};
 }
 
 static inline Wrench momentum_of(const Composite *b, Twist t)
@@ -172,13 +177,6 @@ static inline Matrix mass_matrix(const Arm *arm, const Tree *t)
     Composite all = {outboard.m + t->m_0, outboard.h, plus(outboard.I, t->J_S)};
     set_base_block(&H, &all);
     return H;
-}
-
-/* the coordinate stays: its row and column leave the system */
-static inline void hold(Matrix *H, Column *y, int k)
-{
-    for (int i = 0; i < ARM_SPEEDS; i++) set_both(H, i, k, i == k);
-    y->at[k] = 0;
 }
 
 /* x of H x = y for so many joints; NaN where H is not positive definite */
