@@ -28,7 +28,7 @@ SYSTEM: Keys = {
         "sets": ("table", "`[sets.NAME]`: parameter sets for `--params`"),
         "alternatives": ("table", "`[alternatives.FMU]`: parameters that come with `--swap`"),
         "requirements": ("table", "Conditions by name: `distance = \"guidance.range >= 4 m\"`"),
-        "consistency": ("table", "Conditions on parameters by name; a note where one does not hold"),
+        "consistency": ("table", "Conditions on parameters by name; a note if one does not hold"),
         "compare": ("table", "Defaults of `harness compare`"),
     },
     "experiment": {
