@@ -58,6 +58,9 @@ SYSTEM: Keys = {
         "replaces": ("text", "Component that the FMU replaces"),
     },
 }  # fmt: skip
+OF = "Requirements; default: all"
+FLIGHTS = "Runs in all"
+BOX = "Standard deviations that each number may move"
 CAMPAIGN: Keys = {
     "": {
         "system": ("text", "Name of a system, or path of an .ssp from this file"),
@@ -69,7 +72,15 @@ CAMPAIGN: Keys = {
         "executor": ("text", "`c` (default), `python` or `fused`: all FMUs compiled into one"),
         "seeds": ("list of texts", "Parameters that get a seed of their own in every draw"),
         "success": ("text", "Expression that is true for a successful run"),
-        "worst": ("text", "Metric that ranks the ten worst runs; `-NAME`: smallest first"),
+        "worst": ("text or table", "Metric that ranks the worst runs; `-NAME`: smallest first; "
+                  "as a table, the study `harness worst`"),
+        "until": ("table", "Instead of `runs`: end when `success` is shown with `confidence`"),
+        "requirements": ("table", "Further requirements, by name"),
+        "sensitivity": ("table", "Study `harness sensitivity`"),
+        "probability": ("table", "Study `harness probability`"),
+        "map": ("table", "Study `harness boundary`"),
+        "tune": ("table", "Study `harness tune`"),
+        "asked": ("whole number", "Written by a study: numbers per run"),
         "fixed": ("table", "Changes that apply to all runs"),
         "factors": ("table", "What varies, by parameter or change"),
         "metrics": ("table", "Expressions, measures or functions, by name"),
@@ -102,7 +113,38 @@ CAMPAIGN: Keys = {
         "bands": ("list of texts", "Variables whose percentiles over all runs to keep"),
         "rows": ("whole number", "Instants of a history"),
     },
-}
+    "sensitivity": {
+        "of": ("list of texts", OF),
+        "method": ("text", "`morris` (default) or `sobol`"),
+        "flights": ("whole number", FLIGHTS),
+    },
+    "worst": {
+        "of": ("list of texts", OF),
+        "flights": ("whole number", FLIGHTS),
+        "box": ("number", BOX),
+        "searches": ("whole number", "Independent searches that share the runs"),
+    },
+    "probability": {
+        "of": ("text", "Requirement; default: the only one"),
+        "method": ("text", "`subset` (default), `random` or `importance`"),
+        "flights": ("whole number", FLIGHTS),
+        "below": ("number", "Required bound of the probability: a verdict"),
+        "centres": ("text", "Dataset of a study with failures: centres of `importance`"),
+    },
+    "map": {
+        "of": ("text", "Requirement; default: the only one"),
+        "factors": ("list of texts", "The two factors of the map"),
+        "flights": ("whole number", FLIGHTS),
+    },
+    "tune": {
+        "of": ("list of texts", OF),
+        "gains": ("table", "Draws of the parameters to tune, as in `[factors]`"),
+        "draws": ("whole number", "Runs of each candidate, beside the archive"),
+        "archive": ("text", "Dataset of a study of the same factors: its worst runs"),
+        "flights": ("whole number", FLIGHTS),
+        "box": ("number", BOX),
+    },
+}  # fmt: skip
 
 
 def pages() -> Iterator[tuple[str, str]]:

@@ -17,6 +17,7 @@ from harness.mission.library import places, systems_in
 from harness.ssp import build
 from harness.ssp.library import load
 from harness.studies.campaign import draft, factors, kinds
+from harness.studies.inquiry import study
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +72,7 @@ def test_every_key_of_a_campaign_is_in_the_reference_and_no_other(writer):
         "fixed": set(kinds.CHANGES),
         "factors": {*factors.CHOICES, *factors.DRAWS},
         "keep": set(kinds.KEPT),
+        **{name: set(entries) for name, entries in study.ENTRIES.items()},
     }
 
 
