@@ -99,7 +99,10 @@ def _check_system(path: Path, strict: bool, changes: Changes) -> Verdict:
     """
     with noted() as notes, examined(path) as (found, problems):
         system = apply(found, **changes) if changes and not problems else found
-        errors = [*problems, *_system_errors(system, [""] if changes else set_names(system))]
+        sets = [""] if changes else set_names(system)
+        errors = [*problems, *_system_errors(system, sets)]
+        for name in sets if not errors else ():
+            say_inconsistencies(choose_set(system, name) if name else system)
     lines = (*errors, *(f"warning: {note}" for note in notes))
     if errors or (strict and lines):
         raise StructureError(lines)
@@ -130,9 +133,7 @@ def _system_errors(system: System, sets: Sequence[str]) -> Iterator[str]:
     yield from size_problems(system, interfaces)
     chosen = [choose_set(system, name) if name else system for name in sets]
     for each in chosen:
-        yield from (wrong := list(graph_problems(each, interfaces)))
-        if not wrong and not unreadable:
-            say_inconsistencies(each)
+        yield from graph_problems(each, interfaces)
     boards = [name for name, place in system.origin.on.items() if "://" in place]
     for error in (*refused(chosen), *unreachable(system, boards)):
         yield from str(_told(error, system)).splitlines()
