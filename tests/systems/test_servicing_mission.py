@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from harness import run
+from harness import Simulation, load, run
 from harness.mission.claim import Verdict
 from ssp.servicing_mission.claims import CLAIMS
 from ssp.servicing_mission.flight import increments, stays
@@ -55,6 +55,28 @@ def nominal():
 def test_the_mission_goes_through_all_its_phases_to_a_stack_at_rest(nominal):
     assert [s.phase for s in stays(nominal)] == NOMINAL
     assert not nominal["monitor.abort"].any()
+
+
+@pytest.mark.long
+def test_the_whole_flight_has_the_same_bits_in_both_executors(nominal):
+    other = run("servicing_mission", executor="python")
+    assert nominal.values.tobytes() == other.values.tobytes()
+
+
+@pytest.mark.long
+def test_saved_and_restored_in_every_phase_it_has_the_same_future(nominal):
+    """In the middle of every phase: saved, ten seconds on, restored, flown on to the next."""
+    with load("servicing_mission") as system, Simulation(system) as simulation:
+        for stay in stays(nominal):
+            there = 10 * round(5 * (stay.begin + stay.end))
+            simulation.advance(to=there)
+            snapshot = simulation.save()
+            simulation.advance(to=min(there + 1000, 360000))
+            simulation.restore(snapshot)
+            simulation.recorder.table[there // 10 + 1 :] = np.nan
+            simulation.free(snapshot)
+        simulation.advance()
+        assert simulation.result().values.tobytes() == nominal.values.tobytes()
 
 
 @pytest.mark.long
