@@ -149,3 +149,15 @@ def test_a_mission_begins_with_its_own_system(writer, missions):
     for name in writer["missions"].names():
         with load(paths.systems()[name]) as found:
             assert missions[f"reference/missions/{name}.md"].splitlines()[2] == found.description
+
+
+def test_every_page_has_an_entry_in_the_navigation(writer):
+    import yaml
+    from text import ROOT
+
+    text = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    entries = set(re.findall(r"[\w/*.]+\.md", yaml.safe_dump(yaml.safe_load(text)["nav"])))
+    docs = ROOT / "docs"
+    shown = {p for e in entries for p in docs.glob(e)}
+    missing = [p.name for p in docs.rglob("*.md") if p not in shown]
+    assert not missing, f"no entry in the navigation of mkdocs.yml: {missing}"
