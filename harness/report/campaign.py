@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import ResultsError
+from harness.report import study
 from harness.report.arrays import Arrays
 from harness.report.plots import Canvas, Plot, number
 from harness.report.template import render
@@ -48,6 +49,7 @@ def _page(store: Store, path: Path) -> str:
     arrays = Arrays()
     canvas = Canvas(arrays, POINTS)
     figures = [
+        _figure("study", list(study.plots(canvas, store))),
         _figure("histograms", [_histogram(canvas, n, x) for n, x in shown.items()]),
         _figure("factors", [p for n, x in shown.items() for p in _against(canvas, n, x, factors)]),
         _figure("bands", list(_bands(canvas, store))),
@@ -60,6 +62,7 @@ def _page(store: Store, path: Path) -> str:
         name=path.name,
         system=str(store.group.attrs["system"]),
         count={k: int((status == v).sum()) for k, v in STATES.items()},
+        study=study.text(store, str(path)),
         success=_success(store),
         metrics=[_metric(name, x) for name, x in shown.items()],
         worst=_worst(store, metrics, path) if metrics else None,

@@ -17,6 +17,7 @@ from scipy import stats
 from harness import Flights, boundary, campaign, probability, read, run, sensitivity, tune, worst
 from harness.cli import main
 from harness.errors import StructureError, UsageError
+from harness.report.campaign import of_dataset
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from harness.studies.campaign.campaign import like
@@ -102,6 +103,8 @@ def test_worst_finds_the_corner_and_its_flight_repeats(system, tmp_path):
     assert f"--like {tmp_path / 'w.zarr'}#{found['run']}" in study.summary()
     assert "small: NOT MET, worst margin -0.99" in study.summary()
     assert "twice.k +3.0 sigma" in study.summary()
+    page = of_dataset(tmp_path / "w.zarr")
+    assert all(each in page for each in ("What was found", "worst so far", "the worst 30 flights"))
 
 
 def interrupted(monkeypatch, after):
@@ -160,6 +163,8 @@ def test_probability_by_three_methods(method, flights, low, high, system, tmp_pa
     assert len(found_by(study)[0]) <= flights + 1
     assert study.verdict is (found["verdict"] == "met") is True
     assert f"by {method}" in study.summary()
+    drawn = "probability of less than a margin" in of_dataset(tmp_path / "p.zarr")
+    assert drawn is (method != "random")
 
 
 @LONG
@@ -184,6 +189,7 @@ def test_sensitivity_measures_slopes_and_exact_zeros(system, tmp_path):
         step = 3 * np.diff(stats.norm.ppf([0.125, 0.625])).item() / 0.5
         assert value[0] == pytest.approx(step if method == "morris" else 1, rel=0.1)
         assert "exactly not: bad.t_fail" in study.summary()
+        assert "small: what matters" in of_dataset(path)
 
 
 def test_a_campaign_that_has_flown_says_what_mattered(system, tmp_path):

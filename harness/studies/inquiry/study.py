@@ -291,6 +291,7 @@ class _Best:
             "run": first + place,
             "first": int(failed[0]) + 1 if len(failed) else None,
             "flights": len(y),
+            "place": place,
             "numbers": numbers[place],
             "distance": np.linalg.norm(numbers[place]),
         }

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Plots of a study that asks on: effects as a tornado, the search and its worst thirty flights, the
+probability against the limit.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.report.plots import Canvas, Plot
+from harness.studies.campaign.store import Store
+from harness.studies.inquiry import summary
+
+Array = NDArray[np.float64]
+
+WORST = 30
+"""Flights whose numbers are drawn side by side."""
+DECADES = 1e-12
+"""Least probability of a diagram."""
+
+
+def text(store: Store, shown: str) -> str:
+    """What the study found, "" of a plain campaign; shown: name of the dataset in commands."""
+    if (estimate := _estimate(store)) is None:
+        return ""
+    return summary.text(str(store.group.attrs["kind"]), estimate, store, shown)
+
+
+def plots(canvas: Canvas, store: Store) -> Iterator[Plot]:
+    """What there is to draw of a study."""
+    if (estimate := _estimate(store)) is None:
+        return
+    names = [str(n) for n in store.array("requirement")]
+    units = [str(u) for u in store.array("margin_units")]
+    for name, found in estimate["of"].items():
+        if "value" in found:
+            yield _tornado(canvas, name, found, estimate["factors"])
+        if "run" in found:
+            k = names.index(name)
+            label = f"margin of {name} [{units[k] or '1'}]"
+            yield _convergence(canvas, label, store.array("margin")[:, k], found)
+            yield _parallel(canvas, name, store, k)
+        if found.get("levels"):
+            yield _levels(canvas, name, found["levels"])
+
+
+def _estimate(store: Store) -> Any:
+    given = store.group.attrs.get("estimate")
+    return None if given is None else json.loads(given)
+
+
+def _line(canvas: Canvas, x: Any, y: Any, **look: Any) -> Plot:
+    """A curve of all its points."""
+    kept = {"x": canvas.arrays.keep(np.asarray(x)), "y": canvas.arrays.keep(np.asarray(y))}
+    return {**kept, "name": "", "colour": 0, "dash": "solid", **look}
+
+
+def _tornado(canvas: Canvas, name: str, found: Any, factors: list[str]) -> Plot:
+    """Effects as bars, the largest on top, with their intervals as lines."""
+    order = np.argsort(found["value"])[-summary.SHOWN :]
+    curves = []
+    for place, k in enumerate(order):
+        bar = [0, found["value"][k], found["value"][k], 0, 0]
+        edge = np.array([-0.4, -0.4, 0.4, 0.4, -0.4]) + place
+        curves.append(_line(canvas, bar, edge, name=factors[k], fill=True, colour=place))
+        if "low" in found:
+            ends = [found["low"][k], found["high"][k]]
+            curves.append(_line(canvas, ends, [float(place)] * 2, colour=place, dash="dash"))
+    title = f"{name}: what matters"
+    return {"title": title, "x": "effect", "y": "factor", "time": False, "curves": curves}
+
+
+def _convergence(canvas: Canvas, label: str, margins: Array, found: Any) -> Plot:
+    """All flights of a search, and the best so far."""
+    last = found["run"] - found["place"] + found["flights"]
+    y = margins[last - found["flights"] : last]
+    y = np.where(np.isfinite(y), y, np.nan)
+    flight = np.arange(1, len(y) + 1, dtype=np.float64)
+    best = np.fmin.accumulate(y)
+    curves = [
+        _line(canvas, flight, y, name="flights", marker="dot"),
+        _line(canvas, flight, best, name="worst so far", colour=1),
+    ]
+    return {"title": label, "x": "flight", "y": label, "time": False, "curves": curves}
+
+
+def _parallel(canvas: Canvas, name: str, store: Store, column: int) -> Plot:
+    """Numbers of the worst flights side by side; failures in another colour."""
+    numbers, margins = store.array("numbers"), store.array("margin")[:, column]
+    axis = np.arange(1, numbers.shape[1] + 1, dtype=np.float64)
+    curves = [
+        _line(canvas, axis, numbers[k], colour=int(margins[k] < 0))
+        for k in np.argsort(margins, kind="stable")[:WORST]
+    ]
+    title = f"{name}: the worst {len(curves)} flights"
+    about = {"title": title, "x": "number", "y": "standard deviations", "time": False}
+    return {**about, "curves": curves}
+
+
+def _levels(canvas: Canvas, name: str, repeats: Any) -> Plot:
+    """Probability of a margin below the limit, of each repeat."""
+    curves = []
+    for k, levels in enumerate(repeats):
+        limits, p = [level[0] for level in levels], [level[1] for level in levels]
+        y = np.log10(np.maximum(p, DECADES))
+        curves.append(_line(canvas, limits, y, name=f"repeat {k + 1}", colour=k))
+    title = f"{name}: probability of less than a margin"
+    return {"title": title, "x": "margin", "y": "log10 p", "time": False, "curves": curves}
