@@ -176,6 +176,14 @@ site: build/site/index.html
 bench: build
 	$(BIN)/python -m tests.bench sync_approach
 
+# deliberate faults in harness/, drawn at random: SEED, COUNT; goes on after an interruption
+.PHONY: faults-python
+faults-python: build $(LINTERS)
+	test -f build/faults/seconds.json || \
+	  $(BIN)/python -m tests.mutation.reached -n auto tests/harness
+	$(BIN)/python -m tests.mutation --python --seed $${SEED:-1} --count $${COUNT:-300} --jobs 2 \
+	  -o build/faults/python-$${SEED:-1}.jsonl
+
 # sin, cos, atan2, exp, log of the models beside those of the C library
 .PHONY: bench-maths
 bench-maths: build

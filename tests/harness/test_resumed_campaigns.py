@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from itertools import product
 
 import pytest
 
@@ -202,3 +203,17 @@ def test_who_writes_a_dataset_writes_it_alone(damaged, tmp_path):
     campaign(DEFINITION, tmp_path / "new.zarr", workers=0, progress=second)
     assert met[1:] == [f"{tmp_path / 'new.zarr'}: another campaign is writing it"] * 9
     assert resumed(tmp_path / "new.zarr") == 0  # the lock went with its campaign
+
+
+def test_a_dataset_gives_back_the_factors_of_a_run_as_they_were_drawn(tmp_path):
+    given = {
+        "system": "sync_approach",
+        "fixed": {"stop": 0.2},
+        "factors": {
+            "algorithm": {"list": ["jacobi", "gauss-seidel"]},
+            "servicer.mass_0": {"list": [100.0, 90.5]},
+        },
+    }
+    store = campaign(given, tmp_path / "c.zarr", workers=0).store
+    found = [tuple(store.values(run).values()) for run in range(4)]
+    assert found == list(product(["jacobi", "gauss-seidel"], [100.0, 90.5]))

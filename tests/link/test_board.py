@@ -111,6 +111,36 @@ def test_set_step_get_is_an_exchange(peer, kind):
     assert peer.ask("get", getting(outputs_of(kind))).data == wanted
 
 
+def test_the_longest_request_reaches_the_fmu_with_every_value(monkeypatch):
+    """As many neighbours as a payload holds."""
+    most = (65536 - 2 - 7) // 8
+    wanted = {1000 + k: 0.5 * k - 7.0 for k in range(most)}
+
+    @ctypes.CFUNCTYPE(
+        ctypes.c_int,
+        ctypes.c_void_p,
+        ctypes.POINTER(ctypes.c_uint32),
+        ctypes.c_size_t,
+        ctypes.POINTER(ctypes.c_double),
+    )
+    def set_real(_, references, count, values):
+        given.append(dict(zip(references[:count], values[:count], strict=True)))
+        return 0
+
+    class Recording(StandIn):
+        def __init__(self, fmu):
+            super().__init__(fmu)
+            self._software.set_real = ctypes.cast(set_real, ctypes.c_void_p).value
+
+    given = []
+    monkeypatch.setattr("tests.link.conftest.StandIn", Recording)
+    with answering(fmus()["adaptive_controller"]) as connection:
+        peer = Peer(connection)
+        begin(peer)
+        assert peer.ask("set", setting(wanted)).status == 0
+    assert given == [wanted]
+
+
 def test_a_request_that_comes_twice_is_carried_out_once(peer, kind):
     begin(peer)
     request = Frame(CODE["exchange"], next(peer.sequence), exchange(kind, (7158140.0, 21.0, 0), 0))

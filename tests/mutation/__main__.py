@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Deliberate faults in the C code: draw some, and see which of them a test finds.
+"""Deliberate faults: draw some, and see which of them a test finds.
 
     .venv/bin/python -m tests.mutation --seed 1 --count 300 -o faults.jsonl
+    .venv/bin/python -m tests.mutation.reached -n 2 tests/harness
+    .venv/bin/python -m tests.mutation --python --seed 1 --count 300 -o python.jsonl
 
 One line per fault that compiles. What survives is for a reader to judge: it cannot show, or a test
 is missing.
@@ -16,9 +18,14 @@ from collections import Counter
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
-from tests.mutation.faults import Fault, drawn
-from tests.mutation.judge import ILL, ROOT, SURVIVED, UNREAD, Tree, judged
+from tests.mutation import judge, python_faults
+from tests.mutation.faults import Fault, c_files, drawn, faults, python_files
+from tests.mutation.judge import ILL, ROOT, SURVIVED, UNREAD
+
+ROOMS = ("master", "results", "ssp", "studies/campaign")
+"""Folders of harness/ that faults are drawn from."""
 
 
 def main() -> None:
@@ -31,7 +38,10 @@ def main() -> None:
     parser.add_argument(
         "--again", action="store_true", help="look once more at those of the file that survived"
     )
-    parser.add_argument("files", nargs="*", help="files below fmus/ (default: all)")
+    parser.add_argument(
+        "--python", action="store_true", help=f"in {', '.join(ROOMS)} of harness/, not in fmus/"
+    )
+    parser.add_argument("files", nargs="*", help="files below fmus/ or harness/ (default: all)")
     print(_text(_campaign(parser.parse_args())))
 
 
@@ -40,10 +50,10 @@ def _campaign(a: argparse.Namespace) -> Counter[str]:
     if a.again:
         known = {fault: outcome for fault, outcome in known.items() if outcome != SURVIVED}
     counts: Counter[str] = Counter()
-    left = iter(drawn(ROOT / "fmus", a.seed, 100 * a.count, a.files))
+    left = iter(_drawn(a))
     with (
         tempfile.TemporaryDirectory(prefix="faults-") as folder,
-        ProcessPoolExecutor(a.jobs, initializer=_prepare, initargs=(folder,)) as workers,
+        ProcessPoolExecutor(a.jobs, initializer=_prepare, initargs=(folder, a.python)) as workers,
     ):
         while missing := a.count - counts.total():
             if not (some := list(islice(left, missing))):
@@ -60,17 +70,31 @@ def _campaign(a: argparse.Namespace) -> Counter[str]:
     return counts
 
 
-_TREES: list[Tree] = []
-"""Of this process."""
+def _drawn(a: argparse.Namespace) -> list[Fault]:
+    root = ROOT / ("harness" if a.python else "fmus")
+    files = python_files(root, ROOMS) if a.python else c_files(root)
+    find = python_faults.faults if a.python else faults
+    return drawn(
+        root, [f for f in files if not a.files or f in a.files], find, a.seed, 100 * a.count
+    )
 
 
-def _prepare(folder: str) -> None:
-    _TREES.append(Tree(Path(tempfile.mkdtemp(dir=folder))))
+_JUDGES: list[tuple[Any, Any]] = []
+"""Of this process: what judges a fault, and its tree."""
+
+
+def _prepare(folder: str, python: bool) -> None:
+    judged, kind = judge.judged, judge.Tree
+    if python:
+        from tests.mutation import python_judge  # with coverage.py, which C has no need of
+
+        judged, kind = python_judge.judged, python_judge.PythonTree
+    _JUDGES.append((judged, kind(Path(tempfile.mkdtemp(dir=folder)))))
 
 
 def _row(fault: Fault) -> dict[str, object]:
-    (tree,) = _TREES
-    shown = fault.shown((tree.fmus / fault.file).read_text(encoding="utf-8"))
+    ((judged, tree),) = _JUDGES
+    shown = fault.shown((tree.sources / fault.file).read_text(encoding="utf-8"))
     outcome, where = judged(tree, fault)
     return {"fault": shown, "outcome": outcome, "where": where, **fault._asdict()}
 

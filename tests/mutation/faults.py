@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import random
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -132,17 +132,29 @@ def _swapped(source: str, code: str, opening: int) -> tuple[int, int, str] | Non
     return None if a == b else (opening + 1, end, f"{b}, {a}")
 
 
-def drawn(root: Path, seed: int, count: int, only: Sequence[str] = ()) -> list[Fault]:
-    """So many different faults in the C files below a folder, or in files of it, each as likely as
-    any other.
-    """
+def c_files(root: Path) -> list[str]:
+    """The sources and headers below a folder, but for those of the build."""
     files = sorted(p for ending in "ch" for p in root.rglob(f"*.{ending}"))
-    files = [p for p in files if "build" not in p.relative_to(root).parts]
-    names = [p.relative_to(root).as_posix() for p in files]
-    every = [
-        fault
-        for name, path in zip(names, files, strict=True)
-        if not only or name in only
-        for fault in faults(name, path.read_text(encoding="utf-8"))
-    ]
+    names = [p.relative_to(root) for p in files]
+    return [name.as_posix() for name in names if "build" not in name.parts]
+
+
+def python_files(root: Path, rooms: Sequence[str]) -> list[str]:
+    """The modules in some folders of a folder."""
+    found = (p.relative_to(root).as_posix() for r in rooms for p in (root / r).rglob("*.py"))
+    return sorted(found)
+
+
+def drawn(
+    root: Path,
+    files: Sequence[str],
+    find: Callable[[str, str], Iterable[Fault]],
+    seed: int,
+    count: int,
+) -> list[Fault]:
+    """So many different faults in files below a folder, each as likely as any other.
+
+    find: gives all faults of a file from its name and its text.
+    """
+    every = [f for name in files for f in find(name, (root / name).read_text(encoding="utf-8"))]
     return random.Random(seed).sample(every, min(count, len(every)))

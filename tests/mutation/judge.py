@@ -20,7 +20,8 @@ import sys
 import traceback
 import zipfile
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import fmpy
@@ -53,8 +54,9 @@ SECONDS, PATIENCE = 120, 900
 ends."""
 BYTES = 8 << 30
 
-PACKAGING = ("test_archive", "test_rebuild", "test_tools")
-"""Tests of the archive and of its other contents, which are not those of the faulty source."""
+NOT_ASKED = ("test_archive", "test_rebuild", "test_tools", "test_flight_code", "test_fused")
+"""Tests of the archive and of its other contents, which are not those of the faulty source, and of
+all sources at once, whatever the FMU; as those are that ask for something of `some_fmu`."""
 
 CAUGHT, SURVIVED, SAME = "caught", "survived", "same machine code"
 ILL, UNREAD = "does not compile", "part of no program here"
@@ -64,7 +66,7 @@ class Tree:
     """A copy of what the tests need, with a build folder of its own."""
 
     def __init__(self, folder: Path) -> None:
-        self.root, self.fmus, self.build = folder, folder / "fmus", folder / "build"
+        self.root, self.sources, self.build = folder, folder / "fmus", folder / "build"
         for part in ("fmus", "tests"):
             shutil.copytree(ROOT / part, folder / part, ignore=IGNORED)
         (folder / "few/fmus").mkdir(parents=True)
@@ -72,11 +74,11 @@ class Tree:
             (folder / part).symlink_to(ROOT / part)
         shutil.copytree(ROOT / "build/fmus", folder / "good")
         shutil.copytree(ROOT / "build/fmus", self.build / "fmus")
-        sources = [p for side in ("plant", "flight") for p in (self.fmus / side).glob("*.c")]
+        sources = [p for side in ("plant", "flight") for p in (self.sources / side).glob("*.c")]
         self.models = {path.stem: path for path in sorted(sources)}
-        self.adapter = sorted((self.fmus / "core/adapter").glob("*.c"))
+        self.adapter = sorted((self.sources / "core/adapter").glob("*.c"))
         self.libraries = {
-            name: [p for part in parts for p in sorted((self.fmus / "core/link").glob(part))]
+            name: [p for part in parts for p in sorted((self.sources / "core/link").glob(part))]
             for name, parts in LINK.items()
         }
         link = [path for parts in self.libraries.values() for path in parts]
@@ -85,8 +87,8 @@ class Tree:
         self.objects = {p: self.compiled(p) for p in self.readers}
 
     def _compiler(self) -> list[str]:
-        headers = [self.fmus / "core" / name for name in HEADERS]
-        headers += [self.fmus / "flight", Path(fmpy.__file__).parent / "c-code"]
+        headers = [self.sources / "core" / name for name in HEADERS]
+        headers += [self.sources / "flight", Path(fmpy.__file__).parent / "c-code"]
         return ["cc", *FLAGS, *(f"-I{folder}" for folder in headers)]
 
     def _reads(self, source: Path) -> set[Path]:
@@ -115,7 +117,7 @@ class Tree:
         library, describe = work / f"{name}.so", work / "describe"
         parts = map(self.object, (source, *self.adapter))
         subprocess.run(["cc", "-shared", *parts, "-o", library, "-lm"], check=True)
-        said = [source, self.fmus / "core/build/describe.c", "-o", describe, "-lm"]
+        said = [source, self.sources / "core/build/describe.c", "-o", describe, "-lm"]
         subprocess.run([*self._compiler(), "-O0", "-w", *said], check=True)
         new = {f"binaries/{fmpy.platform}/{name}.so": library.read_bytes()}
         file = f"{name}.fmu"
@@ -151,7 +153,7 @@ def _described(describe: Path, archive: zipfile.ZipFile) -> bytes:
 
 def judged(tree: Tree, fault: Fault) -> tuple[str, str]:
     """Outcome of a fault, and the test that has caught it, or the FMUs that carry it."""
-    file = tree.fmus / fault.file
+    file = tree.sources / fault.file
     readers = [path for path, read in tree.readers.items() if file in read]
     if not readers:
         return UNREAD, ""
@@ -224,9 +226,9 @@ def _failure_of_compliance(tree: Tree, name: str) -> str:
     few = tree.root / "few"
     for other in {name, *ADAPTER_IN}:
         shutil.copy(tree.build / f"fmus/{other}.fmu", few / "fmus")
-    ignored = (f"--ignore=tests/compliance/{part}.py" for part in PACKAGING)
+    ignored = (f"--ignore=tests/compliance/{part}.py" for part in NOT_ASKED)
     os.environ["SERVICING_FMUS"] = name
-    found = failure(tree, ["tests/compliance", *ignored], few)
+    found = failure(tree, ["tests/compliance", *ignored, "-k", "not some_fmu"], few)
     del os.environ["SERVICING_FMUS"]
     (few / f"fmus/{name}.fmu").unlink()
     return found
@@ -253,12 +255,26 @@ def _with_imports(path: Path) -> str:
 
 def failure(tree: Tree, tests: Iterable[str], build: Path | None = None) -> str:
     """The first of these tests that fails, or how they ended; "" if all pass."""
-    output = tree.build / "output.txt"
+    environment = {"SERVICING_FMUS_BUILD": str(build or tree.build)}
+    order = _QuickestFirst(tree.root.parent / "seconds.json")
+    return failure_in_fork(tree.root, tests, order, PATIENCE, environment)
+
+
+def failure_in_fork(
+    root: Path, tests: Iterable[str], order: object, patience: int, environment: Mapping[str, str]
+) -> str:
+    """The same with a plugin that orders them, and the time that they have [s]."""
+    output = root / "output.txt"
     pid = os.fork()
     if pid == 0:
-        _run(tree, list(tests), output, build or tree.build)
+        os.setsid()
+        signal.alarm(patience)
+        os.environ.update(environment)
+        _run(root, list(tests), output, order)
     _, status = os.waitpid(pid, 0)
-    if status == 0:
+    with suppress(ProcessLookupError):  # what a test has started and not ended
+        os.killpg(pid, signal.SIGKILL)
+    if status == 0 or os.waitstatus_to_exitcode(status) == pytest.ExitCode.NO_TESTS_COLLECTED:
         return ""
     if os.WIFSIGNALED(status):
         return f"{next(iter(tests))}: signal {os.WTERMSIG(status)}"
@@ -268,14 +284,12 @@ def failure(tree: Tree, tests: Iterable[str], build: Path | None = None) -> str:
     raise RuntimeError(f"{' '.join(tests)}: pytest ends with {os.WEXITSTATUS(status)}\n{text}")
 
 
-def _run(tree: Tree, tests: list[str], output: Path, build: Path) -> None:
+def _run(root: Path, tests: list[str], output: Path, order: object) -> None:
     """Be the process that runs the tests."""
     resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS + 5))
     resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    signal.alarm(PATIENCE)
-    os.environ["SERVICING_FMUS_BUILD"] = str(build)
-    os.chdir(tree.root)
+    os.chdir(root)
     sys.path[:] = [p for p in sys.path if Path(p or ".").resolve() != ROOT]
     for name in [name for name in sys.modules if name.split(".")[0] == "tests"]:
         del sys.modules[name]
@@ -286,8 +300,7 @@ def _run(tree: Tree, tests: list[str], output: Path, build: Path) -> None:
     options += ["--assert=plain"]
     status = 99
     try:
-        seconds = tree.root.parent / "seconds.json"
-        status = int(pytest.main([*options, *tests], [_QuickestFirst(seconds)]))
+        status = int(pytest.main([*options, *tests], [order]))
     except BaseException:
         traceback.print_exc()
     finally:
