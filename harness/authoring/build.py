@@ -16,13 +16,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from lxml import etree
-
 from harness.errors import FmuError, UsageError
 from harness.files import paths
 from harness.files.archive import pack
 from harness.files.output import written
-from harness.files.safe_xml import parsed
+from harness.files.safe_xml import parsed, serialized
 from harness.system.interface import Interface, read_interface
 
 ENDINGS = (".c", ".py")
@@ -116,7 +114,7 @@ def _complete(path: Path) -> None:
         initial = copy.deepcopy(outputs)
         initial.tag = "InitialUnknowns"
         structure.append(initial)
-    content[DESCRIPTION] = etree.tostring(root, xml_declaration=True, encoding="UTF-8")
+    content[DESCRIPTION] = serialized(root)
     pack(path, content, zipfile.ZIP_DEFLATED)
 
 

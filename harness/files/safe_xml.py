@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Parsing of XML that may come from anywhere: no document type, hence no entity, no network, and no
+"""Reading of XML that may come from anywhere: no document type, hence no entity, no network, and no
 encoding in which a document type could hide.
 """
 
@@ -43,6 +43,11 @@ def parsed(data: bytes) -> XmlElement:
     if tree.docinfo.doctype:
         raise UnsafeXmlError("a document type declaration is not allowed")
     return tree.getroot()
+
+
+def serialized(root: XmlElement) -> bytes:
+    """An element as a file in UTF-8."""
+    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8"))
 
 
 def _refuse_unsafe(data: bytes) -> None:

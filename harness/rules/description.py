@@ -10,9 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from lxml import etree
-
-from harness.files.safe_xml import XmlElement
+from harness.files.safe_xml import XmlElement, serialized
 
 SHOWN = 5
 """Variables that a line names."""
@@ -169,4 +167,4 @@ def readable(root: XmlElement) -> bytes:
         pair = (e.get("causality", "local"), e.get("variability", "continuous"))
         if pair not in DEFAULT_INITIAL and e.get("initial") is None:
             e.set("initial", "calculated" if pair[0] == "output" else "exact")
-    return bytes(etree.tostring(copy, xml_declaration=True, encoding="UTF-8"))
+    return serialized(copy)
