@@ -37,7 +37,7 @@ LAYERS = (
 FLOOR = {room: len(LAYERS) - i for i, layer in enumerate(LAYERS) for room in layer}
 
 ONLY = {
-    "lxml": {"ssp", "exports", "remote", "rules", "files"},
+    "lxml": {"ssp", "exports", "remote", "rules", "files", "authoring"},
     "ctypes": {"master"},
     "fmpy": {"master", "ssp", "remote", "system", "studies", "rules"},
     "matplotlib": {"figures", "exports"},
