@@ -105,14 +105,14 @@ def _metric(name: str, values: Array) -> dict[str, Any]:
 def _worst(store: Store, metrics: Mapping[str, Array], path: Path) -> dict[str, Any]:
     """The worst runs, with the command that repeats each."""
     name, found = summary.worst(store, metrics)
-    command = f"harness run {store.group.attrs['system']} --like {path}#"
+    command = f"harness run {store.system} --like {path}#"
     rows = [{"value": f"{metrics[name][k]:.5g}", "command": f"{command}{k}"} for k in found]
     return {"metric": name, "runs": rows}
 
 
 def _failures(store: Store, path: Path) -> list[dict[str, Any]]:
     """Every run that has failed or not succeeded, why, and the command that repeats it."""
-    command = f"harness run {store.group.attrs['system']} --like {path}#"
+    command = f"harness run {store.system} --like {path}#"
     return [
         {"run": run, "why": why, "command": f"{command}{run}"}
         for run, why in summary.failures(store).items()

@@ -331,6 +331,12 @@ class Store:
         plain = np.asarray(value).tolist()
         return int(plain) if array.attrs.get("whole") else plain
 
+    @property
+    def system(self) -> str:
+        """What `harness run` knows the system by: its name, of a TOML its path as it was given."""
+        given = str(self.definition()[0].get("system", ""))
+        return given if given.endswith(".toml") else str(self.group.attrs["system"])
+
     def definition(self) -> tuple[Mapping[str, Any], Path]:
         """The table of the campaign, and the folder of the files that it names."""
         return json.loads(self.group.attrs["definition"]), Path(self.group.attrs["folder"])

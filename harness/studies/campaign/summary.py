@@ -323,7 +323,7 @@ def failures(store: Store) -> dict[int, str]:
 
 def _failures(store: Store, shown: str) -> Iterator[str]:
     found = failures(store)
-    system = store.group.attrs["system"]
+    system = store.system
     for run, why in [*found.items()][:LISTED]:
         yield f"failed: run {run}: {one_line(why)}"
         yield f"    harness run {system} --like {shown}#{run}"
@@ -345,6 +345,6 @@ def worst(store: Store, metrics: Mapping[str, Array]) -> tuple[str, list[int]]:
 def _worst(store: Store, metrics: Mapping[str, Array], shown: str) -> Iterator[str]:
     name, found = worst(store, metrics)
     yield f"worst by {with_unit(name, store.units())}"
-    system = store.group.attrs["system"]
+    system = store.system
     for run in found:
         yield f"  {metrics[name][run]:12.5g}  harness run {system} --like {shown}#{run}"
