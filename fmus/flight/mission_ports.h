@@ -7,6 +7,7 @@
 #include "body_rows.h"
 #include "directions.h"
 #include "orbit.h"
+#include "rigid_body.h"
 #include "time_grid.h"
 
 enum {
@@ -125,6 +126,8 @@ static inline void check_below(Problems *problems, const char *name, double valu
 static inline void check_mission(const MissionParameters *p, Problems *problems)
 {
     check_unit_vector(problems, "p_T", p->p_T);
+    check_inertia(problems, "J_T", p->J_T);
+    check_inertia(problems, "J_S", p->J_S);
     check_below(problems, "R_2", p->R_2, p->R_1, "must be below R_1");
     check_below(problems, "L_3", p->L_3, p->R_2, "must be below R_2");
     check_below(problems, "L_end", p->L_end, p->L_3, "must be below L_3");

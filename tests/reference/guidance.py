@@ -104,5 +104,7 @@ def sample(
         "beta_p": attitude.angle_between(attitude.dcm(S.q)[0], -rho_N),
         "attitude_guard": float(size < sin(p.guard_angle)),
         "normal_distance": size,
+        "normal_angle": float(np.arctan2(size, abs(grasp_N.x @ C_HN.x[2]))),
+        "roll_limited": 0.0,
     }
     return outputs, held_H if outputs["attitude_guard"] else C_HN.x @ C_DN.x[2]
