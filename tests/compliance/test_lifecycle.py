@@ -155,7 +155,7 @@ def bytes_in_use():
 @pytest.mark.skipif(
     not hasattr(LIBC, "mallinfo2"), reason="memory in use is asked from the GNU C library"
 )
-@pytest.mark.parametrize("lives", [1_000, pytest.param(10_000, marks=pytest.mark.long)])
+@pytest.mark.parametrize("lives", [300, pytest.param(10_000, marks=pytest.mark.long)])
 def test_memory_does_not_grow_with_lives(fmu, lives):
     """Less than 10 bytes per life, with the memory management of the FMU itself: not even a name is
     left behind.
