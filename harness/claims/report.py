@@ -55,7 +55,7 @@ def report(result: Result, width: int = WIDTH) -> tuple[str, bool]:
     run is complete and every claim could be judged.
 
     width: of the text. An honest "not reproduced" is no failure. Raises ResultsError if no paper
-    belongs to the result.
+    belongs to a result without requirements.
     """
     text = "\n".join(line.text for line in lines(result, width))
     return text, result.complete and not missed(outcomes(result))
@@ -79,15 +79,10 @@ def lines(result: Result, width: int = WIDTH) -> list[Line]:
     """The report line by line."""
     found, wanted = judged(result), findings(result)
     if not found and not wanted:
-        hint = (
-            ""
-            if result.parameters
-            else " (the file does not hold the parameters by which some are known)"
-        )
-        raise ResultsError(
-            f"{result.system}: there are no claims of a paper about such a result{hint}"
-        )
-    sections = (_section(result, each, width) for each in found)
+        raise ResultsError(_without_claims(result))
+    sections = [_section(result, each, width) for each in found]
+    if not found and of_result(result).claims:
+        sections = [_wrapped(_without_claims(result), width)]
     note = missing(result)
     parts = (_wrapped(note, width), _notes(result, width), _requirements(wanted, width), *sections,
              _safety(result, width))  # fmt: skip
@@ -95,6 +90,16 @@ def lines(result: Result, width: int = WIDTH) -> list[Line]:
     for part in filter(None, parts):
         text += [Line(""), *part]
     return text
+
+
+def _without_claims(result: Result) -> str:
+    """That no paper belongs to a result, and why perhaps."""
+    hint = (
+        ""
+        if result.parameters
+        else " (the file does not hold the parameters by which some are known)"
+    )
+    return f"{result.system}: there are no claims of a paper about such a result{hint}"
 
 
 def _notes(result: Result, width: int) -> list[Line]:

@@ -13,6 +13,7 @@ from harness.errors import ResultsError
 from harness.results.files import READERS, read
 from harness.results.provenance import Provenance
 from harness.results.result import Result
+from harness.spelling import one_line
 from harness.studies.table import read_csv, text, write_csv
 
 CONTROLS = [chr(code) for code in (*range(0x20), *range(0x7F, 0xA0))]
@@ -104,7 +105,15 @@ def test_a_table_of_runs_has_a_line_for_each(tmp_path):
     assert len((tmp_path / "table.csv").read_text(encoding="utf-8").splitlines()) == 1 + len(labels)
     assert all(list(column.values()) == [1.5] * len(labels) for column in columns.values())
     shown = text(measures, labels)
-    assert len(shown.splitlines()) == 3 + len(labels)
+    lines, height = [*shown.splitlines(), ""], 3 + len(labels) + 1  # an empty line between blocks
+    assert len(lines) % height == 0
+    assert not any(lines[height - 1 :: height])
+    blocks = [lines[k : k + height - 1] for k in range(0, len(lines), height)]
+    begin = max(len(one_line(label)) for label in labels)
+    for block in blocks:
+        assert [line[:begin].rstrip() for line in block[3:]] == list(map(one_line, labels))
+    for rows in zip(*(block[3:] for block in blocks), strict=True):
+        assert sum(row[begin:].split().count("1.500") for row in rows) == len(measures)
     assert not set(CONTROLS) & set(shown.replace("\n", ""))
 
 
