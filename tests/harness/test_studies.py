@@ -121,11 +121,11 @@ def interrupted(monkeypatch, after):
 
 
 def test_a_study_goes_on_to_the_same_bits_whoever_flies(system, tmp_path, monkeypatch):
-    given = table(system, worst={"of": "small", "flights": 60})
+    given = table(system, worst={"of": "small", "flights": 36})
     whole = found_by(worst(given, tmp_path / "a.zarr", workers=0))
     two = found_by(worst(given, tmp_path / "b.zarr", workers=2))
     with monkeypatch.context() as patch:
-        interrupted(patch, 3)
+        interrupted(patch, 2)
         with pytest.raises(KeyboardInterrupt):
             worst(given, tmp_path / "c.zarr", workers=0)
     resumed = found_by(worst(given, tmp_path / "c.zarr", workers=0, resume=True))
@@ -149,13 +149,15 @@ LONG = pytest.mark.long
 @pytest.mark.parametrize(
     ("method", "flights", "low", "high"),
     [
-        ("random", 400, 0.0, 4.0),
-        ("subset", 1400, 0.4, 2.5),
+        ("random", 80, 0.0, 4.0),
+        pytest.param("random", 400, 0.0, 4.0, marks=LONG),
+        pytest.param("subset", 1400, 0.4, 2.5, marks=LONG),
         pytest.param("importance", 4000, 0.6, 1.6, marks=LONG),
     ],
 )
 def test_probability_by_three_methods(method, flights, low, high, system, tmp_path):
-    entry = {"of": "small", "method": method, "flights": flights, "below": 0.05}
+    below = 0.05 if flights >= 400 else 0.1
+    entry = {"of": "small", "method": method, "flights": flights, "below": below}
     study = probability(table(system, probability=entry), tmp_path / "p.zarr", workers=0)
     found = study.estimate["of"]["small"]
     assert low <= found["p"] / P < high
@@ -193,7 +195,7 @@ def test_sensitivity_measures_slopes_and_exact_zeros(system, tmp_path):
 
 
 def test_a_campaign_that_has_flown_says_what_mattered(system, tmp_path):
-    campaign(table(system, runs=120), tmp_path / "c.zarr", workers=0)
+    campaign(table(system, runs=60), tmp_path / "c.zarr", workers=0)
     study = sensitivity(tmp_path / "c.zarr")
     found = dict(zip(study.estimate["factors"], study.estimate["of"]["small"]["p"], strict=True))
     assert found["twice.k"] < 0.01 < found["bad.t_fail"]
@@ -210,6 +212,7 @@ def test_a_map_follows_the_boundary(system, tmp_path):
     assert "fails with twice.k from 3." in study.summary()
 
 
+@LONG
 def test_gains_are_tuned_against_draws_and_an_archive(system, tmp_path):
     """`small` wants a small k, `large` a large one: the margins meet at k = 2.5."""
     given = table(system)
@@ -307,13 +310,13 @@ def test_the_command_says_what_it_found_and_ends_with_status_1(system, tmp_path,
     out = str(tmp_path / "o.zarr")
     assert main(["worst", str(tmp_path / "my.toml"), "-o", out, "--workers", "0", "-q"]) == 1
     assert "small: NOT MET" in capsys.readouterr().out
-    safe = text.replace('of = "small"', 'of = "positive"')
+    safe = text.replace('of = "small"', 'of = "positive"').replace("= 60", "= 24")
     (tmp_path / "my.toml").write_text(safe)
     out = str(tmp_path / "p.zarr")
     assert main(["worst", str(tmp_path / "my.toml"), "-o", out, "--workers", "0", "-q"]) == 0
     said = capsys.readouterr().out
-    assert "no failure in 60 flights" in said
-    assert "this is no proof; 0 of 60 random ones would say p < 4.9 % at 95 %" in said
+    assert "no failure in 24 flights" in said
+    assert "this is no proof; 0 of 24 random ones would say p < 1" in said
 
 
 # ---- plain campaigns
