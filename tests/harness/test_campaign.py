@@ -8,8 +8,8 @@ import datetime
 import errno
 import os
 import re
-import signal
 import shutil
+import signal
 import subprocess
 import sys
 import threading
