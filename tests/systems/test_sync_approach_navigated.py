@@ -63,10 +63,13 @@ def test_noise_costs_a_centimetre_and_five_percent_of_impulse():
 
 
 def test_common_parameters_are_those_of_the_approach_on_truth():
+    """But for the limits of the roll reference, which the set `robust` has."""
     with load("sync_approach") as truth, load(SYSTEM) as ours:
         truth = apply(truth, params="robust", set=TRUTH_FED)
         for name in ("guidance", "controller", "propulsion", "servicer", "target"):
-            assert ours.component(name).parameters == truth.component(name).parameters
+            expected = truth.component(name).parameters
+            common = {n: value for n, value in expected.items() if not n.startswith("roll_")}
+            assert ours.component(name).parameters == common
 
 
 def test_largest_errors_in_a_gap_of_poses():
