@@ -20,24 +20,15 @@ from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from harness.studies.campaign import summary
 from harness.studies.campaign.store import Store
+from tests.harness import demo
 
-TOML = """
-name = "demo"
-[experiment]
-stop = 6.0
-step = 1.0
-[components]
-count = "counter"
-twice = "gain"
-bad = "failing"
-[connections]
-"twice.u" = "count.n"
-[parameters.bad]
-t_fail = 100.0
-[requirements]
+TOML = (
+    demo.TOML
+    + """[requirements]
 small = "twice.y <= 20"
 late = "time < 4 s or twice.y >= 10"
 """
+)
 # count.n counts calls from n_0; over the 7 rows y = k n
 MET, NOT_MET, NOT_EXERCISED = 1, 2, 3
 

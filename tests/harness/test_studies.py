@@ -22,24 +22,15 @@ from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from harness.studies.campaign.campaign import like
 from harness.studies.inquiry import driver as driving
+from tests.harness import demo
 
-TOML = """
-name = "demo"
-[experiment]
-stop = 6.0
-step = 1.0
-[components]
-count = "counter"
-twice = "gain"
-bad = "failing"
-[connections]
-"twice.u" = "count.n"
-[parameters.bad]
-t_fail = 100.0
-[requirements]
+TOML = (
+    demo.TOML
+    + """[requirements]
 small = "twice.y <= 20"
 flag = "twice.y != 5"
 """
+)
 K, Z = {"normal": {"mean": 2.0, "sigma": 0.5}}, 8 / 3
 """Draw of k, and where `small` begins to fail: 6 (2 + z / 2) = 20."""
 P = float(stats.norm.sf(Z))
