@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, fields
 from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_type_hints
@@ -201,6 +202,20 @@ FormatOption = Annotated[Format, typer.Option("--format", help="Set the format o
 StyleOption = Annotated[
     Look, typer.Option("--style", help="Set the style; paper: 3.5 or 7 in wide, 8 pt, 300 dpi")
 ]
+FiguresOption = Annotated[
+    bool, typer.Option("--figures/--no-figures", help="Draw figures, or none")
+]
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """Whether and how the figures of many runs are drawn."""
+
+    ending: FormatOption = Format.PNG
+    style: StyleOption = Look.SCREEN
+    figures: FiguresOption = True
+
+
 RequireOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -291,23 +306,45 @@ def takes_changes(*names: str) -> Callable[[Command], Command]:
     dictionary, its argument `changes`.
     """
 
+    def given(values: dict[str, Any]) -> dict[str, Any]:
+        return {name: value for name, value in values.items() if value is not None}
+
+    return _with("changes", {n: (CHANGES[n], None) for n in names}, given)
+
+
+def takes(name: str, group: type) -> Callable[[Command], Command]:
+    """Give a command an option for every field of a data class; it receives an object of that
+    class, its argument of this name.
+    """
+    hints = get_type_hints(group, include_extras=True)
+    options = {field.name: (hints[field.name], field.default) for field in fields(group)}
+    return _with(name, options, lambda values: group(**values))
+
+
+def _with(
+    argument: str, options: Mapping[str, tuple[Any, Any]], made: Callable[[dict[str, Any]], Any]
+) -> Callable[[Command], Command]:
+    """Give a command options (annotation and default by name) in the place of one argument."""
+
     def decorate(command: Command) -> Command:
         @functools.wraps(command)
-        def with_changes(**given: Any) -> None:
-            changes = {name: given.pop(name) for name in names}
-            command(**given, changes={name: v for name, v in changes.items() if v is not None})
+        def with_options(**given: Any) -> None:
+            own = {name: given.pop(name) for name in options}
+            command(**given, **{argument: made(own)})
 
         keyword = inspect.Parameter.KEYWORD_ONLY
         hints = get_type_hints(command, include_extras=True)
-        own = [p for p in inspect.signature(command).parameters.values() if p.name != "changes"]
-        parameters = [p.replace(kind=keyword, annotation=hints[p.name]) for p in own]
-        parameters += [
-            inspect.Parameter(name, keyword, default=None, annotation=CHANGES[name])
-            for name in names
+        expanded = [
+            inspect.Parameter(name, keyword, default=default, annotation=annotation)
+            for name, (annotation, default) in options.items()
         ]
-        with_changes.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        with_changes.__annotations__ = {p.name: p.annotation for p in parameters}
-        return with_changes  # type: ignore[return-value]
+        parameters: list[inspect.Parameter] = []
+        for each in inspect.signature(command).parameters.values():
+            own = each.replace(kind=keyword, annotation=hints[each.name])
+            parameters += expanded if each.name == argument else [own]
+        with_options.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        with_options.__annotations__ = {p.name: p.annotation for p in parameters}
+        return with_options  # type: ignore[return-value]
 
     return decorate
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import Annotated, Any
@@ -18,6 +19,7 @@ from harness.cli.options import (
     completed_systems,
     figures_of,
     size_of,
+    takes,
     takes_changes,
 )
 from harness.errors import RunError, UsageError
@@ -71,12 +73,36 @@ LateOption = Annotated[
 ]
 
 
+@dataclass(frozen=True)
+class Live:
+    """What shows a run while it goes, and its pace."""
+
+    watch: WatchOption = False
+    realtime: RealtimeOption = None
+    late: LateOption = None
+
+    def shown(self, quiet: bool) -> dict[str, Any]:
+        """Arguments of simulate(): what is called with the progress, and the pacer."""
+        from harness.master.pacer import Pacer
+
+        how: dict[str, Any] = {"progress": not quiet and sys.stderr.isatty()}
+        if self.watch:
+            from harness.cli.watch import watched
+
+            how["progress"] = watched
+        if self.realtime is not None:
+            how["pacer"] = Pacer(self.realtime)
+        return how
+
+
 @app.command("run")
 @takes_changes(
     "params", "set", "swap", "map", "on", "latency", "step", "stop", "algorithm", "require"
 )
-def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
+@takes("live", Live)
+def run_command(  # noqa: PLR0913, PLR0917 - one argument per option or group of them
     system: SystemOption = None,
+    changes: Any = None,
     output: OutputOption = None,
     executor: ExecutorOption = None,
     every: RecordOption = None,
@@ -86,37 +112,27 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option
     start: StartOption = None,
     epoch: EpochOption = None,
     strict: StrictOption = False,
-    watch: WatchOption = False,
-    realtime: RealtimeOption = None,
-    late: LateOption = None,
+    live: Any = None,
     quiet: QuietOption = False,
-    changes: Any = None,
 ) -> None:
     """Run a system and write the results.
 
     Default: results/SYSTEM.nc. With --like RESULT the exit status is 1 if the bits differ.
     """
     from harness.cli.verdicts import insist
-    from harness.master.pacer import Pacer
     from harness.results.files import ResultFile
 
     wanted = _wanted(system, like, _started(system, start, epoch, changes))
     name = f"{Path(wanted.system).stem or 'run'}{'' if wanted.model is None else '_again'}"
     file = ResultFile(output or Path("results") / f"{name}.nc")
-    how: dict[str, Any] = {
-        "progress": not quiet and sys.stderr.isatty(),
+    how = {
+        **live.shown(quiet),
         "executor": executor or wanted.executor,
         "every": wanted.every if every is None else every,
         "in_process": in_process,
         "patience": math.inf if patience is None else patience,
     }
-    if watch:
-        from harness.cli.watch import watched
-
-        how["progress"] = watched
-    if realtime is not None:
-        how["pacer"] = Pacer(realtime)
-    result = _run(wanted.system, wanted.changes, file, how, quiet, late)
+    result = _run(wanted.system, wanted.changes, file, how, quiet, live.late)
     if wanted.model is not None:
         _say_whether_equal(wanted.model, result, bool(changes or start or every))
     elif like is not None:

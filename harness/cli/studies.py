@@ -5,22 +5,20 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from harness.cli.options import (
-    Format,
-    FormatOption,
-    Look,
     PatienceOption,
+    Pictures,
     QuietOption,
     StrictOption,
-    StyleOption,
     SystemArgument,
     figures_of,
+    takes,
     takes_changes,
 )
 from harness.errors import ComparisonError, RequirementError, UsageError
@@ -62,9 +60,6 @@ BandOption = Annotated[
     ),
 ]
 KeepOutOption = Annotated[float, typer.Option(help="Set a keep-out radius about the target [m]")]
-FiguresOption = Annotated[
-    bool, typer.Option("--figures/--no-figures", help="Draw figures, or none")
-]
 MeasuresOption = Annotated[
     str | None, typer.Option(metavar="A,B,..", help="Columns of the table (default: all)")
 ]
@@ -93,6 +88,22 @@ InsecureOption = Annotated[
 DashboardOption = Annotated[
     bool, typer.Option("--dashboard", help="Serve Dask's pages to users of this machine")
 ]
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Who performs the runs of a campaign, and how they are reached."""
+
+    workers: WorkersOption = None
+    scheduler: SchedulerOption = None
+    slurm: SlurmOption = False
+    tls_ca: CaOption = None
+    tls_cert: CertOption = None
+    tls_key: KeyOption = None
+    insecure: InsecureOption = False
+    dashboard: DashboardOption = False
+
+
 ResumeOption = Annotated[bool, typer.Option("--resume", help="Go on after an interruption")]
 HeldOption = Annotated[
     Several,
@@ -108,24 +119,46 @@ ExpectedOption = Annotated[
 ]
 
 
+@dataclass(frozen=True)
+class Varied:
+    """What is compared."""
+
+    params: ParamsOption = None
+    swap: SwapOption = None
+    latency: LatencyOption = None
+    vary: VaryOption = None
+    algorithm: AlgorithmsOption = None
+
+    def options(self) -> list[tuple[str, str]]:
+        """Options with the values given, as combinations() takes them."""
+        several = {"swap": self.swap, "latency": self.latency, "set": self.vary}
+        varied = [("params", self.params), ("algorithm", self.algorithm)]
+        varied += [(option, text) for option, texts in several.items() for text in texts or ()]
+        return [(option, text) for option, text in varied if text]
+
+
+@dataclass(frozen=True)
+class Bands:
+    """What errors and distances are held against."""
+
+    band: BandOption = None
+    keep_out: KeepOutOption = 0.0
+
+
 @app.command("compare")
 @takes_changes("set", "map", "on", "step", "stop", "require")
-def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
+@takes("pictures", Pictures)
+@takes("bands", Bands)
+@takes("varied", Varied)
+def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option or group of them
     system: SystemArgument,
-    params: ParamsOption = None,
-    swap: SwapOption = None,
-    latency: LatencyOption = None,
-    vary: VaryOption = None,
-    algorithm: AlgorithmsOption = None,
+    varied: Any = None,
     output: FolderOption = None,
     every: ThinOption = None,
-    band: BandOption = None,
-    keep_out: KeepOutOption = 0.0,
+    bands: Any = None,
     measures: MeasuresOption = None,
     patience: PatienceOption = None,
-    ending: FormatOption = Format.PNG,
-    style: StyleOption = Look.SCREEN,
-    figures: FiguresOption = True,
+    pictures: Any = None,
     strict: StrictOption = False,
     quiet: QuietOption = False,
     changes: Any = None,
@@ -142,26 +175,20 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option
     from harness.studies.variants import combinations
 
     names = _columns(system, measures)
-    given = {"swap": swap, "latency": latency, "set": vary}
-    variants = combinations(changes, _varied(params, algorithm, given))
+    variants = combinations(changes, varied.options())
     folder = output or Path("results") / Path(system).stem
     shown = not quiet and sys.stderr.isatty()
+    limits, wait = _limits(bands.band, bands.keep_out), PATIENCE if patience is None else patience
     with progress_bar(f"{len(variants)} runs", len(variants), shown) as show:
         found = compare(
-            system,
-            variants,
-            folder,
-            limits=_limits(band, keep_out),
-            every=every,
-            patience=PATIENCE if patience is None else patience,
-            progress=show,
+            system, variants, folder, limits=limits, every=every, patience=wait, progress=show
         )
-    text = found.text(names) if found.results else ""
-    if text and not quiet:
-        typer.echo(printable(text))
-    drawn = _overlaid(found.results, folder, ending, style) if figures else ""
+    if found.results and not quiet:
+        typer.echo(printable(found.text(names)))
+    drawn = _overlaid(found.results, folder, pictures) if pictures.figures else ""
     if not quiet:
-        typer.echo(f"\nresults{',' if figures else ' and'} comparison.csv{drawn} in {folder}")
+        listed = "results, comparison.csv" if drawn else "results and comparison.csv"
+        typer.echo(f"\n{listed}{drawn} in {folder}")
     if found.failures:
         raise ComparisonError("\n".join(found.failures))
     insist(found.results, changes.get("require", ()), strict)
@@ -184,23 +211,13 @@ def _columns(system: str, measures: str | None) -> list[str]:
     return names
 
 
-def _overlaid(results: Any, folder: Path, ending: Format, style: Look) -> str:
+def _overlaid(results: Any, folder: Path, pictures: Pictures) -> str:
     """Draw the figures of a comparison; how many, as the end of a list."""
     from harness.figures.plots import overlay
     from harness.figures.style import style_of
 
-    drawn = overlay(results, folder, ending.value, style_of(style.value))
+    drawn = overlay(results, folder, pictures.ending.value, style_of(pictures.style.value))
     return f" and {len(drawn)} figures"
-
-
-def _varied(
-    params: str | None, algorithm: str | None, given: Mapping[str, Several]
-) -> list[tuple[str, str]]:
-    """Options with the values given, as combinations() takes them."""
-    varied = [("params", params), ("algorithm", algorithm)]
-    for option, texts in given.items():
-        varied += [(option, each) for each in texts or ()]
-    return [(option, text) for option, text in varied if text]
 
 
 def _limits(bands: list[str] | None, keep_out: float) -> Any:
@@ -228,79 +245,59 @@ def _positive(text: str) -> bool:
 
 
 @app.command("campaign")
-def campaign_command(  # noqa: PLR0913, PLR0917 - one argument per option
+@takes("pictures", Pictures)
+@takes("cluster", Cluster)
+def campaign_command(  # noqa: PLR0913, PLR0917 - one argument per option or group of them
     definition: Annotated[
         Path,
         typer.Argument(metavar="CAMPAIGN.toml", help="Campaign file: system, factors, metrics"),
     ],
     output: DatasetOption = None,
-    workers: WorkersOption = None,
-    scheduler: SchedulerOption = None,
-    slurm: SlurmOption = False,
-    tls_ca: CaOption = None,
-    tls_cert: CertOption = None,
-    tls_key: KeyOption = None,
-    insecure: InsecureOption = False,
-    dashboard: DashboardOption = False,
+    cluster: Any = None,
     resume: ResumeOption = False,
     require: HeldOption = None,
     strict: ExpectedOption = False,
-    ending: FormatOption = Format.PNG,
-    style: StyleOption = Look.SCREEN,
-    figures: FiguresOption = True,
+    pictures: Any = None,
     quiet: QuietOption = False,
 ) -> None:
     """Run a system thousands of times.
 
     The file sets what varies; metrics, failures and histories go to one Zarr dataset.
     """
-    from harness.cli.campaigns import counting, pictures
+    from harness.cli import campaigns
     from harness.studies.campaign.campaign import campaign
 
     folder = output or Path("results") / f"{definition.stem}.zarr"
+    how = {"resume": resume, "require": require or (), "strict": strict, **asdict(cluster)}
+    said = (lambda text: None) if quiet else (lambda text: typer.echo(text, err=True))
     problem = None
-    with counting(definition.stem, not quiet) as show:
+    with campaigns.counting(definition.stem, not quiet) as show:
         try:
-            found = campaign(
-                definition,
-                folder,
-                workers=workers,
-                scheduler=scheduler,
-                slurm=slurm,
-                tls_ca=tls_ca,
-                tls_cert=tls_cert,
-                tls_key=tls_key,
-                insecure=insecure,
-                dashboard=dashboard,
-                resume=resume,
-                require=require or (),
-                strict=strict,
-                progress=show,
-                said=(lambda text: None) if quiet else (lambda text: typer.echo(text, err=True)),
-            )
+            found = campaign(definition, folder, progress=show, said=said, **how)
         except RequirementError as error:  # all is there
             found, problem = error.partial, error
     typer.echo(printable(found.summary()))
-    place = figures_of(folder)
-    drawn = pictures(found.store, place, ending.value, style.value) if figures else []
+    place, look = figures_of(folder), (pictures.ending.value, pictures.style.value)
+    drawn = campaigns.pictures(found.store, place, *look) if pictures.figures else []
     typer.echo(f"\ndataset {folder}" + (f", {len(drawn)} figures in {place}" if drawn else ""))
     if problem is not None:
         raise problem
 
 
 @app.command("study")
-def study_command(  # noqa: PLR0913, PLR0917 - one argument per option
+@takes("pictures", Pictures)
+@takes("cluster", Cluster)
+def study_command(  # noqa: PLR0913, PLR0917 - one argument per option or group of them
     name: Annotated[
         str | None,
         typer.Argument(metavar="[NAME]", help="Campaign of the project; without a name: list them"),
     ] = None,
     output: DatasetOption = None,
-    workers: WorkersOption = None,
+    cluster: Any = None,
     resume: ResumeOption = False,
     require: HeldOption = None,
     strict: ExpectedOption = False,
-    ending: FormatOption = Format.PNG,
-    style: StyleOption = Look.SCREEN,
+    pictures: Any = None,
     quiet: QuietOption = False,
 ) -> None:
     """Run a campaign of the project.
@@ -316,14 +313,6 @@ def study_command(  # noqa: PLR0913, PLR0917 - one argument per option
         return
     if name not in known:
         raise UsageError(f"{name}: there is no such study{did_you_mean(name, known)}")
-    campaign_command(
-        known[name],
-        output,
-        workers,
-        resume=resume,
-        require=require,
-        strict=strict,
-        ending=ending,
-        style=style,
-        quiet=quiet,
-    )
+    how: dict[str, Any] = {**asdict(cluster), **asdict(pictures), "resume": resume}
+    how |= {"require": require, "strict": strict, "quiet": quiet}
+    campaign_command(definition=known[name], output=output, **how)
