@@ -16,8 +16,9 @@ PIP    := $(BIN)/pip install --quiet --disable-pip-version-check
 # cmake and ninja come as wheels into the virtual environment
 RUN    := PATH="$(CURDIR)/$(BIN):$$PATH"
 CMAKE  := $(RUN) cmake -DPython_EXECUTABLE=$(CURDIR)/$(BIN)/python
-# on all cores; a worker that has nothing left takes over tests of another one
-PYTEST := $(BIN)/pytest -n auto --dist worksteal
+# on all cores; a worker that has nothing left takes over tests of another one. Bytecode is kept, or
+# every worker and each of the thousand processes that tests start would compile all modules anew.
+PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/pytest -n auto --dist worksteal
 SOURCES := $(shell find fmus ssp harness -name '*.py' -o -name '*.[ch]' -o -name '*.toml' \
                      -o -name CMakeLists.txt)
 CODE    := .ci examples fmus harness tests
