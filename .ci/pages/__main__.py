@@ -57,7 +57,8 @@ def pages(facts: Mapping[str, Any]) -> Iterator[tuple[str, str | bytes]]:
         if page.startswith("examples/") and path.suffix != ".md":
             yield page, example(path)
         elif path.suffix == ".md" and source != "README.md":
-            yield page, relinked(path.read_text(encoding="utf-8"), source, page, known)
+            text = relinked(path.read_text(encoding="utf-8"), source, page, known)
+            yield page, missions.typeset(text) if source.startswith("ssp/") else text
         elif source.startswith("docs/"):
             yield page, path.read_bytes()
     parts = {letter: page for letter, (_, page) in missions.equations().items()}
@@ -106,8 +107,8 @@ def main(facts: Path, target: str) -> None:
     shutil.copytree(facts / "figures", folder / "reference/missions/figures")
     import mathjax  # django-static-mathjax, of the extra `site`
 
-    engine = Path(mathjax.__path__[0]) / "static/mathjax/es5/tex-svg.js"
-    shutil.copy(engine, folder / "javascripts/tex-svg.js")
+    engine = Path(mathjax.__path__[0]) / "static/mathjax/es5/tex-mml-svg.js"
+    shutil.copy(engine, folder / "javascripts/tex-mml-svg.js")
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from models import writer
 from text import ROOT, between, table
 
 from harness.files import paths
@@ -188,3 +189,17 @@ def equations() -> dict[str, tuple[str, str]]:
         letter: (path, f"reference/equations/{folder if file == 'equations' else file}.md")
         for letter, path, folder, file in found
     }
+
+
+def typeset(text: str) -> str:
+    """A page of equations with its indented lines as mathematics; code stands in fences."""
+    block = writer("typeset").block
+    parts = re.split(r"^(```.*?^```)", text, flags=re.MULTILINE | re.DOTALL)
+    parts[::2] = [
+        EQUATIONS.sub(lambda m: f"\n{block(line[4:] for line in m[0].splitlines())}\n\n", part)
+        for part in parts[::2]
+    ]
+    return "".join(parts)
+
+
+EQUATIONS = re.compile(r"^(?: {4}[^\n]*(?:\n|\Z))+", re.MULTILINE)

@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import ast
 import html
-import importlib.util
+import importlib
 import json
 import re
+import sys
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
@@ -22,15 +23,14 @@ from harness.files import paths
 MODELS = re.compile(r"docs/models\.md ([A-L])\b(\.\d+)?")
 
 
-def package() -> Any:
-    """The module that writes the page in the .fmu."""
-    file = ROOT / "fmus/core/build/package_fmu.py"
-    spec = importlib.util.spec_from_file_location("package_fmu", file)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def writer(name: str) -> Any:
+    """A module of those that write the page in the .fmu."""
+    folder = str(ROOT / "fmus/core/build")
+    sys.path.insert(0, folder)
+    try:
+        return importlib.import_module(name)
+    finally:
+        sys.path.remove(folder)
 
 
 def sides() -> dict[str, list[str]]:
@@ -43,7 +43,7 @@ def sides() -> dict[str, list[str]]:
 
 def pages(facts: Mapping[str, Any], parts: Mapping[str, str]) -> Iterator[tuple[str, str | bytes]]:
     """Pages and pictures; parts: page of the equations by its letter."""
-    writer, found = package(), []
+    chapters, found = writer("package_fmu").chapters, []
     for side, names in sides().items():
         for name in names:
             with zipfile.ZipFile(paths.fmus()[name]) as archive:
@@ -54,7 +54,7 @@ def pages(facts: Mapping[str, Any], parts: Mapping[str, str]) -> Iterator[tuple[
             here = f"reference/fmus/{name}.md"
             lines = [
                 *_head(name, side, description.attrib["description"]),
-                *_chapters(writer.chapters(description, source), here, parts),
+                *_chapters(chapters(description, source), here, parts),
                 *("## Where it runs\n", *_uses(name), "## Checks\n", *_checks(name, facts)),
             ]
             yield here, "\n".join(lines)

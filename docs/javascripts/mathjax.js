@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-2-Clause */
-/* Equations of pymdownx.arithmatex; nothing is loaded but tex-svg.js beside this file. */
+/* Equations of pymdownx.arithmatex, and the MathML of fmus/core/build/typeset.py; nothing is
+ * loaded but tex-mml-svg.js beside this file. */
 window.MathJax = {
   tex: { inlineMath: [["\\(", "\\)"]], displayMath: [["\\[", "\\]"]], processEscapes: true },
   options: { ignoreHtmlClass: ".*|", processHtmlClass: "arithmatex", enableMenu: false },

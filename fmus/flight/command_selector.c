@@ -6,7 +6,7 @@
  * The throttles th of the relays are orders to virtual engines, which the allocation distributes
  * over the real ones:
  *   F_1 = [main_thrust th_13 - brake_thrust (th_9 + th_10 + th_11 + th_12)/4, 0, 0]
- *   M_1 = relay_torque o [(th_6 + th_8 - th_5 - th_7)/2, th_4 - th_2, th_1 - th_3]
+ *   M_1 = relay_torque (o) [(th_6 + th_8 - th_5 - th_7)/2, th_4 - th_2, th_1 - th_3]
  * Bumpless between laws, at once to and from nothing and to the retreat: where the selection
  * changes from law to law, D is what was commanded less F* now, and fades,
  *   D *= exp(-period/blend_time),   F_cmd = F* + D + push [push_force, 0, 0] (law 3; not kept)

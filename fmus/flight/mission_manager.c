@@ -5,7 +5,7 @@
  *   1 the last valid relative state is kept
  *   2 clocks of "too far off the axis" (near the target) and "too fast" (before capture)
  *   3 abort of the monitor -> ABORTED; else, before capture, the first reason to retreat -> RETREAT
- *   4 else the row of the phase: its condition has held for `dwell` -> next phase
+ *   4 else the row of the phase: its condition has held for dwell -> next phase
  *   5 outputs of the phase now in force
  *
  * rho = r_S - r_T,  R = |rho|;  a = C_TN^T p_T, l = rho.a, d = |rho - l a|: on and off the grasp

@@ -1,9 +1,10 @@
 /* pid_controller.c - three-axis PID control of line of sight and attitude, the baseline without a
  * model.
  *
- * Position, per LOS channel:   u = -(Kp e + Ki I + Kd de/dt),   a_L = Sigma u,   F_cmd =
- * force_scale C_SL a_L Attitude, per body axis:     M = -(Kp e + Ki I + Kd w),       e: vector part
- * of q_SD, w: rate error Anti-windup by back-calculation:   dI/dt = e + (u - sat(u))/(Ki T_aw)
+ *   position, per LOS channel    u = -(Kp e + Ki I + Kd de/dt),   a_L = Sigma u,
+ *                                F_cmd = force_scale C_SL a_L
+ *   attitude, per body axis      M = -(Kp e + Ki I + Kd w),   e: vector part of q_SD, w: rate error
+ *   anti-windup                  dI/dt = e + (u - sat(u))/(Ki T_aw)
  *
  * Sampled: explicit Euler, I is updated after its use. The back-calculation of one sample goes no
  * further than to the limit (T_aw counts as no less than the period), since beyond it explicit

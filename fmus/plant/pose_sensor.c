@@ -2,7 +2,7 @@
  * noise and latency.
  *
  *   r = C_KN ((r_T - r_S) + C_TN^T p_GT_T) - C_KS p_KS_S,     q = (q_SN q_KS)* q_TN
- *   r_GK_K = r + sigma_r(|r|) o z_0..2,                       q_TK = q rot(sigma_t(|r|) z_3..5)
+ *   r_GK_K = r + sigma_r(|r|) (o) z_0..2,                     q_TK = q rot(sigma_t(|r|) z_3..5)
  *
  * G is the origin of the model of the target that the camera tracks. Outliers, flips (half a turn
  * about flip_axis, for a target that looks the same) and a fault (the position drifts, the attitude

@@ -1,6 +1,6 @@
 /* star_tracker.c - star tracker: attitude of A relative to N, with noise in its own axes.
  *
- *   q_AN = q_SN q_AS rot(sigma_A o z_0..2)
+ *   q_AN = q_SN q_AS rot(sigma_A (o) z_0..2)
  *
  * No measurement where the servicer turns faster than rate_max, with the Sun within sun_cone of the
  * boresight (+X of A), in an outage, or dropped (u_3 < p_drop). Exposure and time stamp are one.

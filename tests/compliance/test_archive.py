@@ -163,11 +163,11 @@ def test_no_file_tells_where_it_was_built(files):
 
 
 class Page(HTMLParser):
-    """Text, pictures and balance of the tags of a page."""
+    """Text, pictures, equations as they are in the source, and balance of the tags of a page."""
 
     def __init__(self, page):
         super().__init__()
-        self.open, self.words, self.pictures = [], [], []
+        self.open, self.words, self.pictures, self.equations = [], [], [], []
         self.feed(page)
         self.close()
 
@@ -176,6 +176,8 @@ class Page(HTMLParser):
             self.pictures.append(dict(attrs)["src"])
         elif tag != "meta":
             self.open.append(tag)
+        if tag == "math":
+            self.equations.append(dict(attrs)["alttext"])
 
     def handle_endtag(self, tag):
         assert self.open.pop() == tag
@@ -194,9 +196,12 @@ def test_the_documentation_is_a_page_that_describes_every_port(about, files):
 
 def test_the_documentation_shows_the_equations_of_the_model(archive, files, sources):
     opening = re.match(r"/\*(.*?)\*/", sources[f"{archive.stem}.c"], re.DOTALL)[1]
-    page = "".join(Page(files["documentation/index.html"].decode()).words)
-    shown = [" ".join(line.removeprefix(" *").split()) for line in opening.splitlines()]
-    assert [line for line in shown if line not in " ".join(page.split())] == []
+    lines = [line.removeprefix(" *") for line in opening.splitlines()]
+    page = Page(files["documentation/index.html"].decode())
+    prose, equations = " ".join(" ".join(page.words).split()), page.equations
+    assert [e for e in lines if e.startswith("   ") and " ".join(e.split()) not in equations] == []
+    rest = [" ".join(line.split()) for line in lines if not line.startswith("   ")]
+    assert [line for line in rest if line not in prose] == []
 
 
 def test_the_licence_is_that_of_the_project(files):

@@ -18,11 +18,14 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from PIL import Image, ImageDraw, ImageFont
+from typeset import NotationError, page
 
 FIXED_DATE = (1980, 1, 1, 0, 0, 0)
 STYLE = (
     "body{font-family:sans-serif;max-width:70em;margin:2em auto}pre{background:#f4f4f4;padding:1em}"
     "table{border-collapse:collapse}td,th{border:1px solid #bbb;padding:.2em .6em;text-align:left}"
+    ".equations{margin:.6em 1.5em;overflow-x:auto}.equations div{margin:.35em 0;white-space:nowrap}"
+    ".number{float:right}"
 )
 SECTIONS = {"input": "Inputs", "output": "Outputs", "parameter": "Parameters"}
 
@@ -91,6 +94,16 @@ def opening_comment(source: str) -> str:
     return "\n".join(line.removeprefix(" *").rstrip() for line in match[1].splitlines())
 
 
+def equations(comment: str) -> str:
+    """HTML of an opening comment: lines indented by three blanks are equations; as it is where they
+    are in another notation.
+    """
+    try:
+        return page(comment, indent=3)
+    except NotationError:
+        return f"<pre>{html.escape(comment)}</pre>"
+
+
 def timing(rows: list[dict[str, str]]) -> str:
     """When a model computes, by the parameters that say so."""
     named = {row["name"] for row in rows if row["causality"] == "parameter"}
@@ -115,7 +128,7 @@ def chapters(description: ElementTree.Element, source: str) -> list[tuple[str, s
     alarms = set(re.findall(r"\bALARM\((\w+)", source))
     state = re.search(r"^typedef struct \{(?:(?!^typedef).)*?\} State;", source, re.M | re.S)
     parts = [
-        ("Equations and source", f"<pre>{html.escape(opening_comment(source))}</pre>"),
+        ("Equations and source", equations(opening_comment(source))),
         ("Timing", f"<p>{timing(rows)} Outputs are latched at the end of a step and after "
          "initialization.</p>"),
     ]  # fmt: skip
