@@ -67,19 +67,18 @@ def run(  # noqa: PLR0913 - every one is an option of the command line
     late: str | None = None,
     **changes: Unpack[Changes],
 ) -> Result:
-    """Run a system and return what was recorded.
+    """Run a system and return the recorded rows.
 
-    system: name of a system of the project, path of an .ssp, or a System; executor: c, python
-    or fused (same bits); every: record every N-th macro step (default: as the system says);
-    progress: show a bar on stderr; in_process: run FMUs that are not ours in this process too,
-    patience: how long one of them may take for one call else [s] (docs/robustness.md); realtime:
-    simulated seconds per second, late: what a component elsewhere does that does not keep this
-    pace, wait, hold or stop (docs/processors.md); changes: what shall be otherwise than the system
-    says, see harness.master.changes.Changes (params, set, swap, map, on, latency, step, stop,
-    algorithm, epoch, require).
+    system: name of a system of the project, path of an .ssp, or a System; executor: `c`, `python`
+    or `fused` (equal bits); every: record every N-th macro step (default: defined by the system);
+    progress: show a bar on stderr; in_process: run third-party FMUs in this process; patience:
+    limit for one call into a third-party FMU [s] (docs/robustness.md); realtime: simulated seconds
+    per second; late: `wait`, `hold` or `stop` if a remote component misses this pace
+    (docs/processors.md); changes: deviations from the system, see harness.master.changes.Changes
+    (params, set, swap, map, on, latency, step, stop, algorithm, epoch, require).
 
-    Raises UsageError, ArchiveError, StructureError, FmuError, or RunError, whose `partial` is what
-    was recorded so far.
+    Raises UsageError, ArchiveError, StructureError, FmuError, or RunError, whose `partial` holds
+    the rows recorded before the failure.
     """
     pacer = None if realtime is None else Pacer(realtime)
     with load(system) as found:
@@ -117,17 +116,17 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     patience: float = PATIENCE,
     progress: Callable[[int], None] | None = None,
 ) -> Comparison:
-    """Run every combination of the values given, in parallel, and measure the runs.
+    """Run every combination of the given values in parallel, and measure the runs.
 
-    params: parameter sets or files; swap: FMUs by component; latency: macro steps by component;
-    vary: values by `component.parameter`; algorithm: names; set, map, on, step, stop, require: as
-    for run(), the same for all. Results and the table comparison.csv go to `folder`. limits: bands
-    and keep-out radius; every: record every N-th macro step (default: at most 20 000 rows);
-    patience: how long an FMU that is not ours may take for one call [s]; progress: called with the
-    number of runs that are over.
+    folder: for the results and the table comparison.csv; params: parameter sets or files; swap:
+    FMUs by component; latency: macro steps by component; vary: values by `component.parameter`;
+    algorithm: names; set, map, on, step, stop, require: as for run(), the same for all; limits:
+    bands and keep-out radius; every: record every N-th macro step (default: at most 20 000 rows);
+    patience: limit for one call into a third-party FMU [s]; progress: called with the number of
+    completed runs.
 
-    Raises UsageError, what run() raises before its first step, and ResultsError; a run that fails
-    under way ends early (Comparison.failures), the others go on.
+    Raises UsageError, the exceptions of run() before its first step, and ResultsError. A run that
+    fails later ends early and is listed in Comparison.failures; the other runs continue.
     """
     from harness.studies import compare as comparison
     from harness.studies.variants import combinations
@@ -153,9 +152,16 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
 def campaign(
     definition: str | Path | Mapping[str, Any], output: str | Path, **how: Any
 ) -> Campaign:
-    """Run a campaign; see harness.studies.campaign.campaign.campaign(), which has the options.
+    """Run a campaign into a Zarr dataset.
 
-    A script that calls it needs `if __name__ == "__main__":`, for the workers import it.
+    definition: path of a campaign TOML, or its table; output: OUT.zarr; how: workers (processes,
+    default: one per processor, 0: this process), scheduler, slurm, tls_ca, tls_cert, tls_key,
+    insecure, dashboard (as `harness campaign`), resume (continue an interrupted campaign), require
+    (conditions such as `lower(success) >= 99 %`), strict, progress (called after every block),
+    `said` (called with each note).
+
+    Guard a script that calls campaign() by `if __name__ == "__main__":`, because workers import it.
+    Raises UsageError, StructureError, ResultsError, and RequirementError if a condition is not met.
     """
     from harness.studies.campaign import campaign as study
 
@@ -165,29 +171,51 @@ def campaign(
 def sensitivity(
     definition: str | Path | Mapping[str, Any], output: str | Path | None = None, **how: Any
 ) -> Study:
-    """What matters; see harness.studies.inquiry.study.sensitivity()."""
+    """Rank the factors of a campaign by their effect on each requirement.
+
+    definition: path of a campaign TOML with a table [sensitivity], or the table itself; or the
+    dataset of a complete campaign, which needs no further run and no output. output: OUT.zarr;
+    how: workers, resume, progress, `said` as for campaign(). Raises UsageError, StructureError.
+    """
     return _study("sensitivity", definition, output, **how)
 
 
 def worst(definition: str | Path | Mapping[str, Any], output: str | Path, **how: Any) -> Study:
-    """What is the worst; see harness.studies.inquiry.study.worst()."""
+    """Search for the smallest margin of each requirement.
+
+    definition: path of a campaign TOML with a table [worst], or the table itself; output: OUT.zarr;
+    the worst runs and the nominal one are repeated with all rows into OUT_worst/NAME.nc; how: as
+    for sensitivity(). Raises UsageError, StructureError.
+    """
     return _study("worst", definition, output, **how)
 
 
 def probability(
     definition: str | Path | Mapping[str, Any], output: str | Path, **how: Any
 ) -> Study:
-    """How probable is a failure; see harness.studies.inquiry.study.probability()."""
+    """Estimate how probable it is that a requirement fails.
+
+    definition: path of a campaign TOML with a table [probability], or the table itself; output:
+    OUT.zarr; how: as for sensitivity(). Raises UsageError, StructureError.
+    """
     return _study("probability", definition, output, **how)
 
 
 def boundary(definition: str | Path | Mapping[str, Any], output: str | Path, **how: Any) -> Study:
-    """Where a requirement fails over two factors; see harness.studies.inquiry.study."""
+    """Map where a requirement fails over two factors; all others are nominal.
+
+    definition: path of a campaign TOML with a table [map], or the table itself; output: OUT.zarr;
+    how: as for sensitivity(). Raises UsageError, StructureError.
+    """
     return _study("map", definition, output, **how)
 
 
 def tune(definition: str | Path | Mapping[str, Any], output: str | Path, **how: Any) -> Study:
-    """Gains with the best worst margin; see harness.studies.inquiry.study.tune()."""
+    """Search for the gains with the largest worst margin.
+
+    definition: path of a campaign TOML with a table [tune], or the table itself; output: OUT.zarr;
+    how: as for sensitivity(). Raises UsageError, StructureError.
+    """
     return _study("tune", definition, output, **how)
 
 
@@ -207,21 +235,37 @@ def __getattr__(name: str) -> Any:
 
 
 def export(system: str | Path | System, target: str | Path, **changes: Unpack[Changes]) -> Path:
-    """See harness.exports.package.export()."""
+    """Write a system with all changes to a file and return its path.
+
+    target: NAME.ssp, NAME.fmu (one FMU of the whole system), or a folder for the .ssp; changes: as
+    for run(). Running the .ssp gives the bits of running the system with the same changes; the same
+    changes give the same bytes. Raises the exceptions of run() before its first step, or
+    ResultsError.
+    """
     from harness.exports import package
 
     return package.export(system, Path(target), **changes)
 
 
 def build(name: str | Path, output: str | Path | None = None, compiler: str = "cc") -> Path:
-    """Path of the FMU that harness.authoring.build.build() makes of a C or Python file."""
+    """Build an FMU from a C or Python file and return its path.
+
+    name: the file, or a folder NAME with NAME.c or NAME.py; output: default NAME.fmu beside the
+    file; compiler: command for C with its arguments, quoted as in a shell. Raises UsageError if the
+    file, the compiler or a package is missing, and FmuError with the message of the compiler.
+    """
     from harness.authoring import build as authoring
 
     return authoring.build(name, output, compiler).path
 
 
 def show(name: str | Path, word: str | None = None, **changes: Unpack[Changes]) -> Shown:
-    """See harness.studies.show.show()."""
+    """Components of a system, or signals of an FMU, alone or in its place in a system.
+
+    name: `SYSTEM`, `SYSTEM.component` or an FMU, each by name or path; word: return only rows with
+    this word in name or description; changes: as for run(). Raises UsageError, ArchiveError,
+    StructureError.
+    """
     from harness.studies import show as study
 
     return study.show(name, word, **changes)
@@ -240,10 +284,10 @@ def _texts(given: Several) -> list[str]:
 def linearize(
     fmu: str | Path, at: float = 0.0, step: float = 0.1, *, set: Pairs = ()
 ) -> LinearModel:
-    """Linear model of one FMU, given by name or path, after running alone for `at` seconds.
+    """Linear model of one FMU after it has run alone for `at` seconds.
 
-    at: operating point [s], a multiple of step; step: h [s]; set: parameters and held inputs, as
-    texts `name=value` or a mapping. Raises UsageError, FmuError, RunError.
+    fmu: name or path; at: operating point [s], a multiple of step; step: h [s]; set: parameters and
+    held inputs, as texts `name=value` or a mapping. Raises UsageError, FmuError, RunError.
     """
     from harness.studies import linearize as linear
 
@@ -254,8 +298,8 @@ def linearize(
 
 
 def _plot(self: Result, *names: str) -> Any:
-    """A matplotlib Figure of variables, of the figure of that name, or of the first figure that the
-    result has; UsageError, ResultsError.
+    """A matplotlib Figure: of these variables, the figure of this name, or the first figure of the
+    result. Raises UsageError, ResultsError.
     """
     from harness.figures.plots import shown
 
@@ -263,7 +307,7 @@ def _plot(self: Result, *names: str) -> Any:
 
 
 def _report(self: Result, path: str | Path) -> Path:
-    """Write a page of HTML with plots, verdicts and a replay in space; HarnessError."""
+    """Write an HTML page with plots, verdicts and a replay; returns its path, HarnessError."""
     from harness.report.html import write
 
     return write(self, path)

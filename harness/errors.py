@@ -24,7 +24,7 @@ from typing import Any
 
 
 class HarnessError(Exception):
-    """Root of the tree; str() is what the user reads."""
+    """Root of the tree; str() is the message for the user."""
 
     exit_status = 1
 
@@ -43,7 +43,7 @@ def _rebuilt(
 
 
 class UsageError(HarnessError):
-    """The request itself makes no sense."""
+    """The request is not valid."""
 
     exit_status = 2
 
@@ -110,9 +110,9 @@ class ComparisonError(HarnessError):
 
 
 class RequirementError(HarnessError):
-    """Requirements are not met or cannot be judged; one line each.
+    """Requirements are not met or cannot be evaluated; one line each.
 
-    partial: the Campaign whose success cannot be judged, else None.
+    partial: the Campaign whose success cannot be evaluated, else None.
     """
 
     partial: Any = None

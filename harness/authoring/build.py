@@ -37,7 +37,7 @@ def build(name: str | Path, output: str | Path | None = None, compiler: str = "c
     source = _source(Path(name))
     target = Path(output) if output is not None else source.with_suffix(".fmu")
     if target.suffix != ".fmu":
-        raise UsageError(f"--output {target}: an FMU is a file NAME.fmu")
+        raise UsageError(f"--output {target}: expected a file NAME.fmu")
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / f"{source.stem}.fmu"
         if source.suffix == ".c":
@@ -69,7 +69,7 @@ def _source(path: Path) -> Path:
 def _build_c(source: Path, output: Path, compiler: Sequence[str]) -> None:
     core = paths.core()
     if core is None:
-        raise UsageError("the C sources of the project are not there: install it anew")
+        raise UsageError("the C sources of the project are missing: reinstall servicing-fmus")
     if not compiler or shutil.which(compiler[0]) is None:
         raise UsageError(
             f"{' '.join(compiler) or '(nothing)'}: there is no such C compiler; install gcc or "
@@ -83,7 +83,7 @@ def _command(compiler: str) -> list[str]:
     try:
         return shlex.split(compiler, posix=os.name == "posix")
     except ValueError as error:
-        raise UsageError(f"--cc {compiler}: is no command ({error})") from error
+        raise UsageError(f"--cc {compiler}: is not a command ({error})") from error
 
 
 def _build_python(source: Path, folder: Path) -> Path:

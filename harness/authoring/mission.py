@@ -20,7 +20,7 @@ from harness.system.model import System
 
 SYSTEM_TEXT = Template("""\
 # The mission $name: what it changes of $base. An entry of [components], [connections],
-# [parameters], [sets] or [requirements] that stands here wins over that of $base.
+# [parameters], [sets] or [requirements] here overrides the entry of $base.
 extends = "$base"
 name = "$name"
 description = "$name, made from $base"
@@ -35,7 +35,7 @@ description = "$name, made from $base"
 # parameter = 1.0                       # harness show $name.$component lists them
 """)
 MISSION_TEXT = Template('''\
-"""What $name hands the engine: its own figures, measures and claims, and those of $mission."""
+"""What $name hands the engine: its own figures, measures and claims, and the ones of $mission."""
 
 from __future__ import annotations
 
@@ -95,8 +95,8 @@ MISSION = inherit($inherited, OWN)
 README_TEXT = Template("""\
 # $name
 
-`system.toml` says what is run, `mission.py` what is drawn, measured and judged beside what
-`$base` brings along.
+`system.toml` defines the system. `mission.py` adds figures, measures and claims to those of
+`$base`.
 
     harness run $folder -o $folder.nc
     harness plot $folder.nc --mission $folder
@@ -118,7 +118,7 @@ def new_mission(name: str, base: str | None = None, folder: str | Path = ".") ->
         raise UsageError(f"{name}: there is a mission or system of this name; choose another one")
     target = Path(folder) / name
     if target.exists() or target.is_symlink():
-        raise UsageError(f"{target}: is there already; choose another name")
+        raise UsageError(f"{target}: already exists; choose another name")
     chosen = base or next((e.place.partition(".")[0] for e in everything().examples), "")
     with load(chosen) as system:
         words = _words(system) | {"name": name, "base": chosen, "folder": name}

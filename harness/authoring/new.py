@@ -50,13 +50,13 @@ def new_controller(
     """
     _refuse_name(name)
     if language not in LANGUAGES:
-        raise UsageError(f"--language {language}: there are only {' and '.join(LANGUAGES)}")
+        raise UsageError(f"--language {language}: expected {' or '.join(LANGUAGES)}")
     place = place or next((e.place for e in everything().examples), "")
     system, component = _split(place)
     ports = _ports(place)
     target = Path(folder) / name
     if target.exists() or target.is_symlink():
-        raise UsageError(f"{target}: is there already; choose another name")
+        raise UsageError(f"{target}: already exists; choose another name")
     fitting = next((e for e in everything().examples if _fits(e, ports)), None)
     text = (
         _skeleton(name, language, place, ports)
@@ -84,7 +84,7 @@ def _refuse_name(name: str) -> None:
             f"{name}: a controller is named by a letter, then letters, digits and _, as in my_pd"
         )
     if name in C_WORDS.split():
-        raise UsageError(f"{name}: is a word of C; choose another name")
+        raise UsageError(f"{name}: is a keyword of C; choose another name")
     if name in paths.fmus():
         raise UsageError(f"{name}: the project has an FMU of this name; choose another one")
 
@@ -127,7 +127,7 @@ def _fits(example: Example, ports: Sequence[Signal]) -> bool:
 def _example(name: str, language: str, example: Example) -> str:
     folder = paths.examples()
     if folder is None:
-        raise UsageError("the examples of the project are not there: install it anew")
+        raise UsageError("the examples of the project are missing: reinstall servicing-fmus")
     file = folder / example.file.with_suffix(LANGUAGES[language])
     stem = example.file.name
     text = file.read_text(encoding="utf-8").replace(stem, name)
@@ -156,9 +156,9 @@ The first command builds `{name}.fmu` here, again after every edit; the second o
     harness report {results} -o {results.removesuffix(".nc")}.html
     {commands[2]}
 
-The first of these lists its ports and their units, the second one says whether the FMU is by the
-book, the third one writes a page with plots, replay and verdicts, the last one puts the run beside
-that of the component it replaces, both with the actuators of the set that the system compares with.
+The first command lists ports and units. The second one checks the FMU against the rules of FMI. The
+third one writes a page with plots, replay and verdicts. The last one compares the controller with
+the component that it replaces, both with the actuators of the set that the system compares with.
 {note}"""
 
 

@@ -123,13 +123,15 @@ def _unexpected(error: Exception) -> int:
     if hasattr(error, "format_message") and hasattr(error, "exit_code"):
         return _complain(error.format_message(), error.exit_code)
     if isinstance(error, ValueError) and "null byte" in str(error):  # from a look at such a path
-        return _complain("no file can have a NUL character in its name", 2)
+        return _complain("a file name cannot hold a NUL character", 2)
     if isinstance(error, ModuleNotFoundError) and (line := missing(error)):
         return _complain(line, 1)
     if os.environ.get("HARNESS_TRACEBACK"):
         raise error
     return _complain(
-        f"internal error, HARNESS_TRACEBACK=1 shows where: {type(error).__name__}: {error}", 1
+        "internal error (HARNESS_TRACEBACK=1 prints the traceback): "
+        f"{type(error).__name__}: {error}",
+        1,
     )
 
 

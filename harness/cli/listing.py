@@ -21,7 +21,7 @@ def text(name: str | None = None) -> str:
         return "\n".join(_system_lines(find_system(name)))
     systems, fmus = paths.systems(), paths.fmus()
     if not systems and not fmus:
-        raise UsageError("there are neither systems nor FMUs: build the project first")
+        raise UsageError("neither systems nor FMUs found: build the project first")
     lines = ["systems"]
     for path in systems.values():
         lines += [f"  {line}" for line in _system_lines(path)]
@@ -50,7 +50,7 @@ def _system_lines(path: Path) -> list[str]:
 def _time(experiment: Experiment) -> str:
     """How long a system runs and in which steps, and what it does not say."""
     if experiment.stop is None and experiment.step is None:
-        return "with --stop and --step, the file says neither"
+        return "with --stop and --step (the file defines neither)"
     stop = "with --stop" if experiment.stop is None else f"{experiment.stop} s"
     return f"{stop}, {'with --step' if experiment.step is None else _step(experiment.step)}"
 

@@ -112,7 +112,7 @@ def check(
 
     if system is None:
         if changes or strict:
-            raise UsageError("check: say which system or FMU")
+            raise UsageError("check: name a system or an FMU")
         typer.echo("\n".join(study.machine()))
         return
     verdict = study.check(system, strict, **changes)

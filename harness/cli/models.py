@@ -111,7 +111,7 @@ def linearize_command(
     from harness.api import linearize
 
     if output.suffix != ".npz":
-        raise UsageError(f"--output {output}: a linear model is written to a file NAME.npz")
+        raise UsageError(f"--output {output}: expected a file NAME.npz")
     model = linearize(fmu, at, step, set=values or ())
     with written(output) as file:
         model.save(file)

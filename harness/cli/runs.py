@@ -230,7 +230,7 @@ def _kept(file: Any, partial: Any) -> str:
     if partial.complete:
         file.write(partial)
         return f"all {len(partial.time)} rows are in {file.path}"
-    return f"{len(partial.time)} rows kept in {file.keep(partial)}"
+    return f"{len(partial.time)} recorded rows are in {file.keep(partial)}"
 
 
 def _report(result: Any, seconds: float, path: Path) -> None:

@@ -104,7 +104,7 @@ class Cluster:
     dashboard: DashboardOption = False
 
 
-ResumeOption = Annotated[bool, typer.Option("--resume", help="Go on after an interruption")]
+ResumeOption = Annotated[bool, typer.Option("--resume", help="Continue after an interruption")]
 HeldOption = Annotated[
     Several,
     typer.Option(

@@ -158,7 +158,9 @@ def _names(system: System, needed: bool) -> Bodies | None:
     own = mission(system.mission) if system.mission else None
     found = (own.bodies if own else ()) or everything().bodies
     if needed and not found:
-        raise UsageError(f"--start: no mission says how the bodies of {system.name} start")
+        raise UsageError(
+            f"--start: no mission defines start parameters for the bodies of {system.name}"
+        )
     return found[0] if found else None
 
 
@@ -206,7 +208,7 @@ def _source(component: str, path: Path) -> Source:
     try:
         text = contents(path, LONGEST).decode()
     except UnicodeDecodeError as error:
-        raise UsageError(f"--start {component}: {path}: it is no text") from error
+        raise UsageError(f"--start {component}: {path}: is not a text file") from error
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise UsageError(f"--start {component}: {path}: cannot be read ({reason})") from error

@@ -45,7 +45,7 @@ def problems(first: str, second: str) -> Iterator[str]:
         text = lines[field.line][field.first - 1 : field.last]
         place = f"line {field.line}, columns {field.first} to {field.last}: {field.name}"
         if not (_NUMBER if field.point else re.compile(r"\d+")).fullmatch(text):
-            yield f"{place} is no number: {text.strip()!r}"
+            yield f"{place} is not a number: {text.strip()!r}"
         elif not field.least <= (value := float(text if field.point else f".{text}")) <= field.most:
             yield f"{place} must be {field.least:g} to {field.most:g}, not {value:g}"
 
@@ -54,7 +54,7 @@ def _epoch(first: str) -> Iterator[str]:
     """Year of two digits, of 1957 to 2056, and the day of that year, 1 for the first of January."""
     place, text = "line 1, columns 19 to 32: epoch", first[18:32]
     if not (re.fullmatch(r"[\d ]\d", text[:2]) and _NUMBER.fullmatch(text[2:])):
-        yield f"{place} is no year and day: {text.strip()!r}"
+        yield f"{place} is not a year and day: {text.strip()!r}"
         return
     year, day = int(text[:2]), float(text[2:])
     year += 1900 if year >= 57 else 2000

@@ -39,7 +39,7 @@ def leave_out(path: Path, reason: str) -> None:
     """Keep nothing in this folder from now on, and say so once."""
     if path not in _left_out:
         _left_out.add(path)
-        _log.warning("%s: nothing is kept there, %s (see HARNESS_CACHE)", path, reason)
+        _log.warning("%s: not used as a cache, %s (see HARNESS_CACHE)", path, reason)
 
 
 @lru_cache

@@ -94,7 +94,7 @@ def foreign(head: bytes) -> str | None:
     """Why a library cannot be loaded in this process, or None."""
     found = kinds(head)
     if not found:
-        return "is no shared library (neither ELF, PE nor Mach-O)"
+        return "is not a shared library (neither ELF, PE nor Mach-O)"
     if own() and not found & own():
         return f"is for {_listed(found)}, this machine loads {_listed(own())}"
     return None

@@ -36,7 +36,7 @@ Pairs = Sequence[str] | Mapping[str, Any]
 
 
 class Changes(TypedDict, total=False):
-    """What a user may want otherwise: the arguments of apply() by name."""
+    """Changes to a system: the keyword arguments of run() and of `Simulation.fly()`."""
 
     params: str | Path | None
     set: Pairs

@@ -155,7 +155,7 @@ def listening(port: int, host: str = "127.0.0.1") -> Iterator[socket.socket]:
         listener = socket.create_server((host, port))
     except (OSError, OverflowError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise UsageError(f"port {port}: nobody can listen there ({reason})") from error
+        raise UsageError(f"port {port}: cannot be listened on ({reason})") from error
     with closing(listener):
         yield listener
 

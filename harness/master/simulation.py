@@ -56,14 +56,14 @@ class Snapshot:
 
 
 class Simulation:
-    """All units of a system, their bus and what is recorded of it; a context manager.
+    """The units of a system, the bus between them and the recorded rows; a context manager.
 
     with Simulation(system) as simulation:
         simulation.advance()
         result = simulation.result()
         other = simulation.fly(set={"servicer.mass_0": 120})
 
-    It stays warm: a further run resets the FMUs that are loaded and gives the bits of a fresh one.
+    A further run resets the loaded FMUs instead of loading them again and gives the same bits.
     """
 
     def __init__(
@@ -158,8 +158,8 @@ class Simulation:
         """Run the system that the simulation was made with, with these changes: the same bits as
         run().
 
-        every: record every N-th macro step (default: as for the simulation). Raises what run()
-        raises; whatever became of a run, the next one knows nothing of it.
+        every: record every N-th macro step (default: as for the simulation). Raises the exceptions
+        of run(); a failed run does not affect the next one.
         """
         return self.fly_system(apply(self.base, **changes), every=every, progress=progress)
 
@@ -336,7 +336,7 @@ class Simulation:
         """Perform macro steps until `to` are complete (default: all), initialising first if that
         was not done.
 
-        progress: called now and then with the number of complete steps. Raises RunError
+        progress: called repeatedly with the number of complete steps. Raises RunError
         (InterruptionError on Ctrl-C) whose `partial` holds everything recorded; values of --set
         that an FMU refuses are a UsageError.
         """
@@ -446,7 +446,7 @@ class Simulation:
         return slots if self.kept is None else tuple(slots[i] for i in self.kept)
 
     def last(self) -> NDArray[np.float64]:
-        """Values of all slots of the system now, those included that are not recorded."""
+        """Present values of all slots of the system, recorded or not."""
         if self.kept is None:
             return self.bus.copy()
         (instance,) = self.instances

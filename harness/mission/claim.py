@@ -70,10 +70,10 @@ class Judgement(NamedTuple):
 class Claim:
     """One claim.
 
-    name: for references to it; text: what the paper says; where: in the paper; needs: variables of
-    the result; figure: a format of what `measure` returns; unit: of its first number; reproduced,
-    partly: bands of its first number; interval: recorded more seldom than that [s] the claim cannot
-    be judged.
+    name: for references; text: the statement of the paper; where: its place in the paper; needs:
+    variables of the result; figure: format for the numbers of `measure`; unit: of the first number;
+    reproduced, partly: bands of the first number; interval: longest recording interval [s] for a
+    verdict.
     """
 
     name: str
@@ -88,7 +88,7 @@ class Claim:
     interval: float = 10.0
 
     def evaluate(self, result: Result) -> Judgement:
-        """Our figure and the verdict; a claim that cannot be judged says why instead."""
+        """The measured figure and the verdict, or the reason why there is none."""
         try:
             numbers = self.numbers(result)
         except NotExercisedError as reason:
@@ -177,7 +177,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Paper:
-    """A paper, or a part of it, and its claims.
+    """A paper, or one part, and its claims.
 
     It belongs to every result that holds all variables of `needs` and all `parameters` and that is
     `meant`. cases: the runs that it describes (none: the claims are about every run); conditions:

@@ -27,9 +27,9 @@ class Curve:
     """One history of a panel, with one line per element.
 
     source: a variable, or a function of the result that `needs` these variables; convert: maps the
-    history of the variable to what is drawn; labels: of the elements; style: "": that of its
-    colour; anew: in the colours of the curve before; parameters: of the run that it needs, without
-    them it alone is left out.
+    history of the variable to what is drawn; labels: of the elements; style: "": the style of its
+    colour; anew: reuse the colours of the curve before; parameters: parameters of the run that it
+    needs; without them only this curve is left out.
     """
 
     source: str | Callable[[Result], Array]
@@ -53,15 +53,15 @@ class Curve:
 
 @dataclass(frozen=True)
 class Level:
-    """A horizontal line; value: a number, or the parameters of which the first one that the run has
-    says it.
+    """A horizontal line; value: a number, or parameters, of which the first one that the run has
+    gives the height.
     """
 
     label: str
     value: float | tuple[str, ...]
 
     def height(self, result: Result) -> float | None:
-        """Where the line is; None if the result does not say."""
+        """Height of the line; None if the result does not hold it."""
         if isinstance(self.value, float):
             return self.value
         held = [name for name in self.value if result.holds(parameters=(name,))]
@@ -70,9 +70,9 @@ class Level:
 
 @dataclass(frozen=True)
 class Panel:
-    """One pair of axes over time; after: start of the time axis [s], or the function of the result
-    that says it; level: a horizontal line; idle_until: time up to which nothing that is drawn acts,
-    shaded.
+    """One pair of axes over time; after: start of the time axis [s], or a function of the result
+    that returns it; level: a horizontal line; idle_until: shaded up to this time, in which nothing
+    drawn here acts.
     """
 
     ylabel: str

@@ -51,7 +51,7 @@ def use(folder: Path, always: bool = False) -> str:
     if not place.is_dir():
         raise UsageError(f"{folder}: there is no such folder of a mission")
     if not any((place / name).is_file() for name in (FILE, SYSTEM)):
-        raise UsageError(f"{folder}: is no mission: it holds neither {FILE} nor {SYSTEM}")
+        raise UsageError(f"{folder}: is not a mission: it holds neither {FILE} nor {SYSTEM}")
     packages = {p.folder: p.package for p in installed().values()}
     _named[place.name] = Place(place, packages.get(place, ""))
     if always:
@@ -159,7 +159,7 @@ def inherit(name: str, own: Mission) -> Mission:
     is not at hand.
     """
     if (other := mission(name)) is None:
-        raise UsageError(f"the mission {name} is not at hand{did_you_mean(name, places())}")
+        raise UsageError(f"the mission {name} is not available{did_you_mean(name, places())}")
     return together((own, other))
 
 
@@ -184,7 +184,7 @@ def missing(result: Result) -> str:
     if not name or name in places():
         return ""
     return (
-        f"the mission {name} is not at hand: general figures only; name its folder with --mission"
+        f"the mission {name} is not available: general figures only; name its folder with --mission"
     )
 
 

@@ -19,10 +19,10 @@ from harness.results.result import Result
 
 @dataclass(frozen=True)
 class Limits:
-    """What all runs of a comparison are held against.
+    """The limits for all runs of a comparison.
 
     position [m], attitude [deg]: an error has settled when it stays within this band (None: the
-    mission says which); keep_out: the range must not fall below it [m], 0: no such limit.
+    mission chooses one); keep_out: smallest permitted range [m], 0: no such limit.
     """
 
     position: float | None = None
@@ -99,7 +99,7 @@ class Gauge(NamedTuple):
         return result.holds(*((self.source,) if isinstance(self.source, str) else self.needs))
 
     def text(self, result: Result) -> str:
-        """The value, with its name where the variable says what numbers mean."""
+        """The value, with its name where the variable defines names for numbers."""
         values = result[self.source] if isinstance(self.source, str) else self.source(result)
         if isinstance(values, str):
             return values

@@ -42,7 +42,7 @@ class Plan(Protocol):
 
     @property
     def good(self) -> bool:
-        """Whether what was planned can be flown."""
+        """Whether the plan can be carried out."""
 
     def text(self) -> str:
         """The plan for reading."""
@@ -50,7 +50,7 @@ class Plan(Protocol):
 
 @dataclass(frozen=True)
 class Mission:
-    """What one mission offers.
+    """The figures, measures, claims and other parts of one mission.
 
     figures, overlays (of several runs), phases (quantity against rate), measures (columns of a
     comparison), claims (papers with verdicts), gauges (shown while a run goes on), scene (replays),

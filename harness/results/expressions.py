@@ -130,8 +130,8 @@ UNARY: dict[type[ast.AST], Callable[[Any], Any]] = {
 
 
 def parsed(text: str, others: Sequence[str] = (), kind: str = "") -> ast.expr:
-    """The tree of a text; ValueError if it is no expression, or longer, deeper or with more digits
-    than the limits. others: names, of such a `kind`, that the user may have meant.
+    """The tree of a text; ValueError if it is not an expression, or longer, deeper or with more
+    digits than the limits. others: names, of such a `kind`, that the user may have meant.
     """
     _limit(text)
     units: list[str] = []
@@ -146,7 +146,7 @@ def parsed(text: str, others: Sequence[str] = (), kind: str = "") -> ast.expr:
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         names = did_you_mean(text, others)
         what = f"there is no such {kind}, and " if kind else ""
-        raise ValueError(f"{what}it is no expression{names}") from error
+        raise ValueError(f"{what}it is not an expression{names}") from error
     if _depth(marked) > DEEPEST:
         raise ValueError(f"it has more than {DEEPEST} levels, of which each term is one")
     tree: ast.expr = _Quantities(units).visit(marked)
@@ -240,7 +240,7 @@ def _parts(node: ast.expr) -> list[ast.expr]:  # noqa: PLR0911 - one per kind
             return values
         case ast.Call(func=ast.Name(id="parameter"), args=[argument], keywords=[]):
             if not path_of(argument):
-                raise ValueError("parameter() wants component.name")
+                raise ValueError("parameter() expects component.name")
             return []
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in WINDOWED:
             window_of(node)

@@ -93,7 +93,7 @@ class ResultFile:
             self._write(result, self._target)
         except ResultsError as error:
             if place := _rescued(result, self._target):
-                raise ResultsError(f"{error}; the results are kept in {place}") from error
+                raise ResultsError(f"{error}; the results are in {place}") from error
             raise
         if not self._special:
             partial = self._target.with_name(self.partial.name)

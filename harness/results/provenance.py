@@ -220,7 +220,7 @@ def _field(name: str, value: Any) -> Any:
     for each in value:
         fits = isinstance(each, list | tuple) and len(each) == len(kinds)
         if not fits or not all(map(isinstance, each, kinds)) or too_deep(each):
-            raise ValueError(f"{name}: {each!r:.40} is no row of such a list")
+            raise ValueError(f"{name}: {each!r:.40} is not a row of such a list")
     return tuple(row(*each) if row else tuple(each) for each in value)
 
 

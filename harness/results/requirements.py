@@ -172,14 +172,14 @@ def _problems(text: Any, known: Mapping[str, str]) -> Iterator[str]:
 def _check(tree: ast.expr) -> None:
     """ValueError if a text is no condition, or a unit of it none."""
     if not (isinstance(tree, ast.Compare) or parts_of(tree)):
-        raise ValueError("is no condition, as `component.variable >= 4 m` is one")
+        raise ValueError("is not a condition; write one like `component.variable >= 4 m`")
     for leaf, inside in leaves(tree):
         if has_window(leaf):
             raise ValueError(f"`{ast.unparse(leaf)}`: a window is a condition, not a number")
         if has_window(tree) and not inside:
             plain = ast.unparse(leaf)
             raise ValueError(
-                f"`{plain}` stands beside a window, which is judged at the start of the run only; "
+                f"`{plain}` beside a window is evaluated at the start of the run only; "
                 f"write always({plain})"
             )
     for node in ast.walk(tree):

@@ -20,12 +20,12 @@ from harness.system.names import base, grid, index
 
 @dataclass(frozen=True, repr=False)
 class Result(Views):
-    """What a run has left behind.
+    """The recorded rows of a run, with parameters and provenance.
 
     time: (rows,) [s]; columns: `component.variable[i]`; units, descriptions: per column ("" if
-    unknown); values: (rows, columns), read-only as time is; complete: False if the run ended early,
-    then `message` says why; parameters: all parameters of all components as they were set, a table
-    of one row (None if unknown); provenance: what was flown (None if unknown).
+    unknown); values: (rows, columns), read-only like time; complete: False if the run ended early,
+    `message` then holds the reason; parameters: all parameters of all components as set, a table of
+    one row (None if unknown); provenance: the system, its files and changes (None if unknown).
     """
 
     system: str

@@ -70,7 +70,9 @@ def refuse_size(unpacked: int, packed: int | None = None) -> None:
     if unpacked > SMALL and unpacked > _memory() / 2:
         raise ValueError(f"it unpacks to {_size(unpacked)}, more than half of the memory here")
     if packed is not None and unpacked > max(SMALL, RATIO * packed):
-        raise ValueError(f"its {_size(packed)} unpack to {_size(unpacked)}, which is no result")
+        raise ValueError(
+            f"its {_size(packed)} unpack to {_size(unpacked)}, which cannot be a result"
+        )
 
 
 def _memory() -> int:

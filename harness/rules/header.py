@@ -19,7 +19,7 @@ def bad_identifier(d: Description) -> Iterator[str]:
     """The name of the library is one, not a path."""
     for name in _identifiers(d):
         if not name or set(name) & set("/\\:\0") or name in (".", ".."):
-            yield f"modelIdentifier '{name}' is no name of a library"
+            yield f"modelIdentifier '{name}' is not the name of a library"
 
 
 def odd_identifier(d: Description) -> Iterator[str]:

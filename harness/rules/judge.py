@@ -123,7 +123,7 @@ def _other_kind(root: XmlElement) -> str | None:
     """What an FMU is that is not of FMI 2.0 co-simulation."""
     version = root.get("fmiVersion", "").strip()
     if root.tag != "fmiModelDescription" or not version:
-        return f"{FILE}: is no description of an FMU, it does not say its fmiVersion"
+        return f"{FILE}: not the description of an FMU, fmiVersion is missing"
     only = "only FMI 2.0 co-simulation FMUs can be run"
     if version != "2.0":
         return f"{only}, this one is FMI {version}"

@@ -58,7 +58,7 @@ def unstructured_names(d: Description) -> Iterator[str]:
     structured = d.root.get("variableNamingConvention") == "structured"
     for v in d.variables:
         if structured and not _STRUCTURED.fullmatch(v.name):
-            yield f"{v}: is no name of the naming convention 'structured'"
+            yield f"{v}: does not follow the naming convention 'structured'"
         elif not structured and set(v.name) & set("\r\n\t"):
             yield f"{v}: holds a line break or tab"
 
@@ -165,7 +165,7 @@ def starts_that_are_no_item(d: Description) -> Iterator[str]:
         if v.type != "Enumeration" or v.start is None or v.definition is None:
             continue
         if int(v.start) not in d.items[v.value.get("declaredType")]:
-            yield f"{v}: start {v.start} is no item of its type"
+            yield f"{v}: start {v.start} is not an item of its type"
 
 
 def starts_not_finite(d: Description) -> Iterator[str]:

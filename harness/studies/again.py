@@ -54,7 +54,7 @@ def again(text: str, system: str | Path | None, changes: Changes) -> Again:
         return Again(found, _over(own, changes))
     model = read(Path(text))
     if (flown := model.provenance) is None:
-        raise UsageError(f"--like {text}: the file does not say what was flown")
+        raise UsageError(f"--like {text}: the file does not record what was run")
     if not (system or flown.source):
         raise UsageError(f"--like {text}: its system was made in Python, name an .ssp")
     found = system or flown.source
@@ -83,7 +83,10 @@ def _changed(flown: Provenance, system: str | Path, changes: Changes) -> Iterato
         files.append((Path(params), flown.params_sha256))
     for path, then in files:
         if then and (now := sha256(path)) != then:
-            yield f"{path.name}: is not what was flown (sha256 {now[:12]} instead of {then[:12]})"
+            yield (
+                f"{path.name}: differs from the recorded file "
+                f"(sha256 {now[:12]} instead of {then[:12]})"
+            )
 
 
 def agreement(model: Result, result: Result, asked: bool = False) -> tuple[bool, str]:

@@ -191,7 +191,9 @@ def _places(fmus: Sequence[str], place: str | None) -> Iterator[Place]:
     for name in fmus:
         path = find_fmu(name)
         if not place and path.stem not in homes:
-            raise UsageError(f"{path.stem}: flies in no system, say which: --as SYSTEM.COMPONENT")
+            raise UsageError(
+                f"{path.stem}: no system has this FMU; name its place with --as SYSTEM.COMPONENT"
+            )
         system, component = _place(place) if place else homes[path.stem]
         with load(system) as found:
             there = found.component(component).fmu.read_bytes()

@@ -149,7 +149,7 @@ def _uneven(name: str, component: str, period: float, step: float, macro_step: f
     finer = f"--step {common * macro_step / step:.12g} or " if common > step / 100 else ""
     nearest = step * max(1, round(period / step))
     return (
-        f"{name} = {period:g} s is no multiple of the step of {component}, {step:g} s: a sample "
+        f"{name} = {period:g} s is not a multiple of the step of {component}, {step:g} s: a sample "
         f"between two steps reads inputs that are up to {step:g} s old and acts at the end of its "
         f"step; {finer}--set {name}={nearest:.12g} avoids that"
     )

@@ -163,10 +163,7 @@ def _declared_problems(system: System, interfaces: Mapping[str, Interface]) -> I
         interface = interfaces.get(port.component)
         variable = None if interface is None else interface.variables.get(port.variable)
         if interface and variable and not _same(port, claimed, interface.unit(variable)):
-            yield (
-                f"{port}: its connector says {claimed.name}, but the unit of the FMU is "
-                f"{variable.unit}"
-            )
+            yield f"{port}: the connector has the unit {claimed.name}, the FMU {variable.unit}"
 
 
 def _same(port: Port, a: Unit, b: Unit | None) -> bool:
@@ -174,7 +171,7 @@ def _same(port: Port, a: Unit, b: Unit | None) -> bool:
     try:
         return compose(a, (), b) == IDENTITY
     except UndefinedUnitError as error:
-        _log.warning("%s: its connector says %s, which is not compared (%s)", port, a.name, error)
+        _log.warning("%s: the unit %s of its connector is not compared (%s)", port, a.name, error)
         return True
     except ValueError:
         return False

@@ -141,7 +141,7 @@ def macro_steps(experiment: Experiment, periods: Sequence[int] = (1,)) -> int:
     start, stop, step = experiment.start, experiment.stop, experiment.step
     if step is None and stop is None:
         raise StructureError(
-            ["the system says neither macro step nor stop time: give them with --step and --stop"]
+            ["the system defines neither macro step nor stop time: set both with --step, --stop"]
         )
     if step is None or not (step > 0 and math.isfinite(step)):
         raise StructureError(

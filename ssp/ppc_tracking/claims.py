@@ -171,11 +171,11 @@ TABLES = {
     ("PID", False): (converges(40, "section 4.2, figure 3"), OSCILLATION, ATTITUDE),
     ("prescribed performance", True): (
         converges(25, "section 4.3, figure 7", least=0.0),
-        steady("the range is kept within +-0.5 m", at_most(0.5), at_most(1.0)),
+        steady("the range stays within +-0.5 m", at_most(0.5), at_most(1.0)),
         BARRIER,
     ),
     ("theta-D", True): (
-        steady("the range is kept only within +-3 m", Band(0.5, 3.0), at_most(6.0)),
+        steady("the range stays only within +-3 m", Band(0.5, 3.0), at_most(6.0)),
         CHATTER,
     ),
     ("PID", True): (SLOW, OSCILLATION, UNAFFECTED),

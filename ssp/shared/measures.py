@@ -52,7 +52,7 @@ def definitions(limits: Limits) -> Iterator[str]:
         return
     yield "settles: time after which the error stays within the band, the attitude from its release"
     yield "  on; - if it does not. error: largest of the last fifth of the run; inside reference:"
-    yield "  most that the range falls below that of the reference; saturated: share of rows with a"
+    yield "  largest shortfall of the range against the reference; saturated: share of rows with a"
     yield "  limit reached; margin: least of a rule of the safety monitor, between rows too"
 
 

@@ -54,7 +54,7 @@ def _librates(text: str, where: str) -> Claim:
 
 EQUILIBRIUM = Claim(
     name="equilibrium",
-    text="the smallest amplitude of the pitch, that of the equilibrium, is 25 deg",
+    text="the smallest amplitude of the pitch, at the equilibrium, is 25 deg",
     where="section 3.1, figure 3",
     needs=(PITCH, ANGLES),
     measure=measures.equilibrium,
@@ -70,7 +70,7 @@ CRITICAL = Claim(
     where="section 3.1, (9)",
     needs=MOTION,
     measure=measures.critical_rate,
-    figure="as the criterion says: {0:.0f}; rate {1:.3f} of the critical one, up to {2:.1f} deg",
+    figure="as in the criterion: {0:.0f}; rate {1:.3f} of the critical one, up to {2:.1f} deg",
     unit="",
     reproduced=at_least(1.0),
 )

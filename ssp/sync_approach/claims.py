@@ -43,7 +43,7 @@ CLAIMS = (
     ),
     Claim(
         name="safe distance",
-        text="the safe distance rho >= rho_M is kept throughout",
+        text="the safe distance rho >= rho_M holds throughout",
         where="section 3, figure 5",
         needs=(RANGE, REFERENCE),
         measure=measures.shortfall,

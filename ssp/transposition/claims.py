@@ -118,7 +118,7 @@ CLAIMS = (
     ),
     Claim(
         name="prediction",
-        text="the simulated history of the momentum is that of the transposition",
+        text="the simulated history of the momentum matches the transposition",
         where="steps (4), (6)",
         needs=(MOMENTUM, PREDICTED),
         measure=measures.prediction_error,
@@ -133,7 +133,7 @@ CLAIMS = (
         where="step (6)",
         needs=(),
         measure=measures.gains,
-        figure="k1 = {1:g}, k2 = {2:g} as flown",
+        figure="k1 = {1:g}, k2 = {2:g} as run",
         unit="",
         reproduced=at_least(1.0),
     ),

@@ -133,7 +133,7 @@ def test_an_fmu_of_another_file_name_has_its_binary_where_it_is_looked_for(twins
         (["new", "controller", "2nd"], "2nd: a controller is named by a letter, then"),
         (["new", "controller", "ünder"], "ünder: a controller is named by a letter, then"),
         (["new", "controller", "lambda"], "lambda: a controller is named by a letter, then"),
-        (["new", "controller", "double"], "double: is a word of C"),
+        (["new", "controller", "double"], "double: is a keyword of C"),
         (["new", "controller", "target"], "target: the project has an FMU of this name"),
         (
             ["new", "controller", "a", "--for", "controller"],
@@ -149,10 +149,10 @@ def test_an_fmu_of_another_file_name_has_its_binary_where_it_is_looked_for(twins
         (["build", "nothing"], "nothing: expected a .c or .py file, or a folder with nothing.c or"),
         (["build", "empty"], "empty: expected a .c or .py file, or a folder with empty.c or"),
         (["build", "both"], "both: it holds both.c and both.py: name one of them"),
-        (["build", "bad.c", "-o", "x.so"], "--output x.so: an FMU is a file NAME.fmu"),
+        (["build", "bad.c", "-o", "x.so"], "--output x.so: expected a file NAME.fmu"),
         (["build", "bad.c", "--cc", "no_such_cc"], "no_such_cc: there is no such C compiler"),
         (["build", "bad.c", "--cc", ""], "(nothing): there is no such C compiler"),
-        (["build", "bad.c", "--cc", "cc '-DX"], "--cc cc '-DX: is no command (No closing quot"),
+        (["build", "bad.c", "--cc", "cc '-DX"], "--cc cc '-DX: is not a command (No closing quot"),
         (
             ["run", "sync_approach", "--swap", "controller=empty"],
             "empty: a folder without empty.fmu; harness build empty makes it",
@@ -184,7 +184,7 @@ def test_a_compiler_may_have_arguments(tmp_path):
 
 def test_nothing_that_exists_is_overwritten(tmp_path):
     (tmp_path / "mine").mkdir()
-    with pytest.raises(HarnessError, match="mine: is there already"):
+    with pytest.raises(HarnessError, match="mine: already exists"):
         new_controller("mine", folder=tmp_path)
     assert list((tmp_path / "mine").iterdir()) == []
 

@@ -322,7 +322,7 @@ def test_a_folder_without_programs_is_left_out(place, tmp_path, monkeypatch, cap
     monkeypatch.setattr(os, "statvfs", lambda _: changed)
     assert set(used_three_times(fill(tmp_path / "x.fmu"))) == {None}
     (note,) = notes(caplog)
-    assert note.startswith(f"{place}: nothing is kept there, no library can be loaded from it")
+    assert note.startswith(f"{place}: not used as a cache, no library can be loaded from it")
 
 
 def full(*_):
@@ -354,7 +354,7 @@ def test_a_full_cache_is_left_out(place, tmp_path, monkeypatch, caplog):
     made = [cache.made("x", b"key", lambda path: path.write_bytes(b"made")) for _ in range(3)]
     assert {path.read_bytes() for path in made} == {b"made"}
     assert notes(caplog) == [
-        f"{place}: nothing is kept there, No space left on device (see HARNESS_CACHE)"
+        f"{place}: not used as a cache, No space left on device (see HARNESS_CACHE)"
     ]
     assert entries(place) == []
 
@@ -391,7 +391,7 @@ def test_a_cache_that_cannot_be_written_is_left_out(tmp_path, monkeypatch, caplo
     monkeypatch.setenv("HARNESS_CACHE", "/proc/cache")
     assert set(used_three_times(fill(tmp_path / "x.fmu"))) == {None}
     (note,) = notes(caplog)
-    assert note.startswith("/proc/cache: nothing is kept there, ")
+    assert note.startswith("/proc/cache: not used as a cache, ")
 
 
 def test_a_home_that_cannot_be_written_is_said(tmp_path, monkeypatch, caplog):
@@ -399,7 +399,7 @@ def test_a_home_that_cannot_be_written_is_said(tmp_path, monkeypatch, caplog):
     monkeypatch.setenv("XDG_CACHE_HOME", "/proc")
     assert set(used_three_times(fill(tmp_path / "x.fmu"))) == {None}
     (note,) = notes(caplog)
-    assert note.startswith("/proc/servicing-fmus: nothing is kept there, ")
+    assert note.startswith("/proc/servicing-fmus: not used as a cache, ")
 
 
 def test_a_relative_path_of_caches_is_left_out(tmp_path, monkeypatch, caplog):
@@ -408,7 +408,7 @@ def test_a_relative_path_of_caches_is_left_out(tmp_path, monkeypatch, caplog):
     monkeypatch.setenv("XDG_CACHE_HOME", "caches")
     assert set(used_three_times(fill(tmp_path / "x.fmu"))) == {None}
     (note,) = notes(caplog)
-    assert note.startswith("caches/servicing-fmus: nothing is kept there, the path of XDG_CACHE_")
+    assert note.startswith("caches/servicing-fmus: not used as a cache, the path of XDG_CACHE_")
     assert not Path("caches").exists()
 
 

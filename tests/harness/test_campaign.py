@@ -202,8 +202,8 @@ def test_everything_that_is_wrong_is_said_at_once_and_before_the_first_run(syste
         "factors.bad.t_fail: normal: covariance must be positive definite",
         "factors.bad.status: there is no gaussian",
         "factors.swap.twice: nothing: there is no such FMU",
-        "metrics.end: there is no such measure, and it is no expression",
-        "metrics.other: there is no such measure, and it is no expression (close: delta-v)",
+        "metrics.end: there is no such measure, and it is not an expression",
+        "metrics.other: there is no such measure, and it is not an expression (close: delta-v)",
         "metrics.third: there is no function open",
         "success: there is no function nonsense",
     ):
@@ -228,7 +228,7 @@ def test_expectations_of_what_does_not_exist_or_of_no_interval_are_refused(syste
     text = str(caught.value)
     assert "expected.ends: there is no such metric (close: end)" in text
     for name, given in (("end", "[2.0, 1.0]"), ("first", "3.0"), ("least", "[0, True]")):
-        line = f"expected.{name}: wants [least, largest] mean of the metric, not {given}"
+        line = f"expected.{name}: expected [least, largest] mean of the metric, got {given}"
         assert line in text
 
 
@@ -437,7 +437,7 @@ stop = 60.0
     assert (errors, process.returncode) == ("harness: interrupted\n", 1)
     done = int((Store.open(out).array("status") != 0).sum())
     assert done == 4
-    with pytest.raises(UsageError, match="is there already"):
+    with pytest.raises(UsageError, match="already exists"):
         campaign(tmp_path / "c.toml", out, workers=0)
     seen = []
     found = campaign(
@@ -559,7 +559,7 @@ def test_a_run_in_which_nothing_changes_has_no_figures_and_is_no_failure(tmp_pat
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("few", "wants the dataset and the number of a run"),
+        ("few", "expected a dataset and the number of a run"),
         ("serial.zarr#99", "there are runs 0 to 23"),
     ],
 )

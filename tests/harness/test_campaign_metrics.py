@@ -49,7 +49,7 @@ def test_a_metric_that_no_run_can_have_is_refused(tmp_path, text):
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("norm(servicer.r_SN_N)", "is no condition, as "),
+        ("norm(servicer.r_SN_N)", "is not a condition; write one like "),
         ("norm(servicer.r_SN_N)[21] > 0", "index 21 is out of bounds"),
         ("max(norm(servicer.r_SN_N)[21:]) > 0", "zero-size array"),
         ("parameter(servicer.mass_1) > 0", "mass_1"),
@@ -107,7 +107,7 @@ def test_a_success_that_a_run_cannot_tell_is_an_error_and_never_0_per_cent(tmp_p
     given = table(runs=1, factors=weights, success=f"{tmp_path}/mine.py:ok")
     with pytest.raises(RequirementError) as caught:
         campaign(given, tmp_path / "c.zarr", workers=0)
-    line = "success: cannot be judged in 1 of 3 runs, first run 1 (RuntimeError: too heavy)"
+    line = "success: cannot be evaluated in 1 of 3 runs, first run 1 (RuntimeError: too heavy)"
     assert str(caught.value) == line
     found = caught.value.partial
     assert "\nsuccess: 2 of 2, 100.0 %" in found.summary()
@@ -121,7 +121,7 @@ def test_a_success_that_a_run_cannot_tell_is_an_error_and_never_0_per_cent(tmp_p
     output = capsys.readouterr()
     assert status == 1
     assert " 0.0 %" not in output.out
-    problem = "success: cannot be judged in 2 of 2 runs, first run 0"
+    problem = "success: cannot be evaluated in 2 of 2 runs, first run 0"
     assert problem in output.out
     assert output.err == f"harness: {problem}\n"
     assert main(["report", "d.zarr", "-o", "d.html"]) == 0

@@ -101,7 +101,7 @@ def test_success_is_stated_as_a_requirement_is(system, tmp_path, text, successes
     ("text", "why"),
     [
         ("time < 7 s or twice.y > 1", "the run ends at 6 s, before its time"),
-        ("twice.y", "is no condition"),
+        ("twice.y", "is not a condition"),
         ("time < 2 kg or twice.y > 1", "kg"),
     ],
 )
@@ -163,7 +163,7 @@ def test_a_condition_on_what_was_not_exercised_is_not_met(system, tmp_path, caps
     [
         ("xsuccess >= 99 %", "there is no such metric or variable: xsuccess (close: success)"),
         ("met(smallx) >= 99 %", "no requirement smallx (close: small)"),
-        ("success", "is no condition, as `success >= 99 %` is one"),
+        ("success", "is not a condition; write one like `success >= 99 %`"),
         ("success >= 99 m", "m"),
         ("twice.y >= 3", "twice.y varies within a run"),
     ],

@@ -214,7 +214,7 @@ def test_a_failing_fmu_leaves_everything_before_in_the_file(command, folder):
     assert (status, out) == (1, [])
     assert err == [
         "harness: bad: step failed: burnt through after too much heat (at t = 3 s);"
-        " 4 rows kept in x.partial.csv"
+        " 4 recorded rows are in x.partial.csv"
     ]
     kept = result_files.read(folder / "x.partial.csv")
     assert not kept.complete
@@ -324,7 +324,7 @@ def test_a_mistake_of_ours_is_one_line_unless_a_traceback_is_wanted(command, mon
     status, _, err = command("list")
     assert status == 1
     assert err == [
-        "harness: internal error, HARNESS_TRACEBACK=1 shows where: "
+        "harness: internal error (HARNESS_TRACEBACK=1 prints the traceback): "
         "ZeroDivisionError: division by zero"
     ]
     monkeypatch.setenv("HARNESS_TRACEBACK", "1")
@@ -358,7 +358,9 @@ def test_ctrl_c_ends_the_run_with_one_line_and_keeps_what_was_recorded(fmus, tmp
     assert running.returncode == 1
     assert out == ""
     assert re.fullmatch(
-        r"harness: endless: interrupted \(at t = \d+ s\); \d+ rows kept in x\.partial\.csv\n", err
+        r"harness: endless: interrupted \(at t = \d+ s\); "
+        r"\d+ recorded rows are in x\.partial\.csv\n",
+        err,
     )
     kept = result_files.read(tmp_path / "x.partial.csv")
     assert not kept.complete

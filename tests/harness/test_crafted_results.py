@@ -45,7 +45,7 @@ def commands(path, tmp_path, capsys):
 
 
 ABOUT = {
-    "swaps of lists": ({"provenance_swaps": "[[[1], 2, 3]]"}, "swaps: [[1], 2, 3] is no row"),
+    "swaps of lists": ({"provenance_swaps": "[[[1], 2, 3]]"}, "swaps: [[1], 2, 3] is not a row"),
     "swaps of text": ({"provenance_swaps": '"abc"'}, "swaps: expected a list, got 'abc'"),
     "no JSON": ({"provenance_set": "[[["}, "set: expected a list as JSON"),
     "deep JSON": ({"provenance_set": "[" * 9000}, "set: expected a list as JSON"),
@@ -54,9 +54,12 @@ ABOUT = {
         "set: ['a.b', [[[",
     ),
     "JSON of a number": ({"provenance_latency": 5}, "latency: expected a list as JSON"),
-    "latency of text": ({"provenance_latency": '[["a", "b"]]'}, "latency: ['a', 'b'] is no row"),
-    "schedule": ({"provenance_schedule": '[["a", "b"]]'}, "schedule: ['a', 'b'] is no row"),
-    "requirement": ({"provenance_requirements": '[["a", 5]]'}, "requirements: ['a', 5] is no row"),
+    "latency of text": ({"provenance_latency": '[["a", "b"]]'}, "latency: ['a', 'b'] is not a row"),
+    "schedule": ({"provenance_schedule": '[["a", "b"]]'}, "schedule: ['a', 'b'] is not a row"),
+    "requirement": (
+        {"provenance_requirements": '[["a", 5]]'},
+        "requirements: ['a', 5] is not a row",
+    ),
     "step of text": ({"provenance_step": "x"}, "step: expected a number, got 'x'"),
     "stop nan": ({"provenance_stop": np.nan}, "stop: got nan"),
     "every 0": ({"provenance_every": 0}, "every: got 0"),
@@ -125,7 +128,7 @@ SIDECARS = {
     "no table": ({"parameters": 7}, "parameters: expected a table, got 7"),
     "provenance": ({"provenance": "x"}, "provenance: expected a table, got 'x'"),
     "step": ({"provenance": {"step": "x"}}, "step: expected a number, got 'x'"),
-    "swaps": ({"provenance": {"swaps": [["a"]]}}, "swaps: ['a'] is no row of such a list"),
+    "swaps": ({"provenance": {"swaps": [["a"]]}}, "swaps: ['a'] is not a row of such a list"),
 }
 
 
@@ -194,7 +197,7 @@ def test_a_nc_that_unpacks_to_gigabytes_is_refused_before_it_is_read(tmp_path, m
     with pytest.raises(ResultsError, match=r"unpacks? to 24 GB"):
         read(path)
     monkeypatch.setattr(soundness, "_memory", lambda: 2**50)  # even where there is room for it
-    with pytest.raises(ResultsError, match=r"its .* kB unpack to 24 GB, which is no result"):
+    with pytest.raises(ResultsError, match=r"its .* kB unpack to 24 GB, which cannot be a result"):
         read(path)
 
 

@@ -385,7 +385,7 @@ def test_doubled_names_are_offered_once():
         (["build", "text.txt"], "text.txt: an FMU is built from a .c or .py file"),
         (["draw", "sync_approach", "-o", "x.docx"], "x.docx: a diagram is written as"),
         (["export", "sync_approach", "x.zip"], "x.zip: a system is written to NAME.ssp, NAME.fmu"),
-        (["linearize", "servicer", "-o", "x.txt"], "--output x.txt: a linear model is written to"),
+        (["linearize", "servicer", "-o", "x.txt"], "--output x.txt: expected a file NAME.npz"),
     ],
 )
 def test_what_a_newcomer_gets_wrong_is_answered_with_what_to_write(

@@ -152,7 +152,7 @@ def test_nothing_can_write_into_a_result(result):
         (" + ".join(["a.x"] * 2_000), "it is longer than 10000 characters"),
         ("- " * 250 + "a.x", "it has more than 200 levels, of which each term is one"),
         ("abs(" * 190 + "-" * 20 + "a.x" + ")" * 190, "it has more than 200 levels"),
-        ("time<1or a.x > 2", "it is no expression"),
+        ("time<1or a.x > 2", "it is not an expression"),
         ("a.x[True]", "an index must be a whole number"),
     ],
 )

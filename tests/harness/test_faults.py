@@ -192,7 +192,7 @@ def test_the_line_names_component_function_time_and_last_words(folder):
     _, _, err = run_with(folder, "last_words", "fmi2DoStep")
     assert err == [
         "harness: b: fmi2DoStep crashed (SIGABRT, aborted), its last output: ran out of fuel "
-        "(at t = 2 s); 3 rows kept in x.partial.csv"
+        "(at t = 2 s); 3 recorded rows are in x.partial.csv"
     ]
 
 

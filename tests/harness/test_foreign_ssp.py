@@ -393,7 +393,7 @@ def test_units_convert_back_and_forth_through_connectors_of_systems(fly):
         ),
         (
             system("top", [component("far", "kilometres", "u< m")], []),
-            "far.u: its connector says m, but the unit of the FMU is km",
+            "far.u: the connector has the unit m, the FMU km",
         ),
         (
             system("top", [GAIN], ["gain.y y"], "y>", bindings=inline(ssv("y=1"))),
@@ -444,8 +444,8 @@ def test_without_an_experiment_step_and_stop_are_asked_for_in_one_line(
     path = str(write(tmp_path / "foreign.ssp", pair(), fmus, experiment=""))
     assert main(["run", path]) == 1
     assert capsys.readouterr().err == (
-        "harness: the system says neither macro step nor stop time: "
-        "give them with --step and --stop\n"
+        "harness: the system defines neither macro step nor stop time: "
+        "set both with --step, --stop\n"
     )
     assert main(["run", path, "--step", "1", "--stop", "2", "-o", "x.csv"]) == 0
     assert main(["check", path]) == 0

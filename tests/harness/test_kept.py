@@ -192,7 +192,7 @@ def test_a_finished_run_is_not_lost_to_a_full_disk(tmp_path, monkeypatch):
     (tmp_path / "kept").mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "kept"))
     (tmp_path / "full.csv").symlink_to("/dev/full")
-    with pytest.raises(ResultsError, match=r"No space left.*; the results are kept in .*\.csv"):
+    with pytest.raises(ResultsError, match=r"No space left.*; the results are in .*\.csv"):
         ResultFile(tmp_path / "full.csv").write(table())
     (kept,) = (tmp_path / "kept").iterdir()
     assert read(kept)["a.x"].tolist() == list(range(5))

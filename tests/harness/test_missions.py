@@ -111,7 +111,7 @@ def test_a_mission_that_is_not_at_hand_leaves_the_general_figures_and_says_so(
     run("mine", stop=5.0).save("mine.nc")
     library._named.clear()
     assert main(["report", "mine.nc"]) == 0
-    assert "the mission mine is not at hand" in " ".join(capsys.readouterr().out.split())
+    assert "the mission mine is not available" in " ".join(capsys.readouterr().out.split())
     assert main(["plot", "mine.nc", "-o", "figures"]) == 0
     assert "name its folder with --mission" in caplog.text
     assert "servicer" in capsys.readouterr().out

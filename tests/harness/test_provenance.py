@@ -239,8 +239,8 @@ def test_a_system_or_fmu_that_was_changed_or_is_gone_is_named(tmp_path, caplog):
     again(str(out), None, {})
     lines = [record.getMessage() for record in caplog.records]
     assert [line.partition(" (")[0] for line in lines] == [
-        "mine.ssp: is not what was flown",
-        "my.fmu: is not what was flown",
+        "mine.ssp: differs from the recorded file",
+        "my.fmu: differs from the recorded file",
     ]
     fmu.unlink()
     with pytest.raises(UsageError, match=r"my\.fmu: there is no such FMU"):
@@ -253,7 +253,7 @@ def test_a_system_or_fmu_that_was_changed_or_is_gone_is_named(tmp_path, caplog):
 def test_without_a_word_on_its_origin_nothing_is_repeated(changed, tmp_path):
     path = tmp_path / "out.nc"
     ResultFile(path).write(replace(changed, provenance=None))
-    with pytest.raises(UsageError, match="the file does not say what was flown"):
+    with pytest.raises(UsageError, match="the file does not record what was run"):
         again(str(path), None, {})
     ResultFile(path).write(replace(changed, provenance=replace(changed.provenance, source="")))
     with pytest.raises(UsageError, match="its system was made in Python"):

@@ -161,13 +161,13 @@ def test_where_the_other_part_decides_a_row_needs_no_number(gap, text):
         ("a.x * a.x > 1 m2", r"the unit of `a\.x \* a\.x` is not known, leave it out"),
         ("a.x > 1 parsec", "there is no unit parsec"),
         ("a.x + 1 m > 2", "a unit stands in a comparison only"),
-        ("a.x", "is no condition"),
-        ("a.x >", "it is no expression"),
+        ("a.x", "is not a condition"),
+        ("a.x >", "it is not an expression"),
         ("__import__('os') == 1", "there is no function __import__"),
         ("quantity(1, 0) > a.x", "quantity"),
         ("a.x < 9**9**9**9", ""),
         ("a.x > 1e999 m", ""),
-        ("(" * 300 + "a.x" + ")" * 300 + " > 1", "it is no expression"),
+        ("(" * 300 + "a.x" + ")" * 300 + " > 1", "it is not an expression"),
     ],
 )
 def test_what_cannot_be_judged_says_why(result, text, reason):
@@ -345,7 +345,7 @@ def test_report_judges_them_and_others(tmp_path, capsys):
         ("guidance.rang > 1", r"there is no variable guidance\.rang \(close: guidance\.range"),
         ("guidance.range > parameter(guidance.rho)", "there is no parameter guidance.rho"),
         ("guidance.range > 1 kg", "cannot be converted"),
-        ("guidance.range", "is no condition"),
+        ("guidance.range", "is not a condition"),
     ],
 )
 def test_a_senseless_requirement_is_refused_before_the_run(text, problem):

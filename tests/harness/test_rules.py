@@ -167,7 +167,7 @@ ODD = {
                                     '"discrete"><Integer/>', "independent variable, but Integer"),
     "crossed limits": Fault('min="1" max="5"', 'min="6" max="5"', "min 6 exceeds max 5"),
     "a start outside": Fault('start="2" unit="m"', 'start="7" unit="m"', "lies outside [1, 5]"),
-    "a start that is no item": Fault('Mode" start="2"', 'Mode" start="3"', "is no item"),
+    "a start that is no item": Fault('Mode" start="2"', 'Mode" start="3"', "is not an item"),
     "an infinite start": Fault(U, '<Real start="INF"/>', "start INF is not finite"),
     "a nominal value of 0": Fault('nominal="2"', 'nominal="0"', "nominal is 0"),
     "an undefined unit": Fault('<Real unit="m"/>', '<Real unit="ly"/>', "unit ly is not defined"),
@@ -407,7 +407,7 @@ def test_what_is_no_library_is_told_as_that(packed, tmp_path, capsys, content):
     whole = str(write(tmp_path / "x.ssp", TOP, {"gain": path}))
     for arguments in (["check", str(path)], ["run", whole, "-o", str(tmp_path / "x.csv")]):
         assert main(arguments) == 1
-        assert f"{BINARY} is no shared library (neither ELF" in capsys.readouterr().err
+        assert f"{BINARY} is not a shared library (neither ELF" in capsys.readouterr().err
 
 
 def test_a_library_for_several_machines_is_for_each_of_them():

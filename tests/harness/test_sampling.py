@@ -20,7 +20,8 @@ def test_a_sample_period_that_is_no_multiple_of_the_step_is_noted(caplog, period
     with load("sync_approach") as system:
         checked(apply(system, set=[f"controller.sample_period={period}"], step=0.1))
     note = (
-        f"controller.sample_period = {period:g} s is no multiple of the step of controller, 0.1 s"
+        f"controller.sample_period = {period:g} s is not a multiple of the step of controller, "
+        "0.1 s"
     )
     assert any(message.startswith(note) for message in caplog.messages) == noted
 

@@ -273,7 +273,7 @@ def test_another_study_is_not_gone_on_with(system, tmp_path):
     worst(given, tmp_path / "a.zarr", workers=0)
     with pytest.raises(UsageError, match="is no sensitivity of this file"):
         sensitivity(given, tmp_path / "a.zarr", workers=0, resume=True)
-    with pytest.raises(UsageError, match="is there already"):
+    with pytest.raises(UsageError, match="already exists"):
         worst(given, tmp_path / "a.zarr", workers=0)
 
 
@@ -354,7 +354,7 @@ def test_a_campaign_of_as_many_runs_as_wilks_demands(system, tmp_path):
             "until: counts draws",
         ),
         ({"requirements": {"own": "twice.z > 1"}}, "close: twice.y"),
-        ({"requirements": {"own": "twice.y"}}, "is no condition"),
+        ({"requirements": {"own": "twice.y"}}, "is not a condition"),
     ],
 )
 def test_wrong_entries_of_a_campaign_are_refused(more, problem, system, tmp_path):

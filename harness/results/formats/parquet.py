@@ -50,6 +50,6 @@ def read(path: Path) -> Result:
     if about is None:
         return result
     if not isinstance(about, dict):
-        raise ValueError("what stands in its metadata is no table")
+        raise ValueError("its metadata is not a table")
     complete, message = about.get("complete", True), about.get("message", "")
     return replace(sidecar.told(result, about), complete=complete, message=message)

@@ -238,7 +238,7 @@ def like(text: str, system: str | Path | None = None) -> tuple[str | Path, Chang
     """
     name, mark, number = text.rpartition("#")
     if not mark or not number.isdigit():
-        raise UsageError(f"--like {text}: wants the dataset and the number of a run, OUT.zarr#7")
+        raise UsageError(f"--like {text}: expected a dataset and the number of a run, OUT.zarr#7")
     store = Store.open(Path(name))
     runs = store.runs
     if int(number) >= runs:

@@ -70,7 +70,9 @@ def read_plan(
     table = table_of(definition)
     name = path.name if path else "campaign"
     if not isinstance(table.get("system"), str):
-        raise StructureError([f"{name}: wants system, its name or the path of its .ssp"])
+        raise StructureError(
+            [f"{name}: expected `system`, the name of a system or the path of an .ssp"]
+        )
     plan = Plan(table, (path.parent if path else Path.cwd()).resolve())
     draft = _Draft(plan)
     draft.problems += wrong_entries(table)
@@ -147,7 +149,7 @@ class _Draft:
         """What is made of every entry of a table, without those that make no sense."""
         table = self.plan.definition.get(name, {})
         if not isinstance(table, Mapping):
-            self.problems.append(f"{name}: wants a table")
+            self.problems.append(f"{name}: expected a table")
             return {}
         made = {}
         for key, given in table.items():
@@ -162,7 +164,7 @@ class _Draft:
             raise ValueError(f"there is no such metric{did_you_mean(name, known)}")
         numbers = isinstance(given, list) and len(given) == 2 and all(map(is_number, given))
         if not numbers or not given[0] <= given[1]:
-            raise ValueError(f"wants [least, largest] mean of the metric, not {given}")
+            raise ValueError(f"expected [least, largest] mean of the metric, got {given}")
 
     def _one(self, name: str, make: Callable[[], Any]) -> Any:
         try:
@@ -264,7 +266,9 @@ class _Draft:
                 for variable in given:
                     self._known(f"keep.{key}", str(variable), result)
         if SUCCESS in self.plan.expected and not (self.plan.success or self.requirements):
-            self.problems.append("expected.success: nothing says what success is")
+            self.problems.append(
+                "expected.success: the campaign defines no success; add `success` or [requirements]"
+            )
         worst = self.plan.worst.lstrip("-")
         if worst and worst not in self.plan.metrics:
             close = did_you_mean(worst, self.plan.metrics)

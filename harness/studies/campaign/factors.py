@@ -52,7 +52,7 @@ def factor(name: str, table: Any) -> Factor:
     wrong with it.
     """
     if not isinstance(table, Mapping) or len(table) != 1:
-        raise ValueError(f"wants one of {', '.join((*CHOICES, *DRAWS))}")
+        raise ValueError(f"expected one of {', '.join((*CHOICES, *DRAWS))}")
     (kind, given), *_ = table.items()
     if kind in CHOICES:
         if not (choices := tuple(CHOICES[kind](given))):
@@ -61,7 +61,7 @@ def factor(name: str, table: Any) -> Factor:
     if kind not in DRAWS:
         raise ValueError(f"there is no {kind}{did_you_mean(kind, (*CHOICES, *DRAWS))}")
     if not isinstance(given, Mapping):
-        raise ValueError(f"{kind}: wants a table of its numbers")
+        raise ValueError(f"{kind}: expected a table of numbers")
     try:
         return Factor(name, draw=DRAWS[kind](**given))
     except TypeError as error:  # Python's words name the argument
@@ -75,14 +75,14 @@ def factor(name: str, table: Any) -> Factor:
 
 def _list(given: Any) -> Sequence[Any]:
     if not isinstance(given, Sequence) or isinstance(given, str):
-        raise ValueError("list: wants its values in brackets")
+        raise ValueError("list: expected values in brackets")
     return given
 
 
 def _range(given: Any) -> Sequence[float]:
     wanted = {"first", "last", "count"}
     if not isinstance(given, Mapping) or given.keys() != wanted:
-        raise ValueError("range: wants first, last and count")
+        raise ValueError("range: expected first, last and count")
     if not isinstance(given["count"], int) or given["count"] < 0:
         raise ValueError(f"range: count must be a whole number, not {given['count']}")
     if given["count"] > MAX_VALUES:
@@ -108,7 +108,7 @@ def _normal(
 ) -> Draw:
     """Normal: independent elements of deviation sigma, cut to `within`, or of a covariance."""
     if (sigma is None) == (covariance is None):
-        raise ValueError("wants either sigma or covariance")
+        raise ValueError("expected either sigma or covariance")
     if covariance is not None:
         return _correlated(mean, covariance, within)
     m, s = _vectors(mean, sigma)
@@ -125,7 +125,7 @@ def _probabilities(m: Array, s: Array, within: Sequence[float]) -> tuple[Any, An
 
     lowest, highest = _two(within, "within")
     if not lowest < highest:
-        raise ValueError(f"within wants the smaller number first, not {list(within)}")
+        raise ValueError(f"within: expected the smaller number first, got {list(within)}")
     return ndtr((lowest - m) / s), ndtr((highest - m) / s)
 
 
@@ -191,7 +191,7 @@ def _inertia(principal: Any, spread: float, axes: float = 0.0) -> Draw:
     """
     j = _numbers(principal, "principal")
     if j.shape != (3,):
-        raise ValueError("principal wants three moments")
+        raise ValueError("principal: expected three moments of inertia")
     p = j.sum() / 2 - j
     if not (p > 0).all():
         raise ValueError(f"principal must obey the triangle rule, not {list(principal)}")
@@ -245,14 +245,14 @@ def _vectors(a: Any, b: Any) -> tuple[Array, Array]:
     except ValueError as error:
         raise ValueError(f"{a} and {b} do not fit together ({error})") from error
     if x.ndim > 1:
-        raise ValueError("wants a number or a vector")
+        raise ValueError("expected a number or a vector")
     return np.atleast_1d(x), np.atleast_1d(y)
 
 
 def _two(given: Sequence[float], name: str) -> tuple[float, float]:
     array = _numbers(given, name)
     if array.shape != (2,):
-        raise ValueError(f"{name} wants two numbers")
+        raise ValueError(f"{name}: expected two numbers")
     return float(array[0]), float(array[1])
 
 

@@ -128,7 +128,7 @@ def _tree(text: str, shares: Collection[str], units: Mapping[str, str]) -> ast.e
 
     tree = parsed(TOKEN.sub(dotted, text), [*units, SUCCESS], "metric")
     if not isinstance(tree, ast.Compare | ast.BoolOp | ast.UnaryOp):
-        raise ValueError("is no condition, as `success >= 99 %` is one")
+        raise ValueError("is not a condition; write one like `success >= 99 %`")
     for path in variables(tree):
         if _split(path)[0] not in (MET, LOWER, METRIC):
             raise ValueError(

@@ -100,7 +100,7 @@ def wrong_names(
     kept = [str(name) for key in ("histories", "bands") for name in keep.get(key, ())]
     taken = {
         **dict.fromkeys((*OWN, "run", SUCCESS), "a name of the dataset itself"),
-        **{label: "a history or band that is kept" for name in kept for label in _labels(name)},
+        **{label: "a recorded history or band" for name in kept for label in _labels(name)},
         **dict.fromkeys((*factors, *seeds), "a factor"),
     }
     for name in metrics:

@@ -129,7 +129,7 @@ class Store:
 
     def _damaged(self, name: str) -> ResultsError:
         return ResultsError(
-            f"{self.path}: {name} is damaged; harness campaign --resume flies what is missing"
+            f"{self.path}: {name} is damaged; harness campaign --resume repeats the missing runs"
         )
 
     @contextmanager
@@ -384,4 +384,4 @@ class Store:
 def refuse_existing(path: Path) -> None:
     """UsageError if there is something already."""
     if path.exists():
-        raise UsageError(f"{path}: is there already; go on with --resume, or remove it")
+        raise UsageError(f"{path}: already exists; continue with --resume, or remove it")

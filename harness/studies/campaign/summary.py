@@ -231,7 +231,7 @@ def unjudged(store: Store) -> str:
 def _unjudged(store: Store, name: str, found: Share | None) -> str:
     if found is None or not found.unjudged:
         return ""
-    why, word = _why(store, found.unjudged[0], name), "cannot be judged"
+    why, word = _why(store, found.unjudged[0], name), "cannot be evaluated"
     if why.startswith(begin := f" ({OPEN[Verdict.NOT_EXERCISED]}, "):
         why, word = f" ({why.removeprefix(begin)}", OPEN[Verdict.NOT_EXERCISED]
     flown = found.judged + len(found.unjudged)

@@ -82,7 +82,7 @@ class Flights:
         self._fly: Fly | None = None
 
     def reserve(self, runs: int) -> None:
-        """So many flights go into a dataset."""
+        """Reserve this number of runs in a dataset."""
         self.plan = self.plan.with_entries(runs=runs, asked=self.d)
         self.task = task_of(self.plan, self.found)
 
@@ -100,8 +100,8 @@ class Flights:
         return margins_of(list(self.rows(numbers)))
 
     def rows(self, numbers: Array, first: int = 0) -> list[Row]:
-        """What is kept of flights (rows, d), in their order; first: their number in a dataset, from
-        which the seeds of sensors follow.
+        """Run the rows of numbers (rows, d) and return their records in the same order; first:
+        number of the first run in a dataset, which determines the seeds of sensors.
         """
         if self._fly is None:
             raise UsageError("Flights: use them in a with block")
@@ -115,14 +115,14 @@ class Flights:
         return [row for k in sorted(flown) for row in flown[k]]
 
     def values(self, z: Array, run: int) -> Values:
-        """Values of all factors that a row of numbers stands for, and seeds of a run."""
+        """Values of all factors for a row of numbers, and the seeds of the run."""
         from scipy.special import ndtr
 
         u = np.clip(ndtr(z), SMALLEST, 1 - SMALLEST)
         return self.plan.of_numbers(u) | self.plan.seeds_of(run)
 
     def changes(self, z: Array, run: int) -> Changes:
-        """What run() takes for a row of numbers."""
+        """The keyword arguments of run() for a row of numbers."""
         return self.plan.changes(self.values(z, run))
 
 

@@ -173,7 +173,7 @@ def sensitivity(definition: Any, output: str | Path | None = None, **how: Any) -
         method: Any = effects.sobol(groups, flights.d, count, seed)
     else:
         if count < 2:
-            raise UsageError(f"sensitivity.flights: {2 * per} at least, two paths of {per} flights")
+            raise UsageError(f"sensitivity.flights: at least {2 * per}, two paths of {per} flights")
         method = effects.morris(groups, flights.d, count, seed)
     if count * per != entry["flights"]:
         said(f"{entry['method']}: {count} x {per} = {count * per} flights")
@@ -243,7 +243,7 @@ def worst(definition: Any, output: str | Path, **how: Any) -> Study:
         searches.generation(flights.d),
     )
     if each < generation:
-        raise UsageError(f"worst.flights: {generation} at least, a generation, for each search")
+        raise UsageError(f"worst.flights: at least {generation}, one generation, for each search")
     seeds = SEEDS if flights.plan.seeds else 0
     runs = len(of) * (each * int(entry["searches"]) + seeds)
     found: dict[str, Any] = {}
@@ -354,14 +354,14 @@ def probability(definition: Any, output: str | Path, **how: Any) -> Study:
         method = methods.random(d, seed, budget)
     elif entry["method"] == "subset":
         if methods.per_level(budget) < 50:
-            raise UsageError("probability.flights: 1400 at least, five repeats of 50 per level")
+            raise UsageError("probability.flights: at least 1400, five repeats of 50 per level")
         method = methods.subset(d, seed, budget)
     elif entry["centres"]:
         centres = _centres(Path(entry["centres"]), name, d)
         method = methods.importance(d, seed, budget, centres)
     else:
         if methods.per_level(budget // 2) < 50:
-            raise UsageError("probability.flights: 2800 at least, half of them to find the centres")
+            raise UsageError("probability.flights: at least 2800, half of them to find the centres")
         method = methods.centred(d, seed, budget)
     with _begun("probability", flights, budget, output, how) as driver:
         _say_nominal(driver, {name: k}, how.get("said", print))
@@ -405,7 +405,7 @@ def boundary_map(definition: Any, output: str | Path, **how: Any) -> Study:
     if len(chosen) != 2 or any(f not in small for f in chosen):
         raise UsageError(f"map.factors: expected two of one number each, of {', '.join(small)}")
     if entry["flights"] < COARSE**2:
-        raise UsageError(f"map.flights: {COARSE**2} at least, a coarse grid")
+        raise UsageError(f"map.flights: at least {COARSE**2}, a coarse grid")
     places = [flights.groups[f][0] for f in chosen]
 
     def whole(method: Generator[Array, Array, Any]) -> Generator[Array, Array, Any]:

@@ -51,7 +51,7 @@ def tuned(
     candidates = int(entry["flights"]) // len(draws)
     least = 2 * generation(len(gains))
     if candidates < least:
-        raise UsageError(f"tune.flights: {least * len(draws)} at least, {least} candidates")
+        raise UsageError(f"tune.flights: at least {least * len(draws)}, {least} candidates")
     runs = len(draws) * (1 + candidates) + 2 * len(unseen)
     inner = search(len(gains), flights.plan.seed, candidates, float(entry["box"]))
     return _tuned(draws, unseen, gains, inner), runs
