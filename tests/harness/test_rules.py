@@ -100,7 +100,7 @@ FATAL = {
     "broken XML": Fault("</ModelStructure>", "", "not a readable XML file"),
     "a document type": Fault("<fmiModel", "<!DOCTYPE x><fmiModel", "document type"),
     "an odd encoding": Fault("UTF-8", "UTF-7", "its encoding UTF-7 is not read"),
-    "no version": Fault('fmiVersion="2.0" ', "", "does not say its fmiVersion"),
+    "no version": Fault('fmiVersion="2.0" ', "", "fmiVersion is missing"),
     "FMI 1.0": Fault('fmiVersion="2.0"', 'fmiVersion="1.0"', "this one is FMI 1.0"),
     "FMI 3.0": Fault('fmiVersion="2.0"', 'fmiVersion="3.0"', "this one is FMI 3.0"),
     "model exchange": Fault(WHOLE,
