@@ -7,7 +7,7 @@ from harness.mission.figure import Curve, Figure, Panel, degrees
 
 JOINTS = tuple(f"joint {k}" for k in range(1, 8))
 
-FIGURES = (
+ARM = (
     Figure(
         "joints",
         "Joints of the arm",
@@ -47,6 +47,10 @@ FIGURES = (
             Panel("centre of mass from S [m]", (Curve("servicer.r_CS_S"),)),
         ),
     ),
+)
+"""What every system with an arm shows."""
+FIGURES = (
+    *ARM,
     Figure(
         "momentum",
         "Angular momentum of base, arm and wheels about their centre of mass, and energy",

@@ -9,13 +9,14 @@ from harness.mission import Gauge
 from harness.mission.figure import DEGREES
 
 from ..shared.approach import approach
+from .claims import PAPERS
 from .figures import FIGURES
 from .measures import MEASURES
 from .plan import plan
 from .plan_figures import OVERLAYS
 from .scene import SCENE
 
-APPROACH = approach(FIGURES, overlays=OVERLAYS)
+APPROACH = approach(FIGURES, PAPERS, OVERLAYS)
 MISSION = replace(
     APPROACH,
     measures=(*MEASURES, *APPROACH.measures),

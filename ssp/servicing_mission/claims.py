@@ -24,7 +24,12 @@ from ..shared.relative_motion import range_
 from .flight import ISP, NEEDS, Stay, captures, increments, stays
 
 LEAST, PEAK, LOAD = "monitor.least_margin", "mechanism.contact_force_peak", "mechanism.load_force"
-RATE = "servicer.omega_SN_S"
+RATE, BY_ARM = "servicer.omega_SN_S", "manager.by_arm"
+
+
+def by_arm(result: Result) -> bool:
+    """Whether the arm mates: the table is that of the probe."""
+    return result.holds(parameters=(BY_ARM,)) and bool(result.parameter(BY_ARM))
 
 
 def stay(result: Result, phase: str) -> Stay:
@@ -156,6 +161,6 @@ PAPER = Paper(
     needs=NEEDS,
     claims=CLAIMS,
     parameters=(ISP,),
-    meant=lambda result: bool((result["manager.phase"] == 10).any()),
+    meant=lambda result: bool((result["manager.phase"] == 10).any()) and not by_arm(result),
     cases=(Case("servicing_mission"), Case("servicing_mission_navigated")),
 )

@@ -8,6 +8,9 @@ from dataclasses import replace
 from harness.mission import Gauge
 from harness.results.result import Result
 
+from ..arm_capture.claims import PAPERS as OF_ARMS
+from ..arm_capture.figures import ARM
+from ..arm_capture.measures import MEASURES as BY_ARM
 from ..shared.approach import approach
 from ..shared.gauges import GAUGES as OF_APPROACHES
 from .claims import PAPER
@@ -32,11 +35,11 @@ GAUGES = (
     Gauge("attempt", "", "manager.attempt"),
     Gauge("latch", "", "mechanism.phase"),
 )
-_APPROACH = approach(FIGURES, (PAPER,))
+_APPROACH = approach((*FIGURES, *ARM), (PAPER, *OF_ARMS))
 MISSION = replace(
     _APPROACH,
     gauges=(*GAUGES, *OF_APPROACHES),
-    measures=(*_APPROACH.measures, *MEASURES),
+    measures=(*_APPROACH.measures, *MEASURES, *BY_ARM),
     notes=(*_APPROACH.notes, notes),
     scene=(SCENE,),
 )

@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What is said of the arm: by the paper of the synchronised approach, which ends where the arm
+begins to work, and by an independent flight of the laws of arm_capture.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.mission.claim import (
+    Band,
+    Case,
+    Claim,
+    Evaluation,
+    NotExercisedError,
+    Paper,
+    at_least,
+    at_most,
+)
+from harness.mission.figure import Array
+from harness.results.result import Result
+from harness.results.rotations import turned as rotated
+
+from ..shared.relative_motion import SERVICER, TARGET
+from .kinematics import ARM, arm_of
+from .measures import (
+    ALIGN,
+    ATTITUDE,
+    CLOSE,
+    DEPLOY,
+    MODE,
+    PLACE,
+    REST,
+    TIP,
+    during,
+    first,
+    largest,
+    late,
+    off,
+    rms,
+    turned,
+)
+
+GRIP, HARD, LOCK = "arm_guidance.grip", "mechanism.hard", "arm_controller.joint_lock"
+FIXTURE, SPEED, T_CLOSE = "arm_guidance.p_QT_T", "arm_guidance.grip_speed", "arm_guidance.T_close"
+BODIES = (SERVICER, TARGET, "servicer.q_SN", "target.q_TN")
+START = 1e-6
+"""Attitude error of a base that starts on its reference [rad]."""
+
+
+def _once(result: Result, name: str, what: str) -> float:
+    time = first(result, name, 1)
+    if not np.isfinite(time):
+        raise NotExercisedError(f"no {what}")
+    return time
+
+
+# ---- the paper of the synchronised approach
+
+
+def fixture(result: Result) -> Array:
+    """Place of the grapple fixture in base axes, (rows, 3) [m]."""
+    place = np.tile(result.parameter(FIXTURE), (len(result.time), 1))
+    from_S = result[TARGET] + rotated(result["target.q_TN"], place) - result[SERVICER]
+    return np.asarray(rotated(result["servicer.q_SN"] * (1, -1, -1, -1), from_S))
+
+
+def reaching(result: Result) -> Array:
+    """Rows from the first motion of the arm to the grip, or to the end."""
+    out = result[MODE] >= DEPLOY
+    if not out.any():
+        raise NotExercisedError("the arm never leaves its seat")
+    free = result[GRIP] < 1
+    return np.asarray(np.maximum.accumulate(out) & np.minimum.accumulate(free))
+
+
+def within_reach(result: Result) -> tuple[float, ...]:
+    """Largest distance of the fixture from the second joint while the arm works, over the length of
+    the arm from there; both [m].
+    """
+    arm, rows = arm_of(result), reaching(result)
+    length = float(np.linalg.norm([*arm.offset[2:], arm.tip], axis=1).sum())
+    far = np.linalg.norm(fixture(result)[rows] - arm.offset[:2].sum(axis=0), axis=1).max()
+    return float(far) / length, float(far), length
+
+
+def at_any_time(result: Result) -> tuple[float, ...]:
+    """Share of the time in which an arm that stands still could grip: the fixture moves by less
+    than the gripper allows, as seen from the base; largest speed [m/s].
+    """
+    rows = reaching(result)
+    if rows.sum() < 3:
+        raise NotExercisedError("the arm is not out long enough")
+    v = np.gradient(fixture(result)[rows], result.time[rows], axis=0)
+    speed = np.linalg.norm(v, axis=1)
+    return float(np.mean(speed <= float(result.parameter(SPEED)))), float(speed.max())
+
+
+APPROACH = Paper(
+    title="Synchronised approach: what it leaves to the arm",
+    needs=(MODE, GRIP, *BODIES),
+    parameters=(*ARM, FIXTURE, SPEED),
+    meant=lambda result: bool((result[MODE] >= DEPLOY).any()),
+    claims=(
+        Claim(
+            "within reach",
+            "the range shrinks until the target is within reach of the arm and is then kept",
+            "abstract",
+            (MODE, GRIP, *BODIES),
+            within_reach,
+            "fixture at most {1:.2f} m from the second joint of an arm of {2:.2f} m",
+            "",
+            at_most(0.95),
+            at_most(1.0),
+        ),
+        Claim(
+            "grasped at any time",
+            "once the attitude error has converged, the target can be grasped at any time",
+            "section 3",
+            (MODE, GRIP, *BODIES),
+            at_any_time,
+            "an arm that stands still could grip in {0:.0%} of the time; the fixture moves by up "
+            "to {1:.1g} m/s",
+            "",
+            at_least(1.0),
+            at_least(0.5),
+            interval=1.0,
+        ),
+    ),
+)
+
+
+# ---- an independent flight of the same laws
+
+
+def deploying(result: Result) -> NDArray[np.bool_]:
+    """Rows of the deployment, of a base that starts on its reference."""
+    if turned(result)[0] > START:
+        raise NotExercisedError("the base does not start on its reference")
+    return during(result, DEPLOY)
+
+
+def base_turned(result: Result) -> tuple[float, ...]:
+    """Attitude error of the base in deployment, from its reference on [deg]."""
+    return (float(np.degrees(largest(turned(result)[deploying(result)]))),)
+
+
+def base_shifted(result: Result) -> tuple[float, ...]:
+    """Position error of the base in deployment [mm]."""
+    return (1e3 * largest(off(result)[deploying(result)]),)
+
+
+def tip_largest(result: Result) -> tuple[float, ...]:
+    """Largest error of E from its reference while aligning and closing [mm]."""
+    rows = during(result, ALIGN, CLOSE)
+    if not rows.any():
+        raise NotExercisedError("the arm never follows the fixture")
+    return (1e3 * largest(result[TIP][rows]),)
+
+
+def tip_late(result: Result) -> tuple[float, ...]:
+    """The same in the second half of CLOSE, rms [mm]."""
+    rows = late(result)
+    if not rows.any():
+        raise NotExercisedError("the arm never closes")
+    return (1e3 * rms(result[TIP][rows]),)
+
+
+def grip(result: Result) -> tuple[float, ...]:
+    """From the start of ALIGN to the grip [s]."""
+    time = _once(result, GRIP, "grip")
+    return (time - float(result.time[during(result, ALIGN)][0]),)
+
+
+def locked_after(result: Result) -> tuple[float, ...]:
+    """From the grip to the closed brakes [s]."""
+    time = _once(result, GRIP, "grip")
+    braked = (result[LOCK][:, 0] == 1) & during(result, REST) & (result.time >= time)
+    if not braked.any():
+        raise NotExercisedError("the brakes never close")
+    return (float(result.time[braked][0]) - time,)
+
+
+def hard_after(result: Result) -> tuple[float, ...]:
+    """From the grip to hard capture [s]."""
+    return (_once(result, HARD, "hard capture") - _once(result, GRIP, "grip"),)
+
+
+def _line(  # noqa: PLR0913, PLR0917 - the columns of the table
+    name: str, there: str, measure: Evaluation, figure: str, unit: str, band: Band, *needs: str
+) -> Claim:
+    return Claim(name, f"{name}: {there}", "table", (MODE, *needs), measure, figure, unit, band,
+                 interval=0.2)  # fmt: skip
+
+
+FLIGHT = Paper(
+    title="Capture by the arm (independent flight of the same laws)",
+    needs=(MODE, TIP, GRIP, HARD, LOCK),
+    parameters=(T_CLOSE,),
+    meant=lambda result: bool((result[MODE] >= DEPLOY).any()),
+    cases=(
+        Case("arm_capture", free=("stop",)),
+        Case("arm_capture", "clean"),
+        Case("arm_capture", "fast"),
+        Case("arm_capture", "friction"),
+    ),
+    claims=(
+        _line("base attitude in deployment", "0.039 deg", base_turned, "{0:.3f} deg", "deg",
+              Band(0.037, 0.041), ATTITUDE),
+        _line("base position in deployment", "14.6 mm", base_shifted, "{0:.1f} mm", "mm",
+              Band(13.9, 15.3), PLACE),
+        _line("tip error, aligning and closing", "0.040 mm", tip_largest, "{0:.3f} mm", "mm",
+              at_most(0.1), TIP),
+        _line("tip error, late", "0.028 mm rms", tip_late, "{0:.3f} mm", "mm", at_most(0.05), TIP),
+        _line("grip", "56.3 s after ALIGN", grip, "{0:.2f} s", "s", Band(50, 65), GRIP),
+        _line("brakes", "2.0 s after the grip", locked_after, "{0:.2f} s", "s", Band(1.9, 2.1),
+              GRIP, LOCK),
+        _line("hard capture", "15.0 s after the grip", hard_after, "{0:.2f} s", "s",
+              Band(12, 18), GRIP, HARD),
+    ),
+)  # fmt: skip
+
+PAPERS = (APPROACH, FLIGHT)
