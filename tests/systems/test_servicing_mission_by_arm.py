@@ -125,14 +125,14 @@ def test_arm_and_latch_work_as_in_arm_capture(nominal):
 
 @pytest.mark.long
 def test_wheels_alone_would_not_hold_the_stack(nominal):
-    """8.5 N m s before the grasp, 3 to 4.5 of the wheels: thrusters take most of it."""
+    """What thrusters take and what the wheels hold at the end is more than they can about z."""
     phase, A_w = nominal["manager.phase"], np.diag((12.0, 15, 10))
     assert nominal["manager.momentum"][phase == 7][-1] == pytest.approx(8.5, rel=0.03)
-    detumbling = phase == 9
-    assert nominal["stack_guidance.unloading"][detumbling].any()
+    assert nominal["stack_guidance.unloading"][phase == 9].any()
     impulse = np.sum(nominal["selector.M_cmd_S"][phase >= 9], axis=0) * 0.1
-    assert np.linalg.norm(impulse) > 5
-    assert np.linalg.norm(nominal["servicer.wheel_speed"][-1] @ A_w) < 3
+    at_end = A_w @ nominal["servicer.wheel_speed"][-1]
+    assert np.linalg.norm(at_end) < 1
+    assert (np.abs(at_end - impulse) > 0.3 * np.diag(A_w)).tolist() == [False, False, True]
 
 
 @pytest.mark.long
