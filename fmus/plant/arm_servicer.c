@@ -93,6 +93,7 @@ static void check(const Parameters *p, Problems *problems)
 /* ---- the vehicle at an instant ---- */
 typedef struct {
     Tree tree;
+    Composite outboard; /* the arm */
     Matrix H;
     Column u; /* speeds, S at rest */
     mat3 C_SN;
@@ -105,14 +106,38 @@ static vec3 base_rate(const State *x, int released)
     return released ? x->base.omega : vec(0, 0, 0);
 }
 
-static void find_vehicle(Vehicle *now, const Parameters *p, const State *x, int released)
+/* what the joint angles alone decide */
+static void place_arm(Vehicle *now, const Parameters *p, const State *x)
+{
+    memset(&now->H, 0, sizeof now->H);
+    now->tree = tree_in(&p->arm, x->base.mass, p->base.J_S, x->joint_angle);
+    now->outboard = set_joint_rows(&now->H, &p->arm, &now->tree);
+}
+
+typedef struct {
+    const Parameters *p;
+    const Input *u;
+    const Vehicle *locked; /* with its arm in place, where all joints are locked; else 0 */
+    vec3 wheel_accel;
+    double since; /* start of the internal step */
+    int released;
+} Context;
+
+static void find_vehicle(Vehicle *now, const Context *c, const State *x)
 {
     double v[3];
-    now->tree = tree_in(&p->arm, x->base.mass, p->base.J_S, x->joint_angle);
-    now->H = mass_matrix(&p->arm, &now->tree);
+    if (c->locked) {
+        now->tree = c->locked->tree;
+        now->outboard = c->locked->outboard;
+        now->H = c->locked->H;
+    } else {
+        place_arm(now, c->p, x);
+    }
+    now->tree.m_0 = x->base.mass;
+    add_base(&now->H, &now->outboard, &now->tree);
     now->C_SN = dcm_of_mrp(x->base.sigma);
     set_vector(now->u.at, vec(0, 0, 0));
-    set_vector(now->u.at + 3, base_rate(x, released));
+    set_vector(now->u.at + 3, base_rate(x, c->released));
     memcpy(now->u.at + 6, x->joint_rate, sizeof x->joint_rate);
 
     /* H_00 = [m 1, -h~; h~, I] */
@@ -129,18 +154,11 @@ static PosVel centre_of_mass(const Vehicle *now, const BaseState *x)
     return (PosVel){add(x->r, tmul(now->C_SN, now->c)), add(x->v, tmul(now->C_SN, now->v_c))};
 }
 
-typedef struct {
-    const Parameters *p;
-    const Input *u;
-    vec3 wheel_accel;
-    double since; /* start of the internal step */
-    int released;
-} Context;
-
-static Context context_at(const Parameters *p, const Input *u, const State *x, double t, double h)
+static Context context_at(const Parameters *p, const Input *u, const Vehicle *locked,
+                          const State *x, double t, double h)
 {
     vec3 wheels = wheel_accels(&p->base, u->base.wheel_accel_cmd, x->base.wheel_speed, h);
-    return (Context){p, u, wheels, t, reached(t, p->base.t_att)};
+    return (Context){p, u, locked, wheels, t, reached(t, p->base.t_att)};
 }
 
 /* ---- loads ---- */
@@ -247,7 +265,7 @@ static void derivative(const Context *c, double t, const State *x, State *dx)
 {
     const BaseParameters *p = &c->p->base;
     Vehicle now;
-    find_vehicle(&now, c->p, x, c->released);
+    find_vehicle(&now, c, x);
     PosVel C = centre_of_mass(&now, &x->base);
     Column du = accelerate(c, t, x, &now).du;
     vec3 field = add(free_fall_N(p, &C.r, &C.v, c->since, t),
@@ -270,7 +288,7 @@ RK4(integrate, derivative, Context, State)
 static void stop_joints(const Context *c, State *x)
 {
     Vehicle now;
-    find_vehicle(&now, c->p, x, c->released);
+    find_vehicle(&now, c, x);
     Column handed = {{0}};
     for (int i = 0; i < now.tree.joints; i++)
         for (int j = 0; j < ARM_SPEEDS && locked(c->u, i); j++)
@@ -315,11 +333,12 @@ static void publish_momentum(const Parameters *p, const Vehicle *now, Output *y)
         (row_times(now->u.at, momentum.at, ARM_SPEEDS) - now->mass * dot(now->v_c, now->v_c)) / 2;
 }
 
-static void publish(const Parameters *p, const Input *u, const State *x, Output *y, double t)
+static void publish(const Parameters *p, const Input *u, const Vehicle *locked, const State *x,
+                    Output *y, double t)
 {
-    Context c = context_at(p, u, x, t, p->base.max_step);
+    Context c = context_at(p, u, locked, x, t, p->base.max_step);
     Vehicle now;
-    find_vehicle(&now, p, x, c.released);
+    find_vehicle(&now, &c, x);
     Acceleration accel = accelerate(&c, t, x, &now);
 
     publish_base(&p->base, &x->base, &y->base, t);
@@ -341,20 +360,31 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
         x->joint_angle[i] = p->joint_angle_0[i];
         x->joint_rate[i] = p->joint_rate_0[i];
     }
-    Context c = context_at(p, u, x, t, p->base.max_step);
+    Context c = context_at(p, u, NULL, x, t, p->base.max_step);
     obey_locks(&c, x);
-    publish(p, u, x, y, t);
+    publish(p, u, NULL, x, y, t);
 }
 
+static int all_locked(const Parameters *p, const Input *u)
+{
+    int free = 0;
+    for (int i = 0; i < (int)p->arm.joints; i++) free += !locked(u, i);
+    return !free;
+}
+
+/* a locked arm is where it is for the whole step: it is placed once */
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
+    Vehicle held;
+    const Vehicle *rigid = all_locked(p, u) ? &held : NULL;
+    if (rigid) place_arm(&held, p, x);
     for (Substep s = first_substep(t, h, p->base.max_step); s.h > 0; s = next_substep(s)) {
-        Context c = context_at(p, u, x, s.t, s.h);
+        Context c = context_at(p, u, rigid, x, s.t, s.h);
         obey_locks(&c, x);
         integrate(&c, s.t, s.h, x);
         x->base.sigma = mrp_inside(x->base.sigma);
     }
-    publish(p, u, x, y, t + h);
+    publish(p, u, rigid, x, y, t + h);
 }
 
 FMU_MODEL("arm_servicer", "Servicer with an arm of up to seven joints and its locks");

@@ -160,9 +160,9 @@ static inline void set_both(Matrix *H, int i, int j, double value)
     H->at[i][j] = H->at[j][i] = value;
 }
 
-static inline Matrix mass_matrix(const Arm *arm, const Tree *t)
+/* rows and columns of the joints; what is outboard of the base */
+static inline Composite set_joint_rows(Matrix *H, const Arm *arm, const Tree *t)
 {
-    Matrix H = {{{0}}};
     Composite outboard = {0, vec(0, 0, 0), identity(0)};
     int joints = t->joints;
     for (int i = joints; i-- > 0;) {
@@ -170,12 +170,24 @@ static inline Matrix mass_matrix(const Arm *arm, const Tree *t)
         Wrench momentum = momentum_of(&outboard, t->link[i].screw);
         double base[6];
         set_wrench(base, momentum);
-        for (int j = 0; j < 6; j++) set_both(&H, 6 + i, j, base[j]);
-        for (int j = 0; j < i; j++) set_both(&H, 6 + i, 6 + j, power(t->link[j].screw, momentum));
-        H.at[6 + i][6 + i] = power(t->link[i].screw, momentum) + arm->joint_inertia[i];
+        for (int j = 0; j < 6; j++) set_both(H, 6 + i, j, base[j]);
+        for (int j = 0; j < i; j++) set_both(H, 6 + i, 6 + j, power(t->link[j].screw, momentum));
+        H->at[6 + i][6 + i] = power(t->link[i].screw, momentum) + arm->joint_inertia[i];
     }
-    Composite all = {outboard.m + t->m_0, outboard.h, plus(outboard.I, t->J_S)};
-    set_base_block(&H, &all);
+    return outboard;
+}
+
+static inline void add_base(Matrix *H, const Composite *outboard, const Tree *t)
+{
+    Composite all = {outboard->m + t->m_0, outboard->h, plus(outboard->I, t->J_S)};
+    set_base_block(H, &all);
+}
+
+static inline Matrix mass_matrix(const Arm *arm, const Tree *t)
+{
+    Matrix H = {{{0}}};
+    Composite outboard = set_joint_rows(&H, arm, t);
+    add_base(&H, &outboard, t);
     return H;
 }
 
