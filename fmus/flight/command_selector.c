@@ -3,6 +3,9 @@
  *   F* = {0: 0, 1: F_1, 2: F_close, 3: F_sync, 4: 0, 5: F_retreat}
  *   M* = {0: 0, 1: M_1, 2: M_close, 3: M_sync, 4: M_unload}
  *   W* = {0, 1: 0, 2: wheel_close, 3: wheel_sync, 4: wheel_stack + A_w^-1 M_unload}
+ * With k_unload > 0 the wheels are unloaded in laws 1 to 3, too, by a torque M_w of its own:
+ *   M* += M_w,  W* += A_w^-1 M_w,   M_w = clip(-k_unload A_w (Omega - wheel_speed_ref))
+ * on from unload_on to unload_off of wheel_speed_max; in law 1, where the wheels rest, at once.
  * The throttles th of the relays are orders to virtual engines, which the allocation distributes
  * over the real ones:
  *   F_1 = [main_thrust th_13 - brake_thrust (th_9 + th_10 + th_11 + th_12)/4, 0, 0]
@@ -17,6 +20,7 @@
 #include "rigid_body.h"
 #include "thrusters.h"
 #include "time_grid.h"
+#include "unloading.h"
 
 enum { NONE, FAR_LAW, CLOSE_LAW, SYNC_LAW, STACK_LAW, RETREAT_LAW, SELECTIONS };
 
@@ -24,7 +28,9 @@ typedef struct {
     double main_thrust, brake_thrust;
     vec3 relay_torque;
     mat3 A_w;
-    double push_force, blend_time, sample_period;
+    double push_force, blend_time;
+    Unloading unload;
+    double sample_period;
 } Parameters;
 typedef struct {
     double select_force, select_torque, push, throttle[THRUSTERS];
@@ -32,15 +38,17 @@ typedef struct {
     vec3 F_sync_S, M_sync_S, wheel_sync;
     vec3 F_retreat_S;
     vec3 wheel_stack, M_unload_S;
+    vec3 wheel_speed;
 } Input;
 typedef struct { vec3 F, M, W; } Command;
 typedef struct {
     double begun, force, torque; /* selected at the last sample */
     Command out, D;              /* commanded there but for the push, what fades of it */
+    double unloading;
 } State;
 typedef struct {
     vec3 F_cmd_S, M_cmd_S, wheel_accel_cmd;
-    double force_law, torque_law;
+    double force_law, torque_law, wheels_unloading;
 } Output;
 MODEL_STRUCT;
 
@@ -51,6 +59,7 @@ static const Model start = {
           .A_w = {{{12, 0, 0}, {0, 15, 0}, {0, 0, 10}}},
           .push_force = 1,
           .blend_time = 5,
+          .unload = {.on = 0.7, .off = 0.1, .k = 0, .most = 0.05, .speed_max = 0.3},
           .sample_period = 0.1},
 };
 
@@ -62,6 +71,15 @@ static const Variable variables[] = {
     NONNEGATIVE(push_force, "N", "force along +X after contact"),
     NONNEGATIVE(blend_time, "s", "time constant from law to law; 0 = at once"),
     SAMPLE_PERIOD,
+    POSITIVE_AS("wheel_speed_max", unload.speed_max, "rad/s", "largest wheel speed, per wheel"),
+    NONNEGATIVE_AS("unload_on", unload.on, "1",
+                   "unloading in laws 2 and 3 begins at this part of wheel_speed_max"),
+    NONNEGATIVE_AS("unload_off", unload.off, "1",
+                   "unloading in laws 1 to 3 ends at this part of wheel_speed_max"),
+    NONNEGATIVE_AS("k_unload", unload.k, "1/s", "rate of unloading in laws 1 to 3; 0: none"),
+    NONNEGATIVE_AS("M_unload_max", unload.most, "N.m",
+                   "largest torque of unloading in laws 1 to 3, per body axis"),
+    PARAMETER_AS("wheel_speed_ref", unload.ref, "rad/s", "wheel speeds that unloading leads to"),
 
     INPUT(select_force, "1",
           "who commands the force: 0 nobody, 1 far, 2 close, 3 sync, 4 nobody, 5 retreat"),
@@ -77,6 +95,7 @@ static const Variable variables[] = {
     INPUT(F_retreat_S, "N", "force of the retreat, servicer axes"),
     INPUT(wheel_stack, "rad/s2", "wheel acceleration commanded by the law of the stack"),
     INPUT(M_unload_S, "N.m", "torque of the thrusters that unloads the wheels, servicer axes"),
+    OPTIONAL_INPUT(wheel_speed, "rad/s", "wheel speeds relative to the body, with k_unload"),
 
     OUTPUT(F_cmd_S, "N", "commanded force, servicer axes"),
     OUTPUT(M_cmd_S, "N.m", "commanded torque, servicer axes"),
@@ -85,11 +104,13 @@ static const Variable variables[] = {
                        "selection of the force that flies; one outside the list is refused"),
     NONNEGATIVE_OUTPUT(torque_law, "1",
                        "selection of the torque that flies; one outside the list is refused"),
+    FLAG(wheels_unloading, "1: the wheels are unloaded in laws 1 to 3"),
 };
 
 static void check(const Parameters *p, Problems *problems)
 {
     check_positive_definite(problems, "A_w", p->A_w);
+    check_unloading(&p->unload, problems);
 }
 
 static vec3 relay_force(const Parameters *p, const double th[])
@@ -110,6 +131,13 @@ static int selection(double value, int count)
     return nearest >= 0 && nearest < count ? (int)nearest : -1;
 }
 
+/* in law 1 the wheels have no other task: unloaded as long as there is anything */
+static double unloads_now(const Parameters *p, const Input *u, int torque, double before)
+{
+    int law = torque >= FAR_LAW && torque <= SYNC_LAW && p->unload.k > 0;
+    return law ? unloads(&p->unload, u->wheel_speed, torque == FAR_LAW ? 1 : before) : 0;
+}
+
 static Command selected(const Parameters *p, const Input *u, int force, int torque)
 {
     vec3 none = vec(0, 0, 0), unload = solve(p->A_w, u->M_unload_S);
@@ -121,6 +149,14 @@ static Command selected(const Parameters *p, const Input *u, int force, int torq
                                  add(u->wheel_stack, unload)};
     return (Command){F[force > 0 ? force : NONE], M[torque > 0 ? torque : NONE],
                      W[torque > 0 ? torque : NONE]};
+}
+
+/* thrusters and wheels against each other: the body feels nothing */
+static Command with_unloading(const Parameters *p, const Input *u, double on, Command now)
+{
+    if (!on) return now;
+    vec3 M = unloading_torque(&p->unload, on, p->A_w, u->wheel_speed);
+    return (Command){now.F, add(now.M, M), add(now.W, solve(p->A_w, M))};
 }
 
 static int is_law(double selection, int last) { return selection >= FAR_LAW && selection <= last; }
@@ -150,7 +186,8 @@ static void choose(const Parameters *p, const Input *u, State *x, Output *y, dou
 {
     int force = selection(u->select_force, SELECTIONS);
     int torque = selection(u->select_torque, RETREAT_LAW);
-    Command now = selected(p, u, force, torque);
+    x->unloading = unloads_now(p, u, torque, x->unloading);
+    Command now = with_unloading(p, u, x->unloading, selected(p, u, force, torque));
     blend(p, x, now, force, torque, period);
     x->out = (Command){add(now.F, x->D.F), add(now.M, x->D.M), add(now.W, x->D.W)};
     x->begun = 1;
@@ -163,6 +200,7 @@ static void choose(const Parameters *p, const Input *u, State *x, Output *y, dou
     y->wheel_accel_cmd = x->out.W;
     y->force_law = force;
     y->torque_law = torque;
+    y->wheels_unloading = x->unloading;
 }
 
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)

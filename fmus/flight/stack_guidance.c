@@ -16,12 +16,12 @@
 #include "reference_rows.h"
 #include "rigid_body.h"
 #include "time_grid.h"
+#include "unloading.h"
 
 typedef struct {
     mat3 J_stack, A_w;
-    double wheel_accel_max, wheel_speed_max, torque_share, duration_min;
-    double unload_on, unload_off, k_unload, M_unload_max;
-    vec3 wheel_speed_ref;
+    double wheel_accel_max, torque_share, duration_min;
+    Unloading unload;
     double sample_period;
 } Parameters;
 typedef struct {
@@ -47,13 +47,9 @@ static const Model start = {
     .p = {.J_stack = {{{300, 0, 0}, {0, 550, 0}, {0, 0, 390}}},
           .A_w = {{{12, 0, 0}, {0, 15, 0}, {0, 0, 10}}},
           .wheel_accel_max = 0.01,
-          .wheel_speed_max = 0.3,
           .torque_share = 0.5,
           .duration_min = 60,
-          .unload_on = 0.7,
-          .unload_off = 0.1,
-          .k_unload = 0.02,
-          .M_unload_max = 0.05},
+          .unload = {.on = 0.7, .off = 0.1, .k = 0.02, .most = 0.05, .speed_max = 0.3}},
     .u = {.T = {.q = {1, 0, 0, 0}}, .S = {.q = {1, 0, 0, 0}}, .active = 1},
 };
 
@@ -61,14 +57,15 @@ static const Variable variables[] = {
     MATRIX(J_stack, "kg.m2", "inertia of the stack about its centre of mass, servicer axes"),
     MATRIX(A_w, "kg.m2", "wheel inertia matrix: wheel speeds to wheel momentum in body axes"),
     POSITIVE(wheel_accel_max, "rad/s2", "largest wheel acceleration, per wheel"),
-    POSITIVE(wheel_speed_max, "rad/s", "largest wheel speed, per wheel"),
+    POSITIVE_AS("wheel_speed_max", unload.speed_max, "rad/s", "largest wheel speed, per wheel"),
     POSITIVE(torque_share, "1", "part of the wheels' torque that the profile may take"),
     POSITIVE(duration_min, "s", "shortest duration of the profile"),
-    NONNEGATIVE(unload_on, "1", "unloading begins at this part of wheel_speed_max"),
-    NONNEGATIVE(unload_off, "1", "unloading ends at this part of wheel_speed_max"),
-    NONNEGATIVE(k_unload, "1/s", "rate of unloading"),
-    NONNEGATIVE(M_unload_max, "N.m", "largest torque of unloading, per body axis"),
-    PARAMETER(wheel_speed_ref, "rad/s", "wheel speeds that unloading leads to"),
+    NONNEGATIVE_AS("unload_on", unload.on, "1", "unloading begins at this part of wheel_speed_max"),
+    NONNEGATIVE_AS("unload_off", unload.off, "1", "unloading ends at this part of wheel_speed_max"),
+    NONNEGATIVE_AS("k_unload", unload.k, "1/s", "rate of unloading"),
+    NONNEGATIVE_AS("M_unload_max", unload.most, "N.m",
+                   "largest torque of unloading, per body axis"),
+    PARAMETER_AS("wheel_speed_ref", unload.ref, "rad/s", "wheel speeds that unloading leads to"),
     SAMPLE_PERIOD,
 
     BODY_INPUTS("T", T, "target"),
@@ -89,8 +86,7 @@ static void check(const Parameters *p, Problems *problems)
 {
     check_inertia(problems, "J_stack", p->J_stack);
     check_positive_definite(problems, "A_w", p->A_w);
-    if (p->unload_off > p->unload_on)
-        refuse(problems, "unload_off", p->unload_off, "must not be above unload_on");
+    check_unloading(&p->unload, problems);
 }
 
 static vec3 momentum(const Parameters *p, vec3 w, vec3 wheel_speed)
@@ -136,25 +132,6 @@ static void follow(const State *s, double x, Reference *ref)
     ref->alpha = scale(-30 * x * x * (1 - x) * (1 - x) / s->duration, s->w_0);
 }
 
-/* ---- unloading ---- */
-static double fullness(const Parameters *p, vec3 excess)
-{
-    double most = larger(fabs(excess.x), larger(fabs(excess.y), fabs(excess.z)));
-    return most / p->wheel_speed_max;
-}
-
-static double is_unloading(const Parameters *p, double full, double before)
-{
-    return full >= p->unload_on ? 1 : full <= p->unload_off ? 0 : before;
-}
-
-static vec3 unloading_torque(const Parameters *p, vec3 excess)
-{
-    double most = p->M_unload_max;
-    vec3 M = scale(-p->k_unload, mul(p->A_w, excess));
-    return vec(clamp(M.x, -most, most), clamp(M.y, -most, most), clamp(M.z, -most, most));
-}
-
 /* ---- one sample ---- */
 static void guide(const Parameters *p, const Input *u, const State *s, Output *y, double t)
 {
@@ -181,11 +158,10 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 
 static void sample(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
-    vec3 excess = sub(u->wheel_speed, p->wheel_speed_ref);
     if (!x->begun) *x = begun(p, u, t);
     guide(p, u, x, y, t);
-    y->unloading = x->unloading = is_unloading(p, fullness(p, excess), x->unloading);
-    y->M_unload_S = x->unloading ? unloading_torque(p, excess) : vec(0, 0, 0);
+    y->unloading = x->unloading = unloads(&p->unload, u->wheel_speed, x->unloading);
+    y->M_unload_S = unloading_torque(&p->unload, x->unloading, p->A_w, u->wheel_speed);
 }
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)

@@ -383,6 +383,7 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
         obey_locks(&c, x);
         integrate(&c, s.t, s.h, x);
         x->base.sigma = mrp_inside(x->base.sigma);
+        if (rate_margin(&p->base, &x->base, s.t + s.h) < 0) break; /* refused: nothing to follow */
     }
     publish(p, u, rigid, x, y, t + h);
 }

@@ -286,6 +286,8 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
         const Context held = context(p, x, u, &s);
         integrate(&held, s.t, s.h, &x->now);
         x->now.base.sigma = mrp_inside(x->now.base.sigma);
+        if (rate_margin(&p->base, &x->now.base, s.t + s.h) < 0)
+            break; /* refused: nothing to follow */
     }
     publish(p, x, y, t + h);
 }

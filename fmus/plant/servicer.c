@@ -56,6 +56,7 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
         const Interval held = interval(base, &u->base, &x->base, &s);
         integrate(&held, s.t, s.h, x);
         x->base.sigma = mrp_inside(x->base.sigma);
+        if (rate_margin(base, &x->base, s.t + s.h) < 0) break; /* refused: nothing to follow */
     }
     publish_base(base, &x->base, &y->base, t + h);
 }

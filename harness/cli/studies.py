@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Many runs of a system: `harness compare`, `harness campaign` and `harness study`."""
+"""Many runs of a system: `harness compare` and `harness campaign`."""
 
 from __future__ import annotations
 
@@ -282,37 +282,3 @@ def campaign_command(  # noqa: PLR0913, PLR0917 - one argument per option or gro
     typer.echo(f"\ndataset {folder}" + (f", {len(drawn)} figures in {place}" if drawn else ""))
     if problem is not None:
         raise problem
-
-
-@app.command("study")
-@takes("pictures", Pictures)
-@takes("cluster", Cluster)
-def study_command(  # noqa: PLR0913, PLR0917 - one argument per option or group of them
-    name: Annotated[
-        str | None,
-        typer.Argument(metavar="[NAME]", help="Campaign of the project; without a name: list them"),
-    ] = None,
-    output: DatasetOption = None,
-    cluster: Any = None,
-    resume: ResumeOption = False,
-    require: HeldOption = None,
-    strict: ExpectedOption = False,
-    pictures: Any = None,
-    quiet: QuietOption = False,
-) -> None:
-    """Run a campaign of the project.
-
-    Studies of the papers, such as the maps of the space robot.
-    """
-    from harness.mission.library import campaigns
-    from harness.spelling import did_you_mean
-
-    known = campaigns()
-    if name is None:
-        typer.echo("\n".join(known))
-        return
-    if name not in known:
-        raise UsageError(f"{name}: there is no such study{did_you_mean(name, known)}")
-    how: dict[str, Any] = {**asdict(cluster), **asdict(pictures), "resume": resume}
-    how |= {"require": require, "strict": strict, "quiet": quiet}
-    campaign_command(definition=known[name], output=output, **how)

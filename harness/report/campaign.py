@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import ResultsError
-from harness.report import study
+from harness.report import comparison, study
 from harness.report.arrays import Arrays
 from harness.report.plots import Canvas, Plot, number
 from harness.report.template import render
@@ -47,7 +47,8 @@ def _page(store: Store, path: Path) -> str:
     shown = {with_unit(name, units): x for name, x in metrics.items()}
     factors = {with_unit(n, units): x for n, x in summary.varying_factors(store).items()}
     arrays = Arrays()
-    canvas = Canvas(arrays, POINTS)
+    canvas, flown = Canvas(arrays, POINTS), study.flights(store, path)
+    beside = comparison.canvas_of(flown, arrays)
     figures = [
         _figure("study", list(study.plots(canvas, store))),
         _figure("histograms", [_histogram(canvas, n, x) for n, x in shown.items()]),
@@ -55,10 +56,12 @@ def _page(store: Store, path: Path) -> str:
         _figure("bands", list(_bands(canvas, store))),
     ]
     pages = [{"name": f["name"], "figures": [f]} for f in figures if f["plots"]]
+    pages.append({"name": "beside", "figures": comparison.figures(beside, flown) if flown else []})
     return render(
         "campaign.html",
         arrays,
-        {"scene": None, "figures": pages},
+        comparison.side_by_side(flown, arrays, [page for page in pages if page["figures"]]),
+        flown=list(flown),
         name=path.name,
         system=str(store.group.attrs["system"]),
         count={k: int((status == v).sum()) for k, v in STATES.items()},

@@ -39,24 +39,32 @@ def of_folder(folder: Path) -> str:
     columns, labels = read_csv(folder / TABLE)
     results = _results(folder, labels)
     arrays = Arrays()
-    curves = max(1, sum(_curves(r) for r in results.values()))
-    canvas = Canvas(arrays, int(np.clip(NUMBERS / PER_POINT / curves, *POINTS)))
-    drawn = _figures(canvas, results)
-    data = {
-        "scene": replay_several(results, arrays),
-        "figures": [{"name": "figures", "figures": drawn}] if drawn else [],
-        "runs": list(results),
-    }
+    canvas = canvas_of(results, arrays)
+    drawn = figures(canvas, results)
     return render(
         "compare.html",
         arrays,
-        data,
+        side_by_side(results, arrays, [{"name": "figures", "figures": drawn}] if drawn else []),
         name=folder.resolve().name,
         system=next((r.system for r in results.values()), ""),
         runs=[_run(label, results.get(label)) for label in labels],
         table=_table(columns, labels, _words(results)),
         points=canvas.points if canvas.thinned else 0,
     )
+
+
+def canvas_of(results: Mapping[str, Result], arrays: Arrays) -> Canvas:
+    """A canvas on which the figures of all runs fit a page."""
+    curves = max(1, sum(_curves(r) for r in results.values()))
+    return Canvas(arrays, int(np.clip(NUMBERS / PER_POINT / curves, *POINTS)))
+
+
+def side_by_side(
+    results: Mapping[str, Result], arrays: Arrays, figures: list[dict[str, Any]]
+) -> dict[str, Any]:
+    """What the scripts of a page with several runs get: one replay, figures by section, labels."""
+    scene = replay_several(results, arrays) if results else None
+    return {"scene": scene, "figures": figures, "runs": list(results)}
 
 
 def _results(folder: Path, labels: list[str]) -> dict[str, Result]:
@@ -115,7 +123,7 @@ def _cell(value: float, words: Sequence[str] | None) -> str:
     return f"{value:.4g}" if math.isfinite(value) else "-"
 
 
-def _figures(canvas: Canvas, results: Mapping[str, Result]) -> list[dict[str, Any]]:
+def figures(canvas: Canvas, results: Mapping[str, Result]) -> list[dict[str, Any]]:
     """The overlaid figures that fit at least one run and show something."""
     found = []
     for figure in overlays_of(results):

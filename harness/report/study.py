@@ -7,14 +7,18 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.report.plots import Canvas, Plot
+from harness.results.files import read
+from harness.results.result import Result
 from harness.studies.campaign.store import Store
 from harness.studies.inquiry import summary
+from harness.studies.inquiry.study import confirmed
 
 Array = NDArray[np.float64]
 
@@ -47,6 +51,13 @@ def plots(canvas: Canvas, store: Store) -> Iterator[Plot]:
             yield _parallel(canvas, name, store, k)
         if found.get("levels"):
             yield _levels(canvas, name, found["levels"])
+
+
+def flights(store: Store, path: Path) -> dict[str, Result]:
+    """The nominal flight and the worst ones of a search by label, where they were kept."""
+    if store.group.attrs.get("kind") != "worst" or (estimate := _estimate(store)) is None:
+        return {}
+    return {label: read(file) for label, file in confirmed(path, estimate["of"]).items()}
 
 
 def _estimate(store: Store) -> Any:

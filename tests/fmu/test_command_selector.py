@@ -18,13 +18,15 @@ P = 0.1
 PARAMETERS = {
     "main_thrust": 2.0, "brake_thrust": 2.0, "relay_torque": (0.5, 0.5, 0.5),
     "A_w": np.diag((12.0, 15.0, 10.0)), "push_force": 1.0, "blend_time": 5.0, "sample_period": P,
+    "wheel_speed_max": 0.3, "wheel_speed_ref": (0.0, 0.0, 0.0), "unload_on": 0.7, "unload_off": 0.1,
+    "k_unload": 0.0, "M_unload_max": 0.05,
 }  # fmt: skip
 LAWS = {
     "throttle": [0.0] * 16,
     "F_close_S": (1.0, 2, 3), "M_close_S": (0.1, 0.2, 0.3), "wheel_close": (0.01, 0.02, 0.03),
     "F_sync_S": (-1.0, 5, 2), "M_sync_S": (-0.1, 0.5, 0.2), "wheel_sync": (-0.01, 0.05, 0.02),
     "F_retreat_S": (0.0, 0.9, 0), "wheel_stack": (0.003, 0.001, -0.002),
-    "M_unload_S": (0.024, -0.03, 0.01), "push": 0.0,
+    "M_unload_S": (0.024, -0.03, 0.01), "push": 0.0, "wheel_speed": (0.0, 0.0, 0.0),
 }  # fmt: skip
 
 
@@ -94,6 +96,61 @@ def test_unloading_torque_is_taken_up_by_the_wheels(fmu, rng):
     assert A @ unit.get("wheel_accel_cmd") == pytest.approx(M, abs=1e-12)
 
 
+FULL = (0.1, -0.22, 0.05)  # 0.73 of 0.3 rad/s
+
+
+@pytest.mark.parametrize("torque", range(5))
+def test_full_wheels_are_unloaded_in_the_laws_that_steer_before_capture(fmu, torque):
+    """Thrusters and wheels against each other: A_w W = M in what is added, in laws 1 to 3."""
+    plain = settled(fmu, 0, torque, wheel_speed=FULL)
+    unit = fmu("command_selector", {"k_unload": 0.01}, select(0, torque, wheel_speed=FULL))
+    added = command(unit) - plain
+    speeds = np.array(FULL) if torque in (1, 2, 3) else np.zeros(3)
+    assert not added[0].any()
+    assert added[1] == pytest.approx(-0.01 * speeds * (12, 15, 10), abs=1e-15)
+    assert added[2] == pytest.approx(-0.01 * speeds, abs=1e-15)
+    assert unit.get("wheels_unloading") == (torque in (1, 2, 3))
+
+
+@pytest.mark.parametrize(("torque", "begins"), [(1, 0.03), (2, 0.21), (3, 0.21)])
+def test_unloading_begins_and_ends_at_its_levels(fmu, torque, begins):
+    """In law 1 the wheels rest, so it begins at once where it would end."""
+    unit = fmu("command_selector", {"k_unload": 0.01}, select(0, torque))
+    seen = []
+    for part in (begins - 1e-6, begins + 1e-6, 0.03 + 1e-6, 0.03 - 1e-6, begins - 1e-6):
+        unit.step(P, select(0, torque, wheel_speed=(0, 0, -part)))
+        seen.append(unit.get("wheels_unloading"))
+    assert seen == [0, 1, 1, 0, 0]
+
+
+def test_unloading_pulls_no_harder_than_it_may(fmu):
+    p = {"k_unload": 1.0, "M_unload_max": 0.04, "wheel_speed_ref": (0, 0, 0.1)}
+    added = settled_with(fmu, p, FULL)
+    assert added[1] == pytest.approx((-0.04, 0.04, 0.04), abs=1e-15)
+    assert added[2] == pytest.approx((-0.04 / 12, 0.04 / 15, 0.04 / 10), abs=1e-15)
+
+
+def settled_with(fmu, parameters, wheel_speed):
+    inputs = select(0, 3, wheel_speed=wheel_speed)
+    return command(fmu("command_selector", parameters, inputs)) - settled(fmu, 0, 3)
+
+
+def test_wheels_that_are_emptied_leave_the_body_at_rest(fmu):
+    """The impulse of the thrusters is what the wheels lose; the body keeps nothing."""
+    speed, body, spent = np.array((0.25, -0.1, 0.2)), np.zeros(3), np.zeros(3)
+    A = np.diag((12.0, 15, 10))
+    unit = fmu("command_selector", {"k_unload": 0.02}, select(0, 1, wheel_speed=speed))
+    for _ in range(3000):
+        M, W = unit.get("M_cmd_S"), unit.get("wheel_accel_cmd")
+        body += (M - A @ W) * P
+        spent += M * P
+        speed = speed + W * P
+        unit.step(P, select(0, 1, wheel_speed=speed))
+    assert np.abs(speed).max() == pytest.approx(0.03, rel=0.01)  # unload_off
+    assert spent == pytest.approx(A @ (speed - (0.25, -0.1, 0.2)), abs=1e-12)
+    assert body == pytest.approx(np.zeros(3), abs=1e-14)
+
+
 BLENDING = [(a, b) for a in (1, 2, 3) for b in (1, 2, 3) if a != b]
 
 
@@ -152,8 +209,10 @@ def test_without_a_blend_time_every_change_is_at_once(fmu):
 
 
 @pytest.mark.parametrize("blend_time", [0.0, 0.3, 5.0])
-def test_random_selections_follow_the_reference(fmu, rng, blend_time):
-    p = PARAMETERS | {"blend_time": blend_time, "A_w": random_inertia(rng, 5, 20)}
+@pytest.mark.parametrize("k_unload", [0.0, 0.02])
+def test_random_selections_follow_the_reference(fmu, rng, blend_time, k_unload):
+    more = {"k_unload": k_unload, "wheel_speed_ref": 0.02 * rng.normal(size=3)}
+    p = PARAMETERS | {"blend_time": blend_time, "A_w": random_inertia(rng, 5, 20)} | more
     unit, model = fmu("command_selector", p, select(0, 0)), Selector(p)
     inputs = select(0, 0)
     for _ in range(300):
@@ -161,6 +220,7 @@ def test_random_selections_follow_the_reference(fmu, rng, blend_time):
             inputs[name] = np.array(value) + 0.1 * rng.normal(size=np.shape(value))
         inputs["throttle"] = rng.integers(0, 2, 16).astype(float)
         inputs["push"] = float(rng.integers(2))
+        inputs["wheel_speed"] = 0.1 * rng.normal(size=3)
         if rng.random() < 0.2:
             inputs["select_force"] = float(rng.integers(6))
         if rng.random() < 0.2:
@@ -185,6 +245,8 @@ def test_samples_are_taken_at_multiples_of_the_period(fmu):
     assert np.array_equal(command(unit), settled(fmu, 2, 2))
 
 
-@pytest.mark.parametrize("change", [{"blend_time": -1}, {"A_w": np.diag((1, 1, -1))}])
+@pytest.mark.parametrize(
+    "change", [{"blend_time": -1}, {"A_w": np.diag((1, 1, -1))}, {"unload_off": 0.8}]
+)
 def test_refused(change, tmp_path):
     assert next(iter(change)) in refusal("command_selector", change, tmp_path)

@@ -219,7 +219,8 @@ CONTROLLERS = {
     | {"r_SN_N": (42164000, -100, 0), "v_SN_N": (0.00729, 3074.66, 0), "q_SN": AHEAD}
     | {"mass": 100, "relative_valid": 1, "go_1": 1, "go_2": 1, "go_3": 1},
     "command_selector": {"main_thrust": 2, "brake_thrust": 2, "relay_torque": (0.5,) * 3}
-    | {"A_w": np.diag((12, 15, 10)), "push_force": 1, "blend_time": 5, "sample_period": 0.1},
+    | {"A_w": np.diag((12, 15, 10)), "push_force": 1, "blend_time": 5, "sample_period": 0.1}
+    | {"wheel_speed_max": 0.3, "unload_on": 0.7, "unload_off": 0.1, "M_unload_max": 0.05},
     "timeline": {"times": (1e30,) * 16, "rows": ((1, 1, 1, 0, 0, 1),) * 16},
     "safety_monitor": TARGET
     | BEHIND

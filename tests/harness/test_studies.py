@@ -22,6 +22,7 @@ from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from harness.studies.campaign.campaign import like
 from harness.studies.inquiry import driver as driving
+from harness.studies.inquiry import worst as searches
 from tests.harness import demo
 
 TOML = (
@@ -238,7 +239,20 @@ REFUSED = {
     "gains": (tune, {"tune": {"of": "small"}}, "a draw per gain"),
     "two factors": (boundary, {"map": {"of": "small", "factors": ["twice.k"]}}, "expected two"),
     "a list": (worst, {"factors": {"twice.k": {"list": [1, 2]}}}, "listed values"),
+    "a range": (
+        probability,
+        {"factors": {"twice.k": {"range": {"first": 1.0, "last": 2.0, "count": 3}}}},
+        "listed values",
+    ),
     "no draw": (worst, {"factors": {}}, "nothing is drawn"),
+    "no box": (worst, {"worst": {"of": "small", "box": 0.0}}, "worst.box: expected a number above"),
+    "no repeat": (probability, {"probability": {"of": "small", "flights": 0}}, "above 0"),
+    "small map": (
+        boundary,
+        {"map": {"of": "small", "factors": ["twice.k", "bad.t_fail"], "flights": 24}},
+        "25 at least",
+    ),
+    "no table": (worst, {"worst": "small"}, "must be a table"),
     "nominal": (
         probability,
         {
@@ -257,6 +271,46 @@ def test_wrong_use_is_refused(name, system, tmp_path):
     with pytest.raises((UsageError, StructureError), match=problem):
         study(table(system) | more, tmp_path / "x.zarr", workers=0)
     assert name == "nominal" or not (tmp_path / "x.zarr").exists()
+
+
+def test_a_system_without_requirements_and_a_campaign_without_any_are_refused(fmus, tmp_path):
+    write_ssp(system_of(tomllib.loads(demo.TOML), fmus), tmp_path / "bare.ssp")
+    with pytest.raises(
+        UsageError, match=r"no requirement to ask about: \[requirements\] makes one"
+    ):
+        worst(table(tmp_path / "bare.ssp"), tmp_path / "x.zarr", workers=0)
+
+
+def test_a_flag_is_allowed_where_no_slope_is_needed(system, tmp_path):
+    """No draw makes twice.y exactly 5."""
+    given = table(system, probability={"of": "flag", "method": "random", "flights": 30})
+    found = probability(given, tmp_path / "p.zarr", workers=0).estimate["of"]["flag"]
+    assert (found["p"], found["flights"]) == (0, 30)
+
+
+def test_without_cma_a_search_says_how_to_get_it(system, tmp_path, monkeypatch):
+    monkeypatch.setattr(searches, "find_spec", lambda name: None)
+    entry = {"gains": {"twice.k": K}, "of": "small"}
+    for study, given in ((worst, {"worst": {"of": "small"}}), (tune, {"tune": entry})):
+        with pytest.raises(UsageError, match=r"pip install 'servicing-fmus\[verify\]'"):
+            study(table(system) | given, tmp_path / "x.zarr", workers=0)
+
+
+def test_flights_of_sobol_are_rounded_to_a_power_of_two_and_this_is_said(system, tmp_path):
+    said = []
+    given = table(system, sensitivity={"of": "small", "method": "sobol", "flights": 20})
+    study = sensitivity(given, tmp_path / "s.zarr", workers=0, said=said.append)
+    assert said == ["sobol: 8 x 4 = 32 flights"]
+    assert study.store.runs == 1 + 32
+
+
+def test_a_nominal_flight_that_fails_is_said_first_and_sensitivity_goes_on(system, tmp_path):
+    said = []
+    given = table(system, sensitivity={"of": "small", "flights": 6})
+    given["factors"] = {"twice.k": {"normal": {"mean": 4.0, "sigma": 0.5}}}
+    study = sensitivity(given, tmp_path / "s.zarr", workers=0, said=said.append)
+    assert said[0] == "small: the nominal flight fails already, with a margin of -4"
+    assert study.estimate["of"]["small"]["value"][0] > 1
 
 
 def test_all_flights_of_a_generation_that_die_end_the_study(system, tmp_path):
@@ -308,6 +362,44 @@ def test_the_command_says_what_it_found_and_ends_with_status_1(system, tmp_path,
     said = capsys.readouterr().out
     assert "no failure in 24 flights" in said
     assert "this is no proof; 0 of 24 random ones would say p < 1" in said
+
+
+def test_a_file_of_the_project_is_asked_all_that_it_describes(
+    system, tmp_path, monkeypatch, capsys
+):
+    text = f"""
+        system = "{system}"
+        runs = 3
+        [factors]
+        "twice.k" = {{normal = {{mean = 2.0, sigma = 0.5}}}}
+        [requirements]
+        positive = "twice.y >= -9"
+        [worst]
+        of = "positive"
+        flights = 24
+        [sensitivity]
+        of = "small"
+        flights = 6
+    """
+    (tmp_path / "my.toml").write_text(text)
+    monkeypatch.setattr("harness.mission.library.campaigns", lambda: {"my": tmp_path / "my.toml"})
+    monkeypatch.chdir(tmp_path)
+    study = ["study", "my", "--workers", "0", "-q"]
+    assert main(study) == 0
+    said = capsys.readouterr().out
+    assert said.index("small: share of the mean effects") < said.index("no failure in 24 flights")
+    names = {path.name for path in (tmp_path / "results").glob("*.zarr")}
+    assert names == {"my_sensitivity.zarr", "my_worst.zarr"}
+    assert main([*study, "--kind", "campaign", "-o", "plain.zarr"]) == 0
+    assert "3 runs" in capsys.readouterr().out
+    for wrong, problem in (
+        (["--kind", "wors"], "close: worst"),
+        (["--kind", "map"], "there are: sensitivity, worst, campaign"),
+        (["-o", "both.zarr"], "--kind chooses one"),
+        (["--strict"], "of campaigns"),
+    ):
+        assert main([*study, *wrong]) == 2
+        assert problem in " ".join(capsys.readouterr().err.split())
 
 
 # ---- plain campaigns

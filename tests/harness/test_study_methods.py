@@ -33,20 +33,24 @@ def covered(found, p):
 @pytest.mark.parametrize("seeds", [30, pytest.param(200, marks=pytest.mark.long)])
 @pytest.mark.parametrize("name", CASES)
 def test_subset_simulation_finds_known_probabilities(name, seeds):
-    """Bars for 200 seeds; 30 of them scatter by a factor of 2.6 more."""
+    """Limits of 200 seeds; 30 of them scatter by a factor of 2.6 more."""
     found, p = subsets(name, seeds), CASES[name].p
     parts = np.array([each.p for each in found])
     loose = 1 if seeds > 100 else 2.6
     trap = name == "trap"
-    assert abs(parts.mean() / p - 1) < loose * (0.3 if trap else 0.1)
-    assert np.mean([each.flights for each in found]) < (6200 if p < 1e-5 or trap else 4700)
+    if seeds > 100:
+        assert 0.93 <= parts.mean() / p <= 1.1
+    else:
+        assert abs(parts.mean() / p - 1) < loose * (0.3 if trap else 0.1)
+    most = {"linear": 3800, "linear, rare": 6200, "trap": 6200}.get(name, 4700)
+    assert np.mean([each.flights for each in found]) <= most
     five = [probability.pooled(found[k : k + 5]) for k in range(0, seeds, 5)]
     assert np.mean([e.low <= p <= e.high for e in five]) >= (0.9 if seeds > 100 else 0.6)
     warned = np.mean([bool(e.warning) for e in five])
     if trap:
         assert warned >= (0.9 if seeds > 100 else 0.6)
         return
-    assert parts.std() / parts.mean() <= (0.5 if p < 1e-5 else 0.36) * math.sqrt(loose)
+    assert parts.std() / parts.mean() <= (0.5 if p < 1e-5 else 0.35) * math.sqrt(loose)
     assert covered(found, p) >= (0.85 if seeds > 100 else 0.7)
     assert warned <= (0.05 if seeds > 100 else 0.2)
 
@@ -102,7 +106,7 @@ def test_importance_sampling_sees_only_regions_that_have_a_centre():
         return sum(e.low <= p <= e.high for e in found)
 
     assert hits(centres) >= 90
-    assert hits(centres[:1]) <= 20
+    assert hits(centres[:1]) <= 10
 
 
 def test_importance_sampling_finds_its_centres_and_says_when_it_has_not():
@@ -250,6 +254,11 @@ def test_the_interval_of_clopper_and_pearson_is_that_of_scipy(failures):
     wanted = stats.binomtest(failures, 100).proportion_ci(0.95, method="exact")
     found = stopping.clopper_pearson(failures, 100)
     assert found == pytest.approx((wanted.low, wanted.high), abs=1e-12)
+
+
+def test_intervals_of_clopper_and_pearson_in_figures():
+    assert stopping.clopper_pearson(0, 59) == pytest.approx((0, 0.06061), abs=5e-6)
+    assert stopping.clopper_pearson(3, 100) == pytest.approx((0.00623, 0.08518), abs=5e-6)
 
 
 def decisions(p, campaigns, most):

@@ -333,6 +333,22 @@ class Selector:
     last: tuple[int, int] | None = None
     out: Array = field(default_factory=lambda: np.zeros(9))
     D: Array = field(default_factory=lambda: np.zeros(9))
+    unloading: bool = False
+
+    def unload(self, u: dict, law: int) -> Array:
+        """Torque that empties the wheels in laws 1 to 3, and what the wheels take up of it."""
+        excess = np.array(u["wheel_speed"]) - self.p["wheel_speed_ref"]
+        full = np.abs(excess).max() / self.p["wheel_speed_max"]
+        before = self.unloading or law == 1
+        level = self.p["unload_off"] if before else self.p["unload_on"]
+        self.unloading = bool(
+            law in (1, 2, 3)
+            and self.p["k_unload"] > 0
+            and (full > level or (full == level and not before))
+        )
+        A, most = np.reshape(self.p["A_w"], (3, 3)), self.p["M_unload_max"]
+        M = np.clip(-self.p["k_unload"] * A @ excess, -most, most) * self.unloading
+        return np.concatenate((np.zeros(3), M, np.linalg.solve(A, M)))
 
     def wanted(self, u: dict) -> Array:
         th, A = np.array(u["throttle"]), np.reshape(self.p["A_w"], (3, 3))
@@ -349,6 +365,7 @@ class Selector:
 
     def sample(self, u: dict) -> dict[str, Array]:
         now, tau = self.wanted(u), self.p["blend_time"]
+        now = now + self.unload(u, int(u["select_torque"]))
         laws = int(u["select_force"]), int(u["select_torque"])
         self.D = self.D * (np.exp(-self.p["sample_period"] / tau) if tau else 0)
         for part, of, kept in ((slice(0, 3), 0, (1, 2, 3)), (slice(3, 9), 1, (1, 2, 3, 4))):

@@ -10,6 +10,7 @@ import pytest
 
 from harness import load, run
 from harness.mission.claim import Verdict
+from harness.results.requirements import margin
 from ssp.servicing_mission.claims import CLAIMS
 from ssp.servicing_mission.flight import collided, increments, outcome, stays
 from ssp.shared.relative_motion import range_
@@ -149,3 +150,43 @@ def test_orbital_express_retreats_at_its_reset_and_comes_back_to_the_outer_hold(
     assert (guarded["monitor.least_margin"][-1, :3] > 0).all()
     assert collided(blind)
     assert not blind["monitor.violated"][blind.time < 3200][:, :3].any()  # the estimate is at 3 m
+
+
+@pytest.mark.long
+def test_a_second_approach_needs_wheels_that_were_unloaded():
+    """After reset, retreat and resume: with full wheels the fly-around never ends, unloaded ones
+    bring a capture; the requirement on the wheels tells the two apart.
+    """
+    full, unloaded = fly("orbital_express_full"), fly("orbital_express_unloaded")
+    first = [*NOMINAL[:6], "RETREAT", "SAFE"]
+    flown = [s.phase for s in stays(full)]
+    assert flown[:13] == [*first, *NOMINAL[:5]]
+    assert "FINAL" not in flown[8:]
+    assert [s.phase for s in stays(unloaded)] == [*first, *NOMINAL]
+    assert outcome(unloaded) == "captured"
+    resumed = full.time > 4500
+    assert np.abs(full["servicer.wheel_speed"][resumed]).max() == pytest.approx(0.3)
+    assert np.abs(unloaded["servicer.wheel_speed"][resumed]).max() < 0.25
+    far = unloaded["manager.phase"] == 0
+    assert np.abs(unloaded["servicer.wheel_speed"][far & resumed][-1]).max() < 0.031  # unload_off
+    wheels = "abs(servicer.wheel_speed) <= 0.29 rad/s"
+    assert margin(full, wheels) < 0 < margin(unloaded, wheels)
+    assert increments(unloaded)[-1] < increments(full)[-1]
+
+
+@pytest.mark.long
+def test_unloading_leaves_room_in_the_wheels_of_the_nominal_flight(nominal):
+    result = fly("unloading")
+    assert [s.phase for s in stays(result)] == NOMINAL
+    assert np.abs(nominal["servicer.wheel_speed"]).max() == pytest.approx(0.3)
+    assert np.abs(result["servicer.wheel_speed"]).max() < 0.26
+    assert increments(result)[-1] < increments(nominal)[-1]
+
+
+@pytest.mark.long
+def test_bounce_with_unloaded_wheels_uses_up_its_attempts_as_on_truth():
+    result = run(SYSTEM, params="bounce", set={"selector.k_unload": 0.02}, every=50)
+    before, reason = ENDS["bounce"]
+    flown = stays(result)
+    assert [s.phase for s in flown] == [*before, "RETREAT", "SAFE"]
+    assert flown[-2].reason == reason

@@ -35,7 +35,7 @@ typedef struct {
     vec3 r_SN_N, v_SN_N;
     quat q_SN;
     vec3 omega_SN_S, sigma_SN, wheel_speed;
-    double mass;
+    double mass, rate_margin;
 } BaseOutput;
 
 /* ---- rows; every plant names the members `base` ---- */
@@ -114,7 +114,11 @@ typedef struct {
                     "inside the unit sphere",                                                      \
                     ANY_VALUE),                                                                    \
         BASE_OUTPUT(wheel_speed, "rad/s", "wheel speeds relative to the body", ANY_VALUE),         \
-        BASE_OUTPUT(mass, "kg", "mass with the propellant left", NONNEGATIVE_VALUE)
+        BASE_OUTPUT(mass, "kg", "mass with the propellant left", NONNEGATIVE_VALUE),               \
+        BASE_OUTPUT(rate_margin, "rad/s",                                                          \
+                    "half a turn per max_step less the rate of the body: faster, and an internal " \
+                    "step no longer follows it, the attitude is lost",                             \
+                    NONNEGATIVE_VALUE)
 
 static inline void check_whole(Problems *problems, const BaseParameters *p)
 {
@@ -216,6 +220,13 @@ static inline BaseState rigid_rates(const Interval *c, double t, const BaseState
     return dx;
 }
 
+/* half a turn in an internal step is beyond the stability of the integrator (2.8 rad): the body has
+ * lost its attitude, and what comes next is not a number */
+static inline double rate_margin(const BaseParameters *p, const BaseState *x, double t)
+{
+    return PI / p->max_step - (reached(t, p->t_att) ? norm(x->omega) : 0);
+}
+
 static inline void publish_base(const BaseParameters *p, const BaseState *x, BaseOutput *y,
                                 double t)
 {
@@ -227,6 +238,7 @@ static inline void publish_base(const BaseParameters *p, const BaseState *x, Bas
     y->sigma_SN = x->sigma;
     y->wheel_speed = released ? x->wheel_speed : vec(0, 0, 0);
     y->mass = x->mass;
+    y->rate_margin = rate_margin(p, x, t);
 }
 
 #endif

@@ -6,7 +6,7 @@ and a small table of its own, `[worst]`.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -299,7 +299,7 @@ class _Best:
 
 def _confirm(driver: Driver, found: dict[str, Any], output: Path) -> None:
     """The worst flights and the nominal one with the own macro step of the system, to files."""
-    flights, folder = driver.flights, output.with_name(f"{output.stem}_worst")
+    flights, folder = driver.flights, _folder(output)
     folder.mkdir(parents=True, exist_ok=True)
     warm = Warm(flights.plan.system)
     try:
@@ -318,6 +318,20 @@ def _confirm(driver: Driver, found: dict[str, Any], output: Path) -> None:
                 found[name]["differs"] = not abs(own - found[name]["margin"]) <= limit
     finally:
         warm.close()
+
+
+def _folder(output: Path) -> Path:
+    """Where the flights of _confirm are."""
+    return output.with_name(f"{output.stem}_worst")
+
+
+def confirmed(path: Path, requirements: Iterable[str]) -> dict[str, Path]:
+    """Files of the nominal flight and of the worst one of each requirement, beside the dataset of a
+    search, as far as they are there.
+    """
+    files = {"nominal": "nominal"} | {f"worst {n}": _file(n) for n in requirements}
+    found = {label: _folder(path) / f"{name}.nc" for label, name in files.items()}
+    return {label: file for label, file in found.items() if file.is_file()}
 
 
 def _file(name: str) -> str:

@@ -1,0 +1,44 @@
+/* unloading.h - wheels hand their momentum to the thrusters: between two levels of speed, no faster
+ * than a rate and a torque allow.
+ *
+ *   X = max_i |Omega_i - ref_i| / speed_max:   on from X >= `on` to X <= `off`
+ *   M = -k A_w (Omega - ref), each axis at most `most`
+ *
+ * M is a torque of thrusters. The wheels take it up, A_w dOmega = M, so the body feels nothing while
+ * the momentum leaves: (Omega - ref) falls with exp(-k t), and no faster than with `most`. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef UNLOADING_H
+#define UNLOADING_H
+
+#include "exact.h"
+#include "fmu.h"
+#include "mat3.h"
+
+typedef struct {
+    double on, off, k, most, speed_max;
+    vec3 ref;
+} Unloading;
+
+static inline void check_unloading(const Unloading *p, Problems *problems)
+{
+    if (p->off > p->on) refuse(problems, "unload_off", p->off, "must not be above unload_on");
+}
+
+/* whether the wheels are unloaded now; before: whether they were at the sample before */
+static inline double unloads(const Unloading *p, vec3 wheel_speed, double before)
+{
+    vec3 excess = sub(wheel_speed, p->ref);
+    double most = larger(fabs(excess.x), larger(fabs(excess.y), fabs(excess.z)));
+    double full = most / p->speed_max;
+    return full >= p->on ? 1 : full <= p->off ? 0 : before;
+}
+
+static inline vec3 unloading_torque(const Unloading *p, double on, mat3 A_w, vec3 wheel_speed)
+{
+    if (!on) return vec(0, 0, 0);
+    vec3 M = scale(-p->k, mul(A_w, sub(wheel_speed, p->ref)));
+    double most = p->most;
+    return vec(clamp(M.x, -most, most), clamp(M.y, -most, most), clamp(M.z, -most, most));
+}
+
+#endif
