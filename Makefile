@@ -180,7 +180,7 @@ bench: build
 # deliberate faults in harness/, drawn at random: SEED, COUNT; goes on after an interruption
 .PHONY: faults-python
 faults-python: build $(LINTERS)
-	test -f build/faults/seconds.json || \
+	test -f build/faults/costs.json || \
 	  $(BIN)/python -m tests.mutation.reached -n auto tests/harness
 	$(BIN)/python -m tests.mutation --python --seed $${SEED:-1} --count $${COUNT:-300} --jobs 2 \
 	  -o build/faults/python-$${SEED:-1}.jsonl

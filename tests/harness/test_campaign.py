@@ -31,7 +31,7 @@ from harness.results.quantities import with_unit
 from harness.results.result import Result
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
-from harness.studies.campaign import draws, engine, metrics, summary
+from harness.studies.campaign import draws, engine, factors, metrics, summary
 from harness.studies.campaign.campaign import like
 from harness.studies.campaign.draft import read_plan
 from harness.studies.campaign.engine import Block
@@ -119,6 +119,45 @@ def test_correlated_draws_have_their_covariance():
     x = sample("normal", n=20_000, mean=[1.0, 2.0, 3.0], covariance=covariance.tolist())
     assert x.mean(axis=0) == pytest.approx([1, 2, 3], abs=5 * 2.0 / 20_000**0.5)
     assert np.cov(x.T) == pytest.approx(covariance, abs=5 * 4.0 * (2 / 20_000) ** 0.5)
+
+
+def test_larger_numbers_give_larger_draws():
+    """Also correlated ones: what a seed has drawn once it draws again."""
+    covariance = [[4.0, 1.2], [1.2, 1.0]]
+    made = factor("x", {"normal": {"mean": [1.0, 2.0], "covariance": covariance}})
+    few, many = (np.array(made.draw.value(np.full(2, u))) for u in (0.25, 0.75))
+    assert (few < [1.0, 2.0]).all()
+    assert (many > [1.0, 2.0]).all()
+
+
+NOT_TO_BE_DRAWN = [
+    ("normal", {"mean": 1.0, "sigma": 0.0}, "sigma must be positive, not 0.0"),
+    ("log_normal", {"median": 1.0, "sigma": 0.0}, "sigma must be positive, not 0.0"),
+    ("log_normal", {"median": 0.0, "sigma": 1.0}, "median must be positive, not 0.0"),
+    ("uniform", {"low": 1.0, "high": 1.0}, "low must be smaller than high, not 1.0"),
+    ("rotation", {"sigma": 0.0}, "sigma must be positive, not 0.0"),
+    ("rotation", {"sigma": 1.0, "attitude": [1.0, 0.0, 0.1, 0.0]}, "must be a unit quaternion"),
+    ("inertia", {"principal": [1.0, 2.0], "spread": 0.1}, "principal wants three moments"),
+    ("inertia", {"principal": [1.0, 2.0, 3.0], "spread": 0.1}, "must obey the triangle rule"),
+    ("inertia", {"principal": [2.0, 2.0, 3.0], "spread": -0.1}, "must not be negative"),
+    ("inertia", {"principal": [2.0, 2.0, 3.0], "spread": 0.1, "axes": -0.1}, "not be negative"),
+    ("range", {"first": 0.0, "last": 1.0}, "range: wants first, last and count"),
+    ("range", {"first": 0.0, "last": 1.0, "count": -1}, "must be a whole number, not -1"),
+    ("range", {"first": 0.0, "last": 1.0, "count": 6}, "count must be at most 5"),
+]
+
+
+@pytest.mark.parametrize(("kind", "given", "says"), NOT_TO_BE_DRAWN)
+def test_what_nothing_can_be_drawn_from_is_refused(monkeypatch, kind, given, says):
+    monkeypatch.setattr(factors, "MAX_VALUES", 5)
+    with pytest.raises(ValueError, match=re.escape(says)):
+        factor("x", {kind: given})
+
+
+def test_a_range_has_as_many_values_as_allowed(monkeypatch):
+    monkeypatch.setattr(factors, "MAX_VALUES", 5)
+    made = factor("x", {"range": {"first": 0.0, "last": 1.0, "count": 5}})
+    assert list(made.choices) == [0.0, 0.25, 0.5, 0.75, 1.0]
 
 
 def test_rotations_turn_an_attitude_by_vectors_of_their_deviation():

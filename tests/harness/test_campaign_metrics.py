@@ -11,6 +11,7 @@ import pytest
 from harness import campaign, run
 from harness.cli.app import main
 from harness.errors import RequirementError, StructureError
+from harness.studies.campaign import metrics
 
 MASS = {"servicer.mass_0": {"uniform": {"low": 90.0, "high": 110.0}}}
 
@@ -177,3 +178,12 @@ def test_a_seed_is_not_a_factor_too_and_is_given_once(tmp_path):
     ]
     twice = refused(tmp_path, seeds=[noise, noise])
     assert f"seeds.{noise}: is given twice" in twice
+
+
+def test_what_a_metric_says_of_itself_is_a_line_of_200_characters():
+    def wordy(_):
+        raise ValueError("no\n  such thing " + "x" * 300)
+
+    found, reason = metrics.value(wordy, None)
+    assert np.isnan(found)
+    assert reason == "no such thing " + "x" * 186

@@ -266,6 +266,24 @@ def test_what_may_be_chance_is_left_out_and_counted():
     )
 
 
+def test_factors_that_vary_are_those_with_more_than_one_number():
+    known = {
+        "still": np.full(3, 2.0),
+        "moved": np.array([2.0, 2.0, 3.0]),
+        "unknown": np.full(3, np.nan),
+        "partly": np.array([np.nan, 1.0, 2.0]),
+        "text": np.array(["b", "a", "b"], dtype=object),
+        "lopsided": np.arange(12.0).reshape(3, 2, 2),
+        "wide": np.arange(18.0).reshape(3, 2, 3),
+    }
+    store = SimpleNamespace(names=lambda role: [*known], array=known.__getitem__)
+    names = ["moved", "partly", "text"]
+    names += [f"lopsided[{i},{k}]" for i in (1, 2) for k in (1, 2)]
+    names += [f"wide[{i},{k}]" for i in (1, 2) for k in (1, 2, 3)]
+    assert [*summary.varying_factors(store)] == names
+    assert summary.varying_factors(store)["text"].tolist() == [1, 0, 1]
+
+
 def test_a_symmetric_factor_has_one_row_per_element(tmp_path):
     spread = {
         "servicer.J_S": {"inertia": {"principal": [200, 250, 150], "spread": 0.1, "axes": 0.1}}

@@ -285,6 +285,18 @@ def test_a_value_for_an_input_of_the_top_system_is_in_the_unit_of_its_connector(
     assert fly(top.replace('value="2000"', 'value="500000" unit="cm"'))["far.y"][0] == 6
 
 
+def test_as_many_components_as_allowed_are_read(fmus, tmp_path, monkeypatch):
+    inner = system("inner", [component("c", "gain")], [])
+    path = write(tmp_path / "x.ssp", system("top", [inner, component("d", "gain")], []), fmus)
+    monkeypatch.setattr(ssp, "MAX_COMPONENTS", 2)
+    with ssp.opened(path) as found:
+        assert len(found.components) == 2
+    monkeypatch.setattr(ssp, "MAX_COMPONENTS", 1)
+    told = "it has 2 components, more than the limit of 1"
+    with pytest.raises(StructureError, match=told), ssp.opened(path):
+        pass
+
+
 def test_names_are_unique_c_identifiers(fmus, tmp_path, caplog):
     elements = [
         component("a_b", "gain"),

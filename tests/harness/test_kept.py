@@ -23,6 +23,7 @@ from harness.files import signals
 from harness.files.output import written
 from harness.results import files
 from harness.results.files import ResultFile, read
+from harness.results.formats import netcdf
 from harness.results.result import Result
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
@@ -227,6 +228,26 @@ def test_a_name_is_found_before_the_run_or_kept(tmp_path, monkeypatch, name, end
         back = read(tmp_path / f"x{ending}")
         assert back.columns == odd.columns
         assert back[f"a.{name}"].tolist() == [1, 1]
+
+
+@pytest.mark.parametrize(("count", "rest"), [(3, ":"), (4, " and 1 more:"), (9, " and 6 more:")])
+def test_the_first_three_names_that_a_file_cannot_hold_are_shown(monkeypatch, count, rest):
+    bad = [f"p/{k}" for k in range(count)]
+    monkeypatch.setattr(files, "read_interfaces", lambda _: {"a": _Interface(("good", *bad))})
+    with pytest.raises(ResultsError) as caught:
+        ResultFile(Path("x.nc")).accept(None)
+    shown = "'a.p/0', 'a.p/1', 'a.p/2'"
+    assert str(caught.value).startswith(f"x.nc: a .nc cannot hold {shown}{rest}")
+
+
+def test_names_that_a_netcdf_file_keeps_as_they_are(tmp_path):
+    for name in ("n" * 200, "\u00e9", "x[1]", "a b"):
+        assert netcdf.fits(name)
+        result = Result("t", np.arange(2.0), (name,), ("",), np.ones((2, 1)))
+        result.save(tmp_path / "x.nc")
+        assert read(tmp_path / "x.nc").columns == (name,)
+    for name in ("n" * 201, "e\u0301", "a ", "p/q", " a", "a\x7f"):
+        assert not netcdf.fits(name), name
 
 
 class _Interface:

@@ -255,7 +255,11 @@ def test_an_old_message_is_not_blamed_for_a_later_failure(make):
 
 def test_warnings_of_an_fmu_do_not_stop_the_run_and_are_summed_up(make, caplog):
     assert run(make({"a": "warning"})).complete
-    assert caplog.messages == ["a: 6 warnings, the last: getting warm"]
+    assert run(make({"a": "warning"}), stop=1.0).complete
+    assert caplog.messages == [
+        "a: 6 warnings, the last: getting warm",
+        "a: 1 warning, the last: getting warm",
+    ]
 
 
 def test_interrupting_keeps_what_was_recorded(make):

@@ -36,7 +36,9 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1, help="faults judged at the same time")
     parser.add_argument("-o", "--output", type=Path, help="lines of JSON; goes on with it")
     parser.add_argument(
-        "--again", action="store_true", help="look once more at those of the file that survived"
+        "--again",
+        action="store_true",
+        help="those of the file that survived once more; Python is read anew",
     )
     parser.add_argument(
         "--python", action="store_true", help=f"in {', '.join(ROOMS)} of harness/, not in fmus/"
@@ -53,7 +55,9 @@ def _campaign(a: argparse.Namespace) -> Counter[str]:
     left = iter(_drawn(a))
     with (
         tempfile.TemporaryDirectory(prefix="faults-") as folder,
-        ProcessPoolExecutor(a.jobs, initializer=_prepare, initargs=(folder, a.python)) as workers,
+        ProcessPoolExecutor(
+            a.jobs, initializer=_prepare, initargs=(folder, a.python, a.again)
+        ) as workers,
     ):
         while missing := a.count - counts.total():
             if not (some := list(islice(left, missing))):
@@ -83,13 +87,14 @@ _JUDGES: list[tuple[Any, Any]] = []
 """Of this process: what judges a fault, and its tree."""
 
 
-def _prepare(folder: str, python: bool) -> None:
-    judged, kind = judge.judged, judge.Tree
+def _prepare(folder: str, python: bool, again: bool) -> None:
+    place = Path(tempfile.mkdtemp(dir=folder))
     if python:
         from tests.mutation import python_judge  # with coverage.py, which C has no need of
 
-        judged, kind = python_judge.judged, python_judge.PythonTree
-    _JUDGES.append((judged, kind(Path(tempfile.mkdtemp(dir=folder)))))
+        _JUDGES.append((python_judge.judged, python_judge.PythonTree(place, fresh=again)))
+    else:
+        _JUDGES.append((judge.judged, judge.Tree(place)))
 
 
 def _row(fault: Fault) -> dict[str, object]:

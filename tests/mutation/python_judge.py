@@ -1,51 +1,51 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What the tests say of a deliberate fault in the Python code: a copy of the tree with the fault,
-and the tests that have reached its lines, the quickest first, until one fails.
+and the tests that have reached its lines until one fails: first those that have found something in
+the same file, then the cheapest.
 
 The copy has a virtual environment of its own, so that processes which a test starts read the fault
-too; its packages are those of this one.
+too; its packages are those of this one. A test that finds something is asked without the fault as
+well, once: one that fails then, too, is no witness.
 """
 
 from __future__ import annotations
 
-import multiprocessing
-import re
+import ast
+import compileall
+import os
 import shutil
+import socket
+import subprocess
 import sys
 import sysconfig
 import venv
-from collections.abc import Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from importlib import import_module
+from collections import Counter, defaultdict
 from pathlib import Path
 
-import pytest
-
 from tests.mutation.faults import Fault
-from tests.mutation.judge import CAUGHT, SURVIVED, UNREAD, failure_in_fork
-from tests.mutation.reached import FIXTURE, ROOT, Reached
+from tests.mutation.judge import CAUGHT, SURVIVED, UNREAD
+from tests.mutation.python_runner import lines, say
+from tests.mutation.reached import ROOT, Reached, Tests
 
 COPIED = ("harness", "ssp", "tests")
 LEFT_OUT = (".git", ".venv", "dist", "results")
-READ_BEFOREHAND = (
-    "distributed", "fmpy.fmi2", "hypothesis", "jinja2", "k3d", "matplotlib.pyplot", "netCDF4",
-    "numpy", "pandas", "plotly.graph_objects", "psutil", "rich", "scipy.stats", "typer", "xarray",
-    "zarr",
-)  # fmt: skip
-"""Large packages that tests import: in forks of the process that runs them they are there."""
-FIRST = 40
-"""So many tests go first, one by one; the others file by file, for the sake of their fixtures."""
-MOST = 150.0
-"""Tests that take longer together when they are recorded are left out, the slowest first [s]."""
-PATIENCE = 600
-"""Time of the tests of one fault [s]; a fault that needs more is caught: it never ends."""
+CHEAP = 0.5
+"""Tests below go first, one by one; the others file by file, for the sake of their fixtures [s]."""
+MOST = 60.0
+"""Tests that cost more together when they are recorded are left out, the dearest first [s]."""
+SECONDS, PATIENCE = 300, 900
+"""Processor time and time of the tests of one fault [s]; one that needs more is caught: it never
+ends."""
 
 
 class PythonTree:
-    """A copy of what the tests need, and a process that runs them there."""
+    """A copy of what the tests need, and a process that runs them there.
 
-    def __init__(self, folder: Path) -> None:
-        self.root = folder / "tree"
+    fresh: no fault is put into what has been read already.
+    """
+
+    def __init__(self, folder: Path, fresh: bool = False) -> None:
+        self.root, self.fresh = folder / "tree", fresh
         self.root.mkdir()
         for part in COPIED:
             ignored = shutil.ignore_patterns("__pycache__")
@@ -54,10 +54,37 @@ class PythonTree:
             if path.name not in (*COPIED, *LEFT_OUT):
                 (self.root / path.name).symlink_to(path)
         self.sources = self.root / "harness"
+        compileall.compile_dir(self.root, quiet=2)
         self.reached = Reached()
-        multiprocessing.set_executable(str(_environment(folder / "venv", self.root)))
-        ways = multiprocessing.get_context("spawn")
-        self.runner = ProcessPoolExecutor(1, ways, initializer=_read_beforehand)
+        self.found: dict[str, Counter[str]] = defaultdict(Counter)
+        self.sound: dict[str, bool] = {}
+        python = _environment(folder / "venv", self.root)
+        self.channel, theirs = socket.socketpair()
+        number = theirs.fileno()
+        given = [python, "-m", "tests.mutation.python_runner", str(number), folder]
+        with (folder / "output.txt").open("wb") as output:
+            self.runner = subprocess.Popen(
+                given, cwd=self.root, pass_fds=[number], stdout=output, stderr=output,
+                env=os.environ | {"PYTHONDONTWRITEBYTECODE": "1"},
+            )  # fmt: skip
+        theirs.close()
+        self.answers = lines(self.channel)
+        self.answers.readline()  # sources stay as they are until all have been read
+
+    def failure(self, file: Path, old: str, new: str, tests: list[str]) -> tuple[str, str]:
+        """The first of the tests that fails with another text of a file; how, if it ends them."""
+        order = {"file": str(file), "old": old, "new": new, "tests": tests}
+        before = file.stat()
+        file.write_text(new, encoding="utf-8")
+        try:
+            say(
+                self.channel,
+                {**order, "fresh": self.fresh, "seconds": SECONDS, "patience": PATIENCE},
+            )
+            return eval(self.answers.readline())
+        finally:
+            file.write_text(old, encoding="utf-8")
+            os.utime(file, ns=(before.st_atime_ns, before.st_mtime_ns))
 
 
 def _environment(place: Path, root: Path) -> Path:
@@ -72,79 +99,65 @@ def _environment(place: Path, root: Path) -> Path:
     return python
 
 
-def _read_beforehand() -> None:
-    for name in READ_BEFOREHAND:
-        import_module(name)
-
-
 def judged(tree: PythonTree, fault: Fault) -> tuple[str, str]:
-    """Outcome of a fault, and the test that has caught it, or how many it has passed."""
+    """Outcome of a fault, and the test that has caught it, or how many it has passed. One that no
+    test reaches has survived none.
+    """
     file = tree.sources / fault.file
     source = file.read_text(encoding="utf-8")
-    first, last = (source.count("\n", 0, place) + 1 for place in (fault.first, fault.last))
-    names = tree.reached.by(fault.file, range(first, last + 1))
-    if not names:
-        return UNREAD, ""
-    file.write_text(fault.applied(source), encoding="utf-8")
     try:
-        chosen = _affordable(names, tree.reached.seconds)
-        fixtures = {n.removeprefix(FIXTURE) for n in names if n.startswith(FIXTURE)}
-        for order in (Chosen(chosen[:FIRST]), Chosen(chosen[FIRST:], fixtures, chosen)):
-            if found := tree.runner.submit(_failure, tree.root, order).result():
-                return CAUGHT, found
-    finally:
-        file.write_text(source, encoding="utf-8")
-    return SURVIVED, f"{len(chosen)} of {len(names)} tests"
+        compile(faulty := fault.applied(source), fault.file, "exec")
+    except SyntaxError:
+        return UNREAD, ""
+    names = tree.reached.by(fault.file, _lines(source, fault))
+    before = tree.found[fault.file]
+    while True:
+        sound = {name for name in names if tree.sound.get(name, True)}
+        chosen = _chosen(sound, tree.reached.tests, before)
+        name, how = tree.failure(file, source, faulty, chosen)
+        if not name + how:
+            return SURVIVED, f"{len(chosen)} of {len(names)} tests"
+        if name not in tree.sound:
+            tree.sound[name] = not tree.failure(file, source, source, [name])[0]
+        if tree.sound[name]:
+            before[name] += 1
+            return CAUGHT, name + how
 
 
-def _affordable(names: set[str], seconds: dict[str, float]) -> list[str]:
-    """Tests in the order of their time, as many as may take it."""
-    total, found = 0.0, []
-    for name in sorted(names & seconds.keys(), key=lambda name: (seconds[name], name)):
-        total += seconds[name]
+def _lines(source: str, fault: Fault) -> range:
+    """Those of the statement, or of the head of one with others inside."""
+    first, last = (source.count("\n", 0, place) + 1 for place in (fault.first, fault.last))
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.stmt) and node.lineno <= first:
+            bodies = [node, *getattr(node, "cases", [])]
+            inside = [part.lineno for one in bodies for part in getattr(one, "body", [])]
+            end = min(inside) - 1 if inside else node.end_lineno
+            if last <= end:
+                return range(node.lineno, end + 1)
+    return range(first, last + 1)
+
+
+def _chosen(names: set[str], tests: Tests, before: Counter[str]) -> list[str]:
+    """Tests in the order in which they are asked, as many as may cost so much."""
+
+    def order(name: str) -> tuple[object, ...]:
+        alone = tests.alone(name)
+        if name in before and alone < 10 * CHEAP:
+            return 0, -before[name] / (0.1 + alone), "", alone
+        if alone < CHEAP:
+            return 1, alone, "", alone
+        file = name.partition("::")[0]
+        return 2, cheapest[file], file, alone
+
+    cheapest: dict[str, float] = {}
+    for name in names:
+        file = name.partition("::")[0]
+        cheapest[file] = min(cheapest.get(file, 1e9), tests.alone(name))
+    total, found, made = 0.0, [], set[str]()
+    for name in sorted(names, key=lambda name: (tests.alone(name), name)):
+        total += tests.tests[name]
+        total += sum(tests.fixtures.get(f, 0.0) for f in {*tests.uses[name]} - made)
+        made.update(tests.uses[name])
         if total <= MOST or not found:
             found.append(name)
-    return found
-
-
-def _failure(root: Path, order: Chosen) -> str:
-    files = order.files(root)
-    return failure_in_fork(root, files, order, PATIENCE, {}) if files else ""
-
-
-class Chosen:
-    """Plugin of pytest: these tests and no others, in this order; or, with what a fixture of theirs
-    has reached, file by file, these and those that ask for the fixture, where they have not been
-    called already.
-    """
-
-    def __init__(
-        self, names: Sequence[str], fixtures: Iterable[str] = (), known: Sequence[str] = ()
-    ) -> None:
-        self.order = {name: k for k, name in enumerate(names)}
-        self.fixtures, self.known = set(fixtures), known
-
-    def files(self, root: Path) -> list[str]:
-        """Of the tests, and those in which the fixtures are made."""
-        found = [name.partition("::")[0] for name in self.order]
-        made = re.compile(rf"\ndef ({'|'.join(map(re.escape, self.fixtures))})\(")
-        if self.fixtures:
-            files = sorted((root / "tests/harness").glob("test_*.py"))
-            some = [p.relative_to(root).as_posix() for p in files if made.search(p.read_text())]
-            asked = (name.partition("::")[0] for name in self.known)
-            found += some or asked
-        return list(dict.fromkeys(found))
-
-    @pytest.hookimpl(trylast=True)
-    def pytest_collection_modifyitems(self, config: pytest.Config, items: list) -> None:
-        chosen = [item for item in items if self._asked(item)]
-        config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
-        items[:] = chosen
-        if not self.known:
-            items.sort(key=lambda item: self.order[item.nodeid])
-
-    def _asked(self, item: pytest.Item) -> bool:
-        if item.nodeid in self.order:
-            return True
-        asks = self.fixtures & set(getattr(item, "fixturenames", ()))
-        return bool(asks) and item.nodeid not in self.known
+    return sorted(found, key=lambda name: (*order(name), name))

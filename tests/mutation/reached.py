@@ -5,7 +5,7 @@
 
 Everything is measured by coverage.py, each line under the test that runs or the fixture that is
 being made; processes that a test starts inherit its name as PYTEST_CURRENT_TEST. The files stand
-in build/faults. As a plugin of pytest this module names the tests and takes their times.
+in build/faults. As a plugin of pytest this module names the tests and takes what they cost.
 """
 
 from __future__ import annotations
@@ -14,17 +14,18 @@ import json
 import os
 import re
 import sys
-from collections import Counter, defaultdict
+import time
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import coverage
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 PLACE = ROOT / "build/faults"
-DATA, SECONDS = PLACE / "reached", PLACE / "seconds.json"
+DATA, COSTS = PLACE / "reached", PLACE / "costs.json"
 SETTINGS = """[run]
 source = {root}/harness
 data_file = {data}
@@ -55,7 +56,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     if most := config.getoption("--cases"):
-        known = json.loads(SECONDS.read_text()) if SECONDS.is_file() else {}
+        known = _known()["tests"]
         cases = Counter(name.partition("[")[0] for name in known)
         for item in list(items):
             name = item.nodeid.partition("[")[0]
@@ -69,8 +70,21 @@ def _measured_as(name: str) -> None:
         measured.switch_context(name)
 
 
+def _spent() -> float:
+    """Processor time of this process and of those that it has waited for, and a tenth of the time
+    on the clock, in which others may work for it [s].
+    """
+    return sum(os.times()[:4]) + 0.1 * time.perf_counter()
+
+
+_MADE: dict[str, float] = {}
+"""Fixtures of more than one test that the running test has made, and their costs."""
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    _MADE.clear()
+    item.began = _spent()  # type: ignore[attr-defined]
     _measured_as(item.nodeid)
     try:
         return (yield)
@@ -83,31 +97,77 @@ def pytest_fixture_setup(fixturedef: Any, request: Any) -> Iterator[None]:
     """What a fixture of a whole file reaches, each test reaches that asks for it."""
     if fixturedef.scope == "function":
         return (yield)
-    _measured_as(FIXTURE + fixturedef.argname)
+    began, others = _spent(), sum(_MADE.values())
+    _measured_as(FIXTURE + _name(fixturedef))
     try:
         return (yield)
     finally:
         _measured_as(request._pyfuncitem.nodeid)
+        _MADE[_name(fixturedef)] = _spent() - began - (sum(_MADE.values()) - others)
 
 
-_TIMES: dict[str, float] = defaultdict(float)
+def _name(fixturedef: Any) -> str:
+    return f"{fixturedef.baseid}::{fixturedef.argname}"
 
 
-def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    _TIMES[report.nodeid] += report.duration
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: Any) -> Iterator[None]:
+    """The report of the end says what the test and its fixtures have cost."""
+    report = yield
+    if call.when == "teardown":
+        found = [d for defs in item._fixtureinfo.name2fixturedefs.values() for d in defs[-1:]]
+        report.uses = [_name(d) for d in found if d.scope != "function"]
+        report.made = dict(_MADE)
+        report.cost = _spent() - item.began - sum(_MADE.values())
+    return report
+
+
+_SEEN: dict[str, dict[str, Any]] = {"tests": {}, "fixtures": {}, "uses": {}}
+_FAILED: set[str] = set()
+
+
+def pytest_runtest_logreport(report: Any) -> None:
+    if report.failed:
+        _FAILED.add(report.nodeid)
+    if report.when == "teardown":
+        _SEEN["tests"][report.nodeid] = report.cost
+        _SEEN["fixtures"].update(report.made)
+        _SEEN["uses"][report.nodeid] = report.uses
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    if not hasattr(session.config, "workerinput"):
-        known = json.loads(SECONDS.read_text()) if SECONDS.is_file() else {}
-        SECONDS.write_text(json.dumps(known | _TIMES))
+    """Tests that fail without a fault are not asked."""
+    if hasattr(session.config, "workerinput"):
+        return
+    for name in _FAILED:
+        _SEEN["tests"].pop(name, None)
+    known = _known()
+    COSTS.write_text(json.dumps({kind: known[kind] | new for kind, new in _SEEN.items()}))
+
+
+def _known() -> dict[str, dict[str, Any]]:
+    return json.loads(COSTS.read_text()) if COSTS.is_file() else {kind: {} for kind in _SEEN}
 
 
 # ---- answers
 
 
+class Tests(NamedTuple):
+    """What is known of the tests: cost of each without fixtures of more than one test, those
+    fixtures, and which of them a test asks for [s].
+    """
+
+    tests: dict[str, float]
+    fixtures: dict[str, float]
+    uses: dict[str, list[str]]
+
+    def alone(self, name: str) -> float:
+        """Cost of a test that runs by itself."""
+        return self.tests[name] + sum(self.fixtures.get(f, 0.0) for f in self.uses[name])
+
+
 class Reached:
-    """Tests and fixtures by file and line."""
+    """Tests by file and line."""
 
     def __init__(self) -> None:
         gathered = coverage.Coverage(data_file=str(DATA))
@@ -115,18 +175,21 @@ class Reached:
             gathered.combine([str(PLACE)])
         gathered.load()
         self.data = gathered.get_data()
-        self.seconds: dict[str, float] = json.loads(SECONDS.read_text())
+        self.tests = Tests(**_known())
 
     def by(self, file: str, lines: range) -> set[str]:
-        """Names of tests, and of fixtures behind `fixture `, that reach one of the lines; for lines
-        that are run while the module is read, those that reach any line of the file.
+        """Names of tests that reach one of the lines, also through a fixture; for lines that are
+        run while the module is read, those that reach any line of the file.
         """
         contexts = self.data.contexts_by_lineno(str(ROOT / "harness" / file))
-        found = _tests(c for line in lines for c in contexts.get(line, ()))
-        return found or _tests(c for some in contexts.values() for c in some)
+        found = _names(c for line in lines for c in contexts.get(line, ()))
+        found = found or _names(c for some in contexts.values() for c in some)
+        fixtures = {name.removeprefix(FIXTURE) for name in found if name.startswith(FIXTURE)}
+        asking = {name for name, uses in self.tests.uses.items() if fixtures.intersection(uses)}
+        return (found | asking) & self.tests.tests.keys()
 
 
-def _tests(contexts: Iterable[str]) -> set[str]:
+def _names(contexts: Iterable[str]) -> set[str]:
     """What contexts name: `test (call)` of a process that it has started, `test`, or both with a
     bar between them.
     """
