@@ -263,11 +263,13 @@ static void rest(State *x, Output *y)
     y->energy_elastic = 0;
 }
 
-/* beyond this distance from the mouth nothing can act within two steps */
-static int is_far(const State *x, const PortState *s, double h)
+/* so far from the mouth, or from the material of T, nothing can act within two steps */
+static int is_far(const Parameters *p, const State *x, const PortState *s, double h)
 {
     int idle = x->now.at.phase == FREE || x->now.at.phase == BROKEN;
-    return idle && norm(s->e) > 1 + 4 * h * norm(s->u);
+    double r = sqrt(s->e.y * s->e.y + s->e.z * s->e.z), way = 4 * h * norm(s->u);
+    double outside = larger(s->e.x, r - p->port.face_radius);
+    return idle && (norm(s->e) > 1 + way || outside > 0.1 + way);
 }
 
 /* masters add up their times: a step that stands for whole internal steps is exactly that long */
@@ -288,7 +290,7 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
     if (now.too_deep) x->missed = 1;
     y->normal_force = now.normal;
     publish_pose(&s, y);
-    if (is_far(x, &s, h)) rest(x, y);
+    if (is_far(p, x, &s, h)) rest(x, y);
     else act(p, x, b, t, h, y);
     publish(x, y);
 }

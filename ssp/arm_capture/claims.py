@@ -105,7 +105,7 @@ APPROACH = Paper(
     claims=(
         Claim(
             "within reach",
-            "the range shrinks until the target is within reach of the arm and is then kept",
+            "the range shrinks until the target is within reach of the arm and then remains",
             "abstract",
             (MODE, GRIP, *BODIES),
             within_reach,

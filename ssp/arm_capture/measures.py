@@ -52,6 +52,13 @@ def first(result: Result, name: str, value: float) -> float:
     return float(result.time[rows[0]]) if len(rows) else float("nan")
 
 
+def missed(result: Result) -> float:
+    """Distance of E from its seat at the grip, in truth [m]."""
+    rows = np.flatnonzero(result["arm_guidance.grip"] >= 1)
+    seat = (-float(result.parameter("arm_guidance.seat_depth")), 0, 0)
+    return float(np.linalg.norm(result["mechanism.tip_Q"][rows[0]] - seat)) if len(rows) else np.nan
+
+
 MEASURES = (
     Measure(
         "tip error, aligning and closing",
@@ -77,6 +84,13 @@ MEASURES = (
         "mm",
         (MODE, PLACE),
         lambda r, _: 1e3 * largest(off(r)[during(r, DEPLOY)]),
+    ),
+    Measure(
+        "miss at the grip",
+        "mm",
+        ("arm_guidance.grip", "mechanism.tip_Q"),
+        lambda r, _: 1e3 * missed(r),
+        ("arm_guidance.seat_depth",),
     ),
     Measure("grip", "s", ("arm_guidance.grip",), lambda r, _: first(r, "arm_guidance.grip", 1)),
     Measure("hard capture", "s", ("mechanism.hard",), lambda r, _: first(r, "mechanism.hard", 1)),

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
+from scipy.linalg import null_space
 from scipy.spatial.transform import Rotation
 
 from ..reference import arm as reference
@@ -95,6 +96,39 @@ def test_load_on_the_tip_gives_the_capture_impulse_of_others(fmu):
     limit = (8 * short - 6 * middle + long) / 3
     expected = np.concatenate((Others.v_root_after, Others.w_after, Others.dq_after))
     assert limit == pytest.approx(expected, abs=1e-8)
+
+
+def test_rigid_capture_has_impulse_momenta_and_energy_of_others():
+    """The formula that the flown impulse is compared with; twists at E, inertial axes. The speeds
+    afterwards are those of the composite body: the projection of the motion before onto motions
+    that keep E and the target's point together, in the metric of the kinetic energy.
+    """
+    v, C = reference.Vehicle(iiwa(), Others.q), Others.attitude.as_matrix()
+    R = C @ v.tip()[1] @ matrix(iiwa().q_EA)  # axes of link 7
+    d = -R @ (0.1, -0.05, 0.6)  # E from the centre of the target
+    J_t, M_t = np.eye(6), np.zeros((6, 6))
+    J_t[:3, 3:] = np.cross(np.eye(3), -d)
+    M_t[:3, :3], M_t[3:, 3:] = 100 * np.eye(3), R @ np.diag((20.0, 25, 15)) @ R.T
+    u_t = np.array((0.05, 0.01, -0.02, 0.03, -0.05, 0.04))
+    H, J, zero = v.H(), np.kron(np.eye(2), C) @ v.tip_columns(), np.zeros((13, 6))
+    u = np.concatenate((Others.v_root + np.cross(Others.w, BASE_CENTRE), Others.w, Others.dq))
+    impulse, after, after_t = reference.rigid_capture(H, J, M_t, J_t, u, u_t)
+    assert impulse == pytest.approx(Others.impulse, abs=1e-11)
+    assert after[:3] - np.cross(after[3:6], BASE_CENTRE) == pytest.approx(
+        Others.v_root_after, abs=1e-11
+    )
+    assert after[3:6] == pytest.approx(Others.w_after, abs=1e-11)
+    assert after[6:] == pytest.approx(Others.dq_after, abs=1e-11)
+    both, M = np.concatenate((u, u_t)), np.block([[H, zero], [zero.T, M_t]])
+    together = null_space(np.hstack((J, -J_t)))
+    speeds = np.linalg.solve(together.T @ M @ together, together.T @ M @ both)
+    assert np.concatenate((after, after_t)) == pytest.approx(together @ speeds, abs=1e-11)
+    assert (C @ (H @ u)[:3] + 100 * u_t[:3]) == pytest.approx(
+        C @ (H @ after)[:3] + 100 * after_t[:3], abs=1e-11
+    )
+    energy = [(a @ H @ a + b @ M_t @ b) / 2 for a, b in ((u, u_t), (after, after_t))]
+    assert energy == pytest.approx((0.3776540949311389, 0.284070211961963), abs=1e-11)
+    assert energy[0] - energy[1] == pytest.approx((J @ u - J_t @ u_t) @ impulse / 2, abs=1e-12)
 
 
 # ---- point masses ----
@@ -378,6 +412,29 @@ def test_gradient_torque_is_the_rate_of_the_angular_momentum(fmu, rng):
     unit.step(h)
     assert (unit.get("h_N") - before) / (2 * h) == pytest.approx(torque, abs=1e-7)
     assert np.linalg.norm(torque) > 1e-6
+
+
+# ---- mass matrix ----
+
+
+def test_joints_answer_torques_by_a_symmetric_positive_matrix_of_the_pose_alone(fmu, rng):
+    """The block of H^-1 of the joints, by differences of accelerations: that of the reference,
+    whatever the attitude, the rates and the loads.
+    """
+    arm, q = random_arm(rng, 7), rng.uniform(-1, 1, 7)
+    expected = np.linalg.inv(reference.Vehicle(arm, q).H())[6:, 6:]
+    assert np.linalg.eigvalsh(expected).min() > 0
+    for _ in range(3):
+        p = SPACE | arm.parameters() | moving(rng, 7) | {"joint_angle_0": q}
+        inputs = FREE | {"F_S": rng.normal(size=3), "F_contact_E": rng.normal(size=3)}
+        rest = fmu("arm_servicer", p, inputs).get("joint_accel")
+        found = [
+            fmu("arm_servicer", p, inputs | {"joint_torque": e}).get("joint_accel") - rest
+            for e in np.eye(7)
+        ]
+        found, most = np.array(found), np.abs(expected).max()
+        assert found == pytest.approx(expected, abs=1e-10 * most)
+        assert found == pytest.approx(found.T, abs=1e-11 * most)
 
 
 # ---- generalized Jacobian ----

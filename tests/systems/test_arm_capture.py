@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness import run
+from harness import Simulation, load, run
 from ssp.arm_capture.measures import (
     ALIGN,
     CLOSE,
@@ -129,3 +129,53 @@ def test_tip_error_of_the_sets_stays_in_its_band(name, most):
     result = run("arm_capture", params=name)
     assert result[TIP][during(result, ALIGN, CLOSE)].max() <= most
     assert first(result, "mechanism.hard", 1) < 175
+
+
+def rigid_impulse(result, k):
+    """Impulse on T if E and T's point became one body in no time, N axes; energy before and after,
+    and the work of the impulse on the slip.
+    """
+    C, C_T = (dcm(result[name][k]) for name in ("servicer.q_SN", "target.q_TN"))
+    v = reference.Vehicle(reference.DEFAULT, result["servicer.joint_angle"][k])
+    J, H, J_t, M_t = np.kron(np.eye(2), C.T) @ v.tip_columns(), v.H(), np.eye(6), np.zeros((6, 6))
+    J_t[:3, 3:] = np.cross(np.eye(3), result["target.r_TN_N"][k] - result["servicer.r_EN_N"][k])
+    M_t[:3, :3], M_t[3:, 3:] = 150 * np.eye(3), C_T.T @ np.diag((100.0, 150, 90)) @ C_T
+    apart = C @ (result["servicer.v_SN_N"][k] - result["target.v_TN_N"][k])
+    rates = result["servicer.omega_SN_S"][k], result["servicer.joint_rate"][k]
+    u, u_t = np.concatenate((apart, *rates)), np.zeros(6)
+    u_t[3:] = C_T.T @ result["target.omega_TN_T"][k]
+    impulse, after, after_t = reference.rigid_capture(H, J, M_t, J_t, u, u_t)
+    energy = [(a @ H @ a + b @ M_t @ b) / 2 for a, b in ((u, u_t), (after, after_t))]
+    return impulse, energy, (J @ u - J_t @ u_t) @ impulse / 2
+
+
+def test_flown_impulse_begins_as_that_of_a_rigid_capture(nominal):
+    """0.0377 N s of a rigid grasp, 0.0421 N s flown in the first 0.3 s by the soft latch. A row
+    shows what a step has left: the gripper closed on the row before.
+    """
+    grip = int(np.flatnonzero(nominal["arm_guidance.grip"] >= 1)[0]) - 1
+    impulse, (before, after), work = rigid_impulse(nominal, grip)
+    assert np.linalg.norm(impulse[:3]) == pytest.approx(0.0377, rel=0.02)
+    assert before - after == pytest.approx(work, rel=1e-9)
+    assert work > 0
+    soft = int(np.flatnonzero(nominal["mechanism.phase"] == 2)[0])
+    flown = np.sum(nominal["mechanism.F_T"][soft : soft + 30], axis=0) * 0.01
+    assert np.linalg.norm(flown) == pytest.approx(0.0421, rel=0.15)
+
+
+@pytest.mark.long
+def test_saved_and_restored_in_every_mode_it_has_the_same_future(nominal):
+    """In the middle of every mode and of both captures: saved, a second on, restored."""
+    marks = nominal["arm_guidance.arm_mode"] + 10 * nominal["mechanism.phase"]
+    rows = [0, *(np.flatnonzero(np.diff(marks)) + 1), len(marks) - 1]
+    with load("arm_capture") as system, Simulation(system) as simulation:
+        for begin, end in zip(rows, rows[1:], strict=False):
+            there = (begin + end) // 2
+            simulation.advance(to=there)
+            snapshot = simulation.save()
+            simulation.advance(to=min(there + 100, len(marks) - 1))
+            simulation.restore(snapshot)
+            simulation.recorder.table[there + 1 :] = np.nan
+            simulation.free(snapshot)
+        simulation.advance()
+        assert simulation.result().values.tobytes() == nominal.values.tobytes()

@@ -138,7 +138,7 @@ def test_wheels_alone_would_not_hold_the_stack(nominal):
 @pytest.mark.long
 @pytest.mark.parametrize("name", ENDS)
 def test_every_set_retreats_for_the_reason_in_its_name_and_folds_the_arm(name):
-    """A day of drift beyond 150 m; nothing is touched, and E goes away from the target at once."""
+    """A day of drift beyond 150 m; nothing is touched, and E that is out goes away at once."""
     before, reason, moved = ENDS[name]
     result = run(SYSTEM, params=name, every=50)
     flown = stays(result)
@@ -148,7 +148,7 @@ def test_every_set_retreats_for_the_reason_in_its_name_and_folds_the_arm(name):
     assert not result["mechanism.phase"].any()
     leaving = result["manager.phase"] == 12
     tip = np.linalg.norm((result["servicer.r_EN_N"] - result["target.r_TN_N"])[leaving], axis=1)
-    assert tip.argmin() == 0
+    assert tip.argmin() == 0 if DEPLOY in moved else tip.min() > 4
     assert (result["monitor.least_margin"][-1, :3] > 0).all()
     assert drift_of_a_day(result) > 150
 
