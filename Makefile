@@ -24,10 +24,10 @@ SOURCES := $(shell find fmus ssp harness -name '*.py' -o -name '*.[ch]' -o -name
 CODE    := .ci examples fmus harness tests
 C_FILES := $(shell find $(CODE) -name '*.[ch]')
 
-.PHONY: help build demo test test-browser test-long test-interop pil targets validation gallery \
+.PHONY: help build demo test test-browser test-wasm test-long test-interop pil targets validation gallery \
         sanitize lint warnings format coverage bench wheel dist clean
 help:
-	@echo "make demo | test | test-browser | test-interop | test-long | pil | validation | gallery |"
+	@echo "make demo | test | test-browser | test-wasm | test-interop | test-long | pil | validation | gallery |"
 	@echo "     lint | warnings | format | coverage | sanitize | bench | site | wheel | sdist |"
 	@echo "     dist | release | clean"
 
@@ -72,8 +72,13 @@ test: build
 # pages and the documentation site in a headless Chromium, which the system brings (Debian: apt-get
 # install chromium)
 test-browser: build site
-	$(RUN) $(PIP) --no-build-isolation --editable '.[test,browser]'
+	$(RUN) $(PIP) --no-build-isolation --editable '.[test,browser,fly]'
 	$(BIN)/pytest -m browser -rs
+
+# every system as a WebAssembly module in node, which the system brings: the bits of a run here
+test-wasm: build
+	$(RUN) $(PIP) --no-build-isolation --editable '.[test,fly]'
+	$(BIN)/pytest -m wasm -rs
 
 # long studies, and the property tests with many examples at random; SEED=... draws the same again
 test-long: build

@@ -30,6 +30,7 @@ SYSTEM: Keys = {
         "requirements": ("table", "Conditions by name: `distance = \"guidance.range >= 4 m\"`"),
         "consistency": ("table", "Conditions on parameters by name; a note if one does not hold"),
         "compare": ("table", "Defaults of `harness compare`"),
+        "fly": ("table", "What the reader of a live page may change: `harness report --fly`"),
     },
     "experiment": {
         "start": ("number", "Start time [s]; default 0"),
@@ -49,6 +50,10 @@ SYSTEM: Keys = {
     },
     "compare": {
         "set": ("text", "Parameter set that `harness compare` runs without `--params`"),
+    },
+    "fly": {
+        "sliders": ("table", "Parameters and their ranges, `\"servicer.mass_0\" = [80, 130]`; "
+                    "`[]`: that of the FMU"),
     },
     "set experiment": {
         "stop": ("number", "Stop time [s]"),

@@ -219,12 +219,16 @@ def plot(  # noqa: PLR0913, PLR0917 - one argument per option
 
 
 @app.command()
-def report(
+def report(  # noqa: PLR0913, PLR0917 - options
     file: ReportArgument,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", help="Write an HTML page with plots and a replay"),
     ] = None,
+    fly: Annotated[
+        bool,
+        typer.Option("--fly", help="Put the system into the page: sliders run it in the browser"),
+    ] = False,
     require: RequireOption = None,
     strict: StrictOption = False,
     mission: MissionOption = None,
@@ -239,12 +243,14 @@ def report(
 
     wanted = require or []
     _take(mission)
+    if fly and (output is None or file.is_dir()):
+        raise UsageError("--fly: needs the file of one run, and -o with the name of the page")
     if output is not None and file.is_dir():
         _page(file, output)
         return
     result = demanding(read(file), {text: text for text in wanted})
     if output is not None:
-        _page(result, output)
+        _page(result, output, fly)
     else:
         show(result)
     insist({"": result}, wanted, strict, claims=strict or output is None)
@@ -252,10 +258,10 @@ def report(
         raise typer.Exit(1)
 
 
-def _page(source: Any, output: Path) -> None:
+def _page(source: Any, output: Path, fly: bool = False) -> None:
     from harness.report.html import write
 
-    typer.echo(write(source, output))
+    typer.echo(write(source, output, fly))
 
 
 @app.command("convert")

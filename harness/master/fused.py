@@ -55,12 +55,12 @@ def write_whole(system: System, graph: Graph, path: Path, compiler: str = COMPIL
 class Whole:
     """The FMU of one structure of a system, and what its instance is given for a run of it."""
 
-    def __init__(self, system: System, graph: Graph) -> None:
+    def __init__(self, system: System, graph: Graph, compiler: str = COMPILER) -> None:
         """Compile it, unless that was done before; NotFusedError."""
         self._graph, self._algorithm = graph, system.experiment.algorithm
         plan = _plan(system, graph, "whole")
-        compiler = _command(COMPILER)
-        file = cache.made("whole.fmu", _key(plan, compiler), lambda to: _make(plan, to, compiler))
+        command = _command(compiler)
+        file = cache.made("whole.fmu", _key(plan, command), lambda to: _make(plan, to, command))
         self.interface = read_interface(file)
         found = self.interface.variables
         self.outputs = tuple(Wire(found[slot.name], i) for i, slot in enumerate(graph.slots))

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from harness.report.arrays import kept_points
 from harness.report.plots import STYLES, Canvas, Plot
 
 SECONDS = {"time [s]": 1.0, "time [h]": 3600.0}
@@ -95,7 +94,7 @@ def _line(canvas: Canvas, line: Any, palette: dict[Any, int], unit: float) -> Pl
 
 
 def _curve(canvas: Canvas, x: Any, y: Any, **look: Any) -> Plot:
-    rows = kept_points(x, y, canvas.points) if len(x) > canvas.points else np.arange(len(x))
+    rows = canvas.rows_of(x, y) if len(x) > canvas.points else np.arange(len(x))
     canvas.thinned |= len(rows) < len(x)
     return {"x": canvas.arrays.keep(x[rows]), "y": canvas.arrays.keep(y[rows]), **look}
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from harness.mission import Phase
 from harness.mission.library import of_result
-from harness.report.arrays import kept_points
 from harness.report.plots import AXES, DASHES, Canvas, Plot
 from harness.results.result import Result
 
@@ -34,7 +33,7 @@ def phases(canvas: Canvas, result: Result) -> Iterator[Plot]:
 def _plot(canvas: Canvas, phase: Phase, x: Array, y: Array) -> Plot:
     curves = []
     for k in range(x.shape[1]):
-        rows = kept_points(x[:, k], y[:, k], canvas.points)
+        rows = canvas.rows_of(x[:, k], y[:, k])
         canvas.thinned |= len(rows) < len(x)
         name = "" if x.shape[1] == 1 else AXES[k] if x.shape[1] == 3 else str(k + 1)
         curves.append(

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from harness.figures.limits import ROUNDING, unit_of
 from harness.mission import Curve, Figure, Panel
 from harness.mission.library import of_result
-from harness.report.arrays import Arrays, kept_rows
+from harness.report.arrays import Arrays, kept_points, kept_rows
 from harness.results.result import Result
 from harness.system.names import base
 
@@ -55,6 +55,10 @@ class Canvas:
             "y": self.arrays.keep(values[rows]),
             **look,
         }
+
+    def rows_of(self, x: Array, y: Array) -> NDArray[np.intp]:
+        """The rows of a curve in a plane that are drawn."""
+        return kept_points(x, y, self.points)
 
 
 # ---- the figures of one run

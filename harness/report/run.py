@@ -43,31 +43,38 @@ MARGINS = {"safety_margins"}
 
 def of_run(result: Result) -> str:
     """The page of one run as text."""
-    arrays = Arrays()
-    canvas = Canvas(arrays, _points(len(result.columns)))
+    canvas = Canvas(Arrays(), points_of(result))
+    data = content(canvas, result)
+    return render("run.html", canvas.arrays, data, **texts(result, canvas))
+
+
+def content(canvas: Canvas, result: Result) -> dict[str, Any]:
+    """Replay, figures and signals as data, their numbers in the arrays of the canvas."""
     drawn = _figures(canvas, result) if len(result.time) > 1 else []
-    data = {
-        "scene": replay(result, arrays),
+    return {
+        "scene": replay(result, canvas.arrays),
         "figures": drawn,
         "signals": plots.signals(canvas, result) if len(result.time) > 1 else [],
     }
-    return render(
-        "run.html",
-        arrays,
-        data,
-        head=facts.head(result),
-        measures=facts.measures(result),
-        papers=facts.papers(result),
-        demands=facts.demands(result),
-        demanded=facts.demanded(result),
-        margins=facts.margins(result),
-        parameters=facts.parameters(result),
-        points=canvas.points if canvas.thinned else 0,
-    )
 
 
-def _points(curves: int) -> int:
+def texts(result: Result, canvas: Canvas) -> dict[str, Any]:
+    """What the template shows in words and tables."""
+    return {
+        "head": facts.head(result),
+        "measures": facts.measures(result),
+        "papers": facts.papers(result),
+        "demands": facts.demands(result),
+        "demanded": facts.demanded(result),
+        "margins": facts.margins(result),
+        "parameters": facts.parameters(result),
+        "points": canvas.points if canvas.thinned else 0,
+    }
+
+
+def points_of(result: Result) -> int:
     """Points of a curve so that all together, each drawn about twice, are not too many."""
+    curves = len(result.columns)
     return int(np.clip(NUMBERS / PER_POINT / max(1, 2 * curves), *POINTS))
 
 

@@ -50,12 +50,24 @@ def _turned(q: Array) -> float:
 
 def hill_quaternion(r: Array, v: Array) -> Array:
     """Quaternion (rows, 4) of the Hill frame of an orbit relative to N: x: r, z: r x v."""
-    from scipy.spatial.transform import Rotation
-
     normal = np.cross(r, v)
-    axes = np.stack([r, np.cross(normal, r), normal], axis=2)
-    axes /= np.linalg.norm(axes, axis=1)[:, None, :]
-    return np.asarray(Rotation.from_matrix(axes).as_quat()[:, [3, 0, 1, 2]])
+    axes = (
+        each / np.linalg.norm(each, axis=1)[:, None] for each in (r, np.cross(normal, r), normal)
+    )
+    (a, d, g), (b, e, h), (c, f, i) = (axis.T for axis in axes)
+    # 4 q q^T row by row; the row with the largest element of its own is the exactest
+    rows = (
+        (1 + a + e + i, h - f, c - g, d - b),
+        (h - f, 1 + a - e - i, b + d, c + g),
+        (c - g, b + d, 1 - a + e - i, f + h),
+        (d - b, c + g, f + h, 1 - a - e + i),
+    )
+    best, most = np.stack(rows[0], axis=1), rows[0][0]
+    for k in (1, 2, 3):
+        larger = rows[k][k] > most
+        best = np.where(larger[:, None], np.stack(rows[k], axis=1), best)
+        most = np.where(larger, rows[k][k], most)
+    return np.asarray(best / np.linalg.norm(best, axis=1)[:, None])
 
 
 def in_orbit(r: Array) -> bool:

@@ -67,14 +67,15 @@ def render(template: str, arrays: Arrays, data: dict[str, Any], **texts: Any) ->
         data=_json(data),
         arrays=_json(arrays.content),
         scripts={name: script(name) for name in SCRIPTS},
-        style=_file("style.css"),
-        code={name: _file(f"{name}.js") for name in ("page", "plots", "replay")},
+        style=text_of("style.css"),
+        code={name: text_of(f"{name}.js") for name in ("page", "plots", "replay")},
         version=version("servicing-fmus"),
         date=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
     )
 
 
-def _file(name: str) -> str:
+def text_of(name: str) -> str:
+    """A file of the folder `page`."""
     return (files("harness.report") / "page" / name).read_text(encoding="utf-8")
 
 

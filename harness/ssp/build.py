@@ -24,10 +24,18 @@ from harness.mission.library import FILE, SYSTEM, systems, systems_in
 from harness.results import requirements
 from harness.spelling import did_you_mean
 from harness.ssp.writer import write_ssp
-from harness.system import graph, problems
+from harness.system import graph, problems, sliders
 from harness.system.instants import moment, written
 from harness.system.interface import Interface
-from harness.system.model import Alternative, Component, Experiment, ParameterSet, Port, System
+from harness.system.model import (
+    Alternative,
+    Component,
+    Experiment,
+    ParameterSet,
+    Port,
+    Range,
+    System,
+)
 from harness.system.schedule import macro_steps
 from harness.system.swap import exchange
 from harness.system.tables import Assignments, read_toml
@@ -50,11 +58,13 @@ KEYS = {
         "requirements",
         "consistency",
         "compare",
+        "fly",
     ),
     "experiment": ("start", "stop", "step", "algorithm", "every", "epoch"),
     "schedule": ("every", "latency"),
     "set": ("description", "experiment"),
     "compare": ("set",),
+    "fly": ("sliders",),
     "set experiment": ("stop", "step"),
 }
 """Keys that the tables of a system may have."""
@@ -70,8 +80,9 @@ TABLES = (
     "requirements",
     "consistency",
     "compare",
+    "fly",
 )
-TABLES_OF_TABLES = ("schedule", "parameters", "sets", "alternatives")
+TABLES_OF_TABLES = ("schedule", "parameters", "sets", "alternatives", "fly")
 TABLES_OF_TEXTS = ("components", "connections", "requirements", "consistency", "compare")
 
 
@@ -135,6 +146,10 @@ def _unknown_keys(place: str, table: Mapping[str, Any], known: Sequence[str]) ->
     ]
 
 
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and _is_finite(value)
+
+
 def _is_finite(number: float) -> bool:
     try:
         return math.isfinite(number)
@@ -180,6 +195,7 @@ class _Builder:
             requirements=self.source.get("requirements", {}),
             consistency=self.source.get("consistency", {}),
             compared=self._compared(),
+            sliders=self._sliders(),
             mission=self.source.get("mission", ""),
         )
         for place, texts in (
@@ -199,6 +215,25 @@ class _Builder:
         if name and name not in sets:
             self.problems.append(f"[compare] set: there is no set {name}{did_you_mean(name, sets)}")
         return name
+
+    def _sliders(self) -> dict[str, Range]:
+        """What `[fly] sliders` names, with a range each; [] takes that of the FMU."""
+        table = self.source.get("fly", {})
+        self.problems += _unknown_keys("fly", table, KEYS["fly"])
+        ranges, found = table.get("sliders", {}), dict[str, Range]()
+        for name, given in ranges.items():
+            numbers = given if isinstance(given, list) and given else [None, None]
+            if given != [] and not (len(numbers) == 2 and all(map(_is_number, numbers))):
+                self.problems.append(
+                    f"[fly] sliders {name}: expected [least, largest], got {given}"
+                )
+                continue
+            low, high = (None if x is None else float(x) for x in numbers)
+            found[name] = (low, high)
+        self.problems += [
+            f"[fly] sliders {problem}" for problem in sliders.problems(found, self.interfaces)
+        ]
+        return found
 
     def _finish(self, system: System, wiring: Wiring) -> None:
         """Raise everything that was found; open inputs that the wiring has already spoken of are

@@ -140,6 +140,10 @@ class _Reader:
             consistency=self._texts("run:Consistency"),
             strict=self.run is not None and self.run.get("strict") == "true",
             compared=self._compared(),
+            sliders={
+                e.get("name", ""): (self._number(e, "low"), self._number(e, "high"))
+                for e in self._own("run:Slider")
+            },
             mission=self._mission(),
             declared=flat.declared(),
         )

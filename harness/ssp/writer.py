@@ -304,3 +304,5 @@ class _Description:
             child(run, "run:Requirement", name=name, text=text)
         for name, text in self.system.consistency.items():
             child(run, "run:Consistency", name=name, text=text)
+        for name, (low, high) in self.system.sliders.items():
+            child(run, "run:Slider", name=name, low=low, high=high)

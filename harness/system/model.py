@@ -147,6 +147,10 @@ class Origin:
     latency: Mapping[str, int] = field(default_factory=dict)
 
 
+Range = tuple[float | None, float | None]
+"""Least and largest value; None: not said."""
+
+
 @dataclass(frozen=True)
 class System:
     """Components in execution order, who drives whom, and how to run it.
@@ -156,7 +160,8 @@ class System:
     compared with what the FMUs say; requirements: conditions by name, see
     harness.results.requirements; consistency: conditions on parameters by name, with a note
     where one does not hold; compared: the set that a comparison takes unless told otherwise ("":
-    none); mission: name of the one it belongs to; origin: where all this comes from.
+    none); sliders: names and ranges (None: that of the FMU) of what a page that flies lets its
+    reader change; mission: name of the one it belongs to; origin: where all this comes from.
     """
 
     name: str
@@ -170,6 +175,7 @@ class System:
     requirements: Mapping[str, str] = field(default_factory=dict)
     consistency: Mapping[str, str] = field(default_factory=dict)
     compared: str = ""
+    sliders: Mapping[str, Range] = field(default_factory=dict)
     mission: str = ""
     declared: Mapping[Port, Unit] = field(default_factory=dict, compare=False)
     origin: Origin = field(default_factory=Origin, compare=False)
@@ -193,5 +199,6 @@ class System:
             strict=False,
             requirements={},
             consistency={},
+            sliders={},
             declared={},
         )

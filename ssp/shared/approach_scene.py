@@ -286,7 +286,7 @@ def _plumes(result: Result, rows: Rows, arrays: Arrays, size: Array) -> list[Sce
             for k in np.flatnonzero(nominal > 0)
         ]
     force = next((name for name in FORCES if name in result), None)
-    if force is None or not (largest := float(np.nanmax(np.abs(result[force])))):
+    if force is None or not (largest := np.nanmax(np.abs(result[force]))):
         return []
     share = _mean_between(result[force], rows) / largest
     return [

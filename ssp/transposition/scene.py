@@ -61,10 +61,9 @@ def assembly(result: Result, arrays: Arrays) -> Scene:
 
 def _after(q_SN: Array, q_SH: Array) -> Array:
     """Quaternion of H relative to N from those of S, (rows, 4)."""
-    from scipy.spatial.transform import Rotation
-
-    S_to_N, S_to_H = (Rotation.from_quat(q[:, [1, 2, 3, 0]]) for q in (q_SN, q_SH))
-    return np.asarray((S_to_N * S_to_H.inv()).as_quat()[:, [3, 0, 1, 2]])
+    (a, u), (b, w) = ((q[:, :1], q[:, 1:]) for q in (q_SN, q_SH))
+    scalar = a * b + np.sum(u * w, axis=1)[:, None]
+    return np.concatenate((scalar, b * u - a * w - np.cross(u, w)), axis=1)
 
 
 def _turned_axes(q: Array) -> Array:

@@ -3,16 +3,16 @@
 (async () => {
   const json = (id) => JSON.parse(document.getElementById(id).textContent);
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-  const stored = json("arrays");
-  const decoded = new Map();
-  /* an array by its name: Float32Array with .shape */
-  const array = (name) => {
-    if (!decoded.has(name)) {
-      const values = new Float32Array(bytes(stored[name].data).buffer);
-      values.shape = stored[name].shape;
-      decoded.set(name, values);
-    }
-    return decoded.get(name);
+  /* arrays by name: Float32Array with .shape, from base64 or given as such */
+  const arrays = (stored) => {
+    const decoded = new Map();
+    return (name) => {
+      if (!decoded.has(name)) {
+        const { data, shape } = stored[name];
+        decoded.set(name, Object.assign(typeof data === "string" ? new Float32Array(bytes(data).buffer) : data, { shape }));
+      }
+      return decoded.get(name);
+    };
   };
 
   /* the script of a library, which is text of this page, runs as if it had been written out */
@@ -46,18 +46,27 @@
     });
   }
 
+  /* Plots and replay of one table of numbers; again with another table: what was there goes. */
+  const present = (data, stored) => {
+    const array = arrays(stored), had = window.report.replay;
+    had?.dispose();
+    Object.assign(window.report, { data, array, replay: null });
+    for (const part of document.querySelectorAll(".has-scene")) part.classList.toggle("gone", !data.scene);
+    layPlots(data, array);
+    if (window.Plotly) startPlots();
+    if (data.scene && window.K3D) window.report.replay = startReplay(data.scene, array, K3D.ThreeJsProvider.THREE);
+  };
+
   const data = json("data");
-  window.report = { data, array, ready: false };
-  if (!data.scene)
-    for (const part of document.querySelectorAll(".has-scene")) part.classList.add("gone");
-  layPlots(data, array);
+  window.report = { ready: false, present };
+  present(data, json("arrays"));
   await unpack("plotly");
   startPlots();
   if (data.scene) {
     window.define = (name, needs, make) => { window.K3D = make(); };
     await unpack("k3d");
     delete window.define;
-    window.report.replay = startReplay(data.scene, array, K3D.ThreeJsProvider.THREE);
+    window.report.replay = startReplay(data.scene, window.report.array, K3D.ThreeJsProvider.THREE);
   }
   for (const button of document.querySelectorAll(".seek")) {
     if (!window.report.replay) button.remove();
@@ -67,4 +76,5 @@
     });
   }
   window.report.ready = true;
+  document.dispatchEvent(new Event("ready"));
 })();

@@ -19,6 +19,10 @@ const cssColour = (name) => getComputedStyle(document.documentElement).getProper
 
 /* ---- layout ---- */
 function layPlots(data, array) {
+  for (const made of document.querySelectorAll("[data-section] .plots, #signals .component")) made.remove();
+  for (const place of document.querySelectorAll("[data-section], #signals")) place.classList.remove("gone");
+  plotCards.length = 0;
+  linked.range = null;
   for (const section of data.figures || []) {
     const place = document.querySelector(`[data-section="${section.name}"]`);
     const grid = element("div", "plots");
@@ -89,8 +93,11 @@ const canBeLog = ({ plot, array }) =>
   plot.curves.some((c) => c.y && !c.fill && array(c.y).some((value) => value > 0)) && !plot.equal;
 
 /* ---- drawing ---- */
+let seen = null;
 function startPlots() {
-  const seen = new IntersectionObserver((changes) => {
+  const again = !!seen;
+  seen?.disconnect();
+  seen = new IntersectionObserver((changes) => {
     for (const { target: { entry }, isIntersecting } of changes) {
       entry.visible = isIntersecting;
       if (isIntersecting && entry.stale !== "no") draw(entry);
@@ -98,6 +105,7 @@ function startPlots() {
   }, { rootMargin: "300px" });
   for (const entry of plotCards) seen.observe(entry.made);
   nameRuns(window.report.data.runs);
+  if (again) return;
   document.addEventListener("theme", () => { plotCards.forEach(redraw); nameRuns(window.report.data.runs); });
   document.addEventListener("replay", (event) => { linked.time = event.detail; moveCursors(); });
 }

@@ -3,7 +3,10 @@
  * draws. */
 "use strict";
 function startReplay(scene, array, T) {
-  const stage = document.querySelector(".stage"), canvas = stage.querySelector("canvas");
+  const former = document.querySelector(".stage");
+  startReplay.blank ||= former.cloneNode(true);
+  const stage = startReplay.blank.cloneNode(true), canvas = stage.querySelector("canvas");
+  former.replaceWith(stage);
   const part = (name) => stage.querySelector(name);
   const COLOURS = [0x56b4e9, 0xe69f00, 0x00b587, 0xcc79a7, 0xf0e442, 0x3d8fd1, 0xff7f3f, 0xd0d6e0];
   const AXES = [0xd55e00, 0x009e73, 0x4aa3ff];
@@ -570,8 +573,9 @@ function startReplay(scene, array, T) {
     if (follow) choose(follow);
     dirty = true;
   };
-  let before = 0, visible = true;
+  let before = 0, visible = true, ended = false;
   const beat = (stamp) => {
+    if (ended) return;
     requestAnimationFrame(beat);
     if (!visible) { before = 0; return; }
     const passed = before ? Math.min(0.1, (stamp - before) / 1000) : 0;
@@ -591,8 +595,8 @@ function startReplay(scene, array, T) {
     drawTriad();
   };
   setFrame(frame.key);
-  new ResizeObserver(fitCanvas).observe(stage);
-  new IntersectionObserver(([entry]) => { visible = entry.isIntersecting; }).observe(stage);
+  const watching = [new ResizeObserver(fitCanvas), new IntersectionObserver(([entry]) => { visible = entry.isIntersecting; })];
+  for (const each of watching) each.observe(stage);
   fitCanvas();
   update();
   requestAnimationFrame(beat);
@@ -607,5 +611,12 @@ function startReplay(scene, array, T) {
       places: b.links.map((l) => l.joint.position.toArray()) }])),
     plumes: plumes.filter((each) => each.made.visible).length,
   });
-  return { seek, play, setFrame, choose, state };
+  const dispose = () => {
+    ended = true;
+    for (const each of watching) each.disconnect();
+    controls.dispose();
+    renderer.dispose();
+    renderer.forceContextLoss();
+  };
+  return { seek, play, setFrame, choose, state, dispose };
 }

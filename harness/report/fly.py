@@ -1,0 +1,335 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The page of a run that flies the system itself: report, module, sliders, and the operations by
+which the page makes its arrays from the rows of another flight.
+
+The report is written once over traced rows (harness.report.trace). What does not come out equal
+when the operations are repeated over slightly other rows belongs to the run of the file alone, and
+the page says so.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+import logging
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import zip_longest
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import UsageError
+from harness.master.changes import Changes, apply
+from harness.master.web import Module, module_of
+from harness.report import conditions, run
+from harness.report.arrays import Arrays, kept_points, kept_rows
+from harness.report.plots import Canvas
+from harness.report.template import render, text_of
+from harness.report.trace import Trace, Traced, traces_kept
+from harness.results.result import Result
+from harness.ssp.library import load
+from harness.system.graph import Checked, checked, read_interfaces
+from harness.system.model import System
+from harness.system.sliders import Slider, sliders
+
+Array = NDArray[np.float64]
+Data = dict[str, Any]
+
+STEPS = 200
+"""Steps of a slider, but for that of a switch."""
+NOISE = 1e-9
+"""Part by which rows are changed to see what the operations have lost."""
+
+_log = logging.getLogger("harness")
+
+
+def of_run(result: Result) -> str:
+    """The page of one run as text, with its system inside.
+
+    Raises UsageError if the result does not say what was flown, HarnessError if the compiler is
+    missing or the system cannot be one module.
+    """
+    known = result.provenance
+    if known is None or not known.source:
+        raise UsageError("the result does not say which system was flown: there is no page of it")
+    changes: Changes = known.changes()  # type: ignore[assignment]
+    with load(known.source) as found:
+        system = apply(found, **changes)
+        steps = checked(system)
+        module = module_of(system, steps)
+        named = list(sliders(system.sliders, read_interfaces(system)))
+    canvas, data = _traced(result, [slider.name for slider in named])
+    flight = _flight(result, system, steps, module, canvas)
+    return render(
+        "fly.html",
+        canvas.arrays,
+        data,
+        **run.texts(result, canvas),
+        sliders=[_slider(result, module, slider) for slider in named],
+        flight=flight,
+        module=base64.b64encode(gzip.compress(module.code, 9, mtime=0)).decode(),
+        live={name: text_of(name) for name in ("flight.js", "judge.js", "fly.js", "fly.css")},
+    )
+
+
+# ---- what a flight is told
+
+
+def _flight(
+    result: Result, system: System, found: Checked, module: Module, canvas: TracedCanvas
+) -> Data:
+    if missing := [name for name in result.columns if name not in module.outputs]:
+        raise UsageError(f"the system has no {missing[0]} any more: run it again")
+    known, table = result.provenance, result.parameters
+    span, arrays = system.experiment, canvas.traced
+    return {
+        "start": span.start,
+        "step": span.step,
+        "steps": found.steps,
+        "every": min(known.every if known else 1, found.steps + 1),
+        "columns": [module.outputs[name] for name in result.columns],
+        "settings": list(module.references),
+        "values": module.values.tolist(),
+        "sha256": hashlib.sha256(np.ascontiguousarray(result.values).tobytes()).hexdigest(),
+        "names": _names(result),
+        "parameters": {} if table is None else _names(table),
+        "constants": [] if table is None else table.values[0].tolist(),
+        "requirements": [
+            conditions.requirement(result, name, text)
+            for name, text in (known.requirements if known else ())
+        ],
+        **arrays.operations(canvas.drawn),
+        "fixed": sorted(arrays.fixed),
+    }
+
+
+def _names(table: Result) -> Data:
+    """Shape and columns of every variable, and of every element."""
+    found: Data = {name: [[], [i]] for i, name in enumerate(table.columns)}
+    vectors = table.vectors.items()
+    return found | {name: [list(c.shape), c.ravel().tolist()] for name, c in vectors}
+
+
+def _slider(result: Result, module: Module, slider: Slider) -> Data:
+    """A slider for the template, with its value in the run."""
+    place = module.names.index(slider.name)
+    value = float(module.values[place])
+    table = result.parameters
+    held = table is not None and slider.name in table.columns
+    return {
+        "name": slider.name,
+        "text": slider.variable.description,
+        "unit": "" if slider.variable.unit in (None, "1") else slider.variable.unit,
+        "low": min(slider.low, value),
+        "high": max(slider.high, value),
+        "value": repr(value),
+        "place": place,
+        "constant": table.columns.index(slider.name) if table is not None and held else -1,
+        "steps": 1 if (slider.variable.low, slider.variable.high) == (0, 1) else STEPS,
+    }
+
+
+# ---- arrays and curves that know how they were made
+
+
+class TracedArrays(Arrays):
+    """Arrays of which those that were traced have a name for every operation."""
+
+    def __init__(self, trace: Trace) -> None:
+        super().__init__()
+        self.trace = trace
+        self.made: dict[str, int] = {}
+        """Operation by the name of an array."""
+        self.order: list[tuple[str, Array]] = []
+        """Names and numbers as they were asked for."""
+        self.fixed: set[str] = set()
+        """Names of what belongs to the run of the file alone."""
+        self._by_place: dict[int, str] = {}
+
+    def keep(self, values: Any) -> str:
+        """Name of an array; that of another one only if the same operation made it."""
+        place = values.place if isinstance(values, Traced) else -1
+        plain = np.array(values, dtype=np.float64)
+        if place < 0:
+            name = super().keep(plain)
+        else:
+            if place not in self._by_place:
+                self._by_place[place] = self.own(plain)
+            name = self._by_place[place]
+            self.made[name] = place
+        self.order.append((name, plain))
+        return name
+
+    def own(self, values: Array) -> str:
+        """Name of an array that nobody else has."""
+        name = f"t{len(self.content)}"
+        single = np.ascontiguousarray(values, dtype="<f4")
+        self.content[name] = {
+            "shape": list(single.shape),
+            "data": base64.b64encode(single.tobytes()).decode(),
+        }
+        return name
+
+    def operations(self, curves: list[Data]) -> Data:
+        """The operations that arrays and curves need, for the page; long lists of places once."""
+        asked = {*self.made.values(), *(p for c in curves for p in c["places"].values())}
+        places = {place: k for k, place in enumerate(self._needed(asked))}
+        lists: dict[tuple[int, ...], int] = {}
+        every, listed = self.trace.operations, []
+        for place in places:
+            name, parts, about = every[place]
+            told = {key: _shared(value, lists) for key, value in about.items()}
+            listed.append([name, [places[part] for part in parts], told])
+        return {
+            "operations": listed,
+            "made": {name: places[place] for name, place in self.made.items()},
+            "curves": [
+                curve | {"places": {key: places[p] for key, p in curve["places"].items()}}
+                for curve in curves
+            ],
+            "lists": list(map(list, lists)),
+        }
+
+    def _needed(self, asked: set[int]) -> list[int]:
+        """These operations and all whose results they take, in order."""
+        every, open_ = self.trace.operations, list(asked)
+        while open_:
+            further = set(every[open_.pop()][1]) - asked
+            asked |= further
+            open_ += further
+        return sorted(asked)
+
+
+def _shared(value: Any, lists: dict[tuple[int, ...], int]) -> Any:
+    """What an operation is told, with the number of a list of places in its place."""
+    if isinstance(value, list) and value and isinstance(value[0], dict):
+        return [
+            {"t": lists.setdefault(tuple(part["t"]), len(lists))} if "t" in part else part
+            for part in value
+        ]
+    return value
+
+
+class TracedCanvas(Canvas):
+    """A canvas whose curves know their operations: the page thins them anew."""
+
+    arrays: TracedArrays
+
+    def __init__(self, arrays: TracedArrays, points: int) -> None:
+        super().__init__(arrays, points)
+        self.traced = arrays
+        self.drawn: list[Data] = []
+        self.chosen: list[Any] = []
+
+    def curve(self, time: Array, values: Array, name: str, **look: Any) -> Data:
+        """One history with its extremes."""
+        arrays = self.traced
+        rows = kept_rows(np.array(values, dtype=np.float64), self.points)
+        self.thinned |= len(rows) < len(values)
+        x, y = (np.array(each, dtype=np.float64) for each in (time, values))
+        names = {key: arrays.own(each[rows]) for key, each in (("x", x), ("y", y))}
+        arrays.order += [(names["x"], x), (names["y"], y)]
+        places = {key: getattr(each, "place", -1) for key, each in (("x", time), ("y", values))}
+        if min(places.values()) >= 0:
+            self.drawn.append({"names": names, "places": places, "points": self.points})
+        return {"name": name, **names, **look}
+
+    def rows_of(self, x: Array, y: Array) -> NDArray[np.intp]:
+        """The rows of a curve in a plane that are drawn."""
+        rows = kept_points(np.array(x, dtype=float), np.array(y, dtype=float), self.points)
+        self.chosen.append(rows)
+        return rows
+
+
+class _PlainArrays(Arrays):
+    """Arrays as they are asked for."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.order: list[Array] = []
+
+    def keep(self, values: Any) -> str:
+        self.order.append(np.array(values, dtype=np.float64))
+        return super().keep(np.zeros(1))
+
+
+class _PlainCanvas(Canvas):
+    """A canvas that draws the rows that another one has chosen."""
+
+    def __init__(self, other: TracedCanvas) -> None:
+        super().__init__(_PlainArrays(), other.points)
+        self._chosen = iter(other.chosen)
+
+    def curve(self, time: Array, values: Array, name: str, **look: Any) -> Data:
+        self.arrays.keep(time)
+        self.arrays.keep(values)
+        return {"name": name, "x": "", "y": "", **look}
+
+    def rows_of(self, x: Array, y: Array) -> NDArray[np.intp]:
+        """The rows that the other one has chosen."""
+        return np.asarray(next(self._chosen, np.arange(len(x))))
+
+
+def _traced(result: Result, changing: list[str]) -> tuple[TracedCanvas, Data]:
+    """The content of the page over traced rows, and what was lost on the way among its arrays."""
+    trace = Trace()
+    table = result.parameters
+    with traces_kept():
+        rows = replace(
+            result,
+            time=trace.root("time", result.time),
+            values=trace.root("values", result.values),
+            parameters=table and replace(table, values=trace.root("parameters", table.values)),
+        )
+        canvas = TracedCanvas(TracedArrays(trace), run.points_of(result))
+        data = run.content(canvas, rows)
+    canvas.traced.fixed |= set(_lost(result, changing, canvas))
+    return canvas, data
+
+
+def _lost(result: Result, changing: list[str], canvas: TracedCanvas) -> Iterator[str]:
+    """Names of arrays that the operations do not give over slightly other rows and parameters."""
+    roots = _other(result, changing)
+    table = result.parameters
+    other = replace(
+        result,
+        values=roots["values"],
+        parameters=table and replace(table, values=roots["parameters"]),
+    )
+    plain = _PlainCanvas(canvas)
+    run.content(plain, other)
+    assert isinstance(plain.arrays, _PlainArrays)
+    value = canvas.traced.trace.evaluate(roots)
+    places = canvas.traced.made | {
+        curve["names"][key]: curve["places"][key] for curve in canvas.drawn for key in ("x", "y")
+    }
+    nothing: Array = np.empty(0)
+    ours = [(name, np.asarray(numbers)) for name, numbers in canvas.traced.order]
+    for (name, before), wanted in zip_longest(ours, plain.arrays.order, fillvalue=("", nothing)):
+        found = value(places[name]) if name in places else before
+        if name and not np.array_equal(found, np.asarray(wanted), equal_nan=True):
+            yield name
+
+
+def _other(result: Result, changing: list[str]) -> dict[str, Array]:
+    """Rows and parameters that differ from those of the result in the last digits: all that is no
+    whole number throughout, and the parameters that sliders change.
+    """
+    noise = np.random.default_rng(1)
+
+    def moved(values: Array, which: NDArray[np.bool_]) -> Array:
+        factor = 1 + NOISE * noise.uniform(0.5, 1.0, values.shape[1])  # what stands still does so
+        return np.asarray(np.where(which, values * factor, values))
+
+    table = result.parameters
+    constants = np.zeros((1, 0)) if table is None else table.values
+    sliding = np.isin([] if table is None else table.columns, changing)
+    broken = (np.nan_to_num(result.values) % 1 != 0).any(axis=0)
+    return {
+        "time": np.array(result.time),
+        "values": moved(np.array(result.values), broken),
+        "parameters": moved(np.array(constants), sliding),
+    }

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The page that flies in a browser, alone and without a network: the bits of the file, the verdicts
+of the harness for drawn settings, keyboard, cancel, and a browser that cannot. Run by make
+test-browser.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness import run
+from harness.report.html import write
+from harness.results.requirements import findings
+from tests.harness.chromium import browser, opened
+
+pytestmark = pytest.mark.browser
+
+SYSTEM = "sync_approach"
+LARGEST = 6_000_000
+"""Bytes of a page."""
+DRAWS = 10
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    with browser() as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def result():
+    return run(SYSTEM)
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory, result):
+    pytest.importorskip("ziglang", reason="needs ziglang: make test-browser installs it")
+    return write(result, tmp_path_factory.mktemp("live") / "page.html", fly=True)
+
+
+def ready(page):
+    page.wait_for_function("report.live && report.live.ready", timeout=120_000)
+
+
+def flown(page, settings):
+    """Verdicts and end of a run with these settings."""
+    page.evaluate("settings => report.live.fly(settings)", settings)
+    return page.evaluate("report.live")
+
+
+def told(verdicts):
+    return [(v["name"], v["verdict"], v["detail"]) for v in verdicts]
+
+
+def wanted(result):
+    return [(f.name, f.told.split(",")[0], f.detail) for f in findings(result)]
+
+
+def test_the_page_is_small_and_has_the_bits_of_the_file(chromium, path, result):
+    assert path.stat().st_size <= LARGEST
+    sha256 = hashlib.sha256(np.ascontiguousarray(result.values).tobytes()).hexdigest()
+    with opened(chromium, path) as page:
+        ready(page)
+        assert page.get_attribute("#live .bits", "data-sha256") == sha256
+        assert page.inner_text("#live .bits").startswith("Bits of this page = bits of the file")
+        assert told(page.evaluate("report.live.verdicts")) == wanted(result)
+
+
+def test_verdicts_of_drawn_settings_are_those_of_the_harness(chromium, path):
+    draw = np.random.default_rng(25)
+    with opened(chromium, path) as page:
+        ready(page)
+        sliders = page.evaluate("report.live.sliders")
+        names = page.eval_on_selector_all(
+            "#live .slider code", "all => all.map(e => e.textContent)"
+        )
+        verdicts = set()
+        for _ in range(DRAWS):
+            settings = [float(draw.uniform(s["low"], s["high"])) for s in sliders]
+            other = run(SYSTEM, set=dict(zip(names, settings, strict=True)))
+            live = flown(page, settings)
+            assert told(live["verdicts"]) == wanted(other)
+            assert live["flight"]["complete"]
+            verdicts |= {(name, verdict) for name, verdict, _ in told(live["verdicts"])}
+        assert len(verdicts) > len(live["verdicts"])  # the settings matter
+
+
+def test_a_key_on_a_slider_changes_verdicts_replay_and_plots(chromium, path):
+    with opened(chromium, path) as page:
+        ready(page)
+        page.evaluate("report.replay.seek(900)")
+        before = page.evaluate("report.replay.state().bodies.servicer.position")
+        table = page.inner_text("#requirements tbody")
+        page.focus("#slider-3")
+        page.keyboard.press("End")
+        page.wait_for_function("report.live.settings && report.live.settings[2] === 0.02")
+        page.wait_for_function(
+            "document.querySelector('#live .outcome').textContent.includes(' in ')"
+        )
+        page.evaluate("report.replay.seek(900)")
+        assert page.evaluate("report.replay.state().bodies.servicer.position") != before
+        assert page.inner_text("#requirements tbody") != table
+        assert page.is_visible("#live .stale")
+        assert "of-file" in page.get_attribute("#claims", "class")
+        page.click("#live .reset")
+        page.wait_for_function("document.querySelector('#live .bits').textContent.includes('=')")
+        page.evaluate("report.replay.seek(900)")
+        after = page.evaluate("report.replay.state().bodies.servicer.position")
+        np.testing.assert_allclose(after, before, rtol=1e-6, atol=1e-6)
+        assert page.inner_text("#requirements tbody") == table
+
+
+def test_a_value_beyond_the_range_stays_at_its_end(chromium, path):
+    with opened(chromium, path) as page:
+        ready(page)
+        base = [s["base"] for s in page.evaluate("report.live.sliders")]
+        live = flown(page, [1e9, *base[1:]])  # beyond the range: the slider stays at its end
+        assert live["settings"][0] == page.evaluate("report.live.sliders[0].high")
+        assert flown(page, base)["flight"]["complete"]
+
+
+def test_a_run_is_cancelled_and_the_next_one_is_whole(chromium, path):
+    with opened(chromium, path) as page:
+        ready(page)
+        base = [s["base"] for s in page.evaluate("report.live.sliders")]
+        page.evaluate(
+            """settings => { report.live.fly(settings);
+                             document.querySelector('#live .cancel').click(); }""",
+            [base[0] + 1, *base[1:]],
+        )
+        page.wait_for_function(
+            "document.querySelector('#live .outcome').textContent.includes('cancelled')"
+        )
+        assert flown(page, base)["flight"]["complete"]
+
+
+def test_a_browser_without_webassembly_says_so_and_shows_the_report(chromium, path):
+    context = chromium.new_context(offline=True)
+    page, wrong = context.new_page(), []
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.add_init_script("delete globalThis.WebAssembly")
+    page.goto(Path(path).absolute().as_uri())
+    page.wait_for_function("window.report && window.report.ready", timeout=120_000)
+    assert "has no WebAssembly" in page.inner_text("#live .outcome")
+    assert page.is_disabled("#slider-1") and wrong == []
+    assert page.locator("#requirements tbody tr").count() == len(page.query_selector_all(".seek"))
+    context.close()
+
+
+def test_nothing_sticks_out_on_a_phone(chromium, path):
+    with opened(chromium, path, width=360, height=740) as page:
+        ready(page)
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        assert page.locator("#slider-1").bounding_box()["height"] >= 32
