@@ -18,7 +18,7 @@ from types import ModuleType
 
 ROOT = Path(__file__).resolve().parents[1]
 INSTEAD = {
-    r"fl(?:ies|own|ew)|fly(?!-around|wheel)": "run, simulate",
+    r"(?<![-\[])(?:fl(?:ies|own|ew)|fly(?!-around|wheel))": "run, simulate",
     r"told|tells": "reported, shows, distinguishes",
     r"said|says": "states, reports, prints",
     r"(?<!not )judged|judges": "checked, evaluated; a verdict is `not judged`",

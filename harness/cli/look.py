@@ -244,7 +244,7 @@ def report(  # noqa: PLR0913, PLR0917 - options
     wanted = require or []
     _take(mission)
     if fly and (output is None or file.is_dir()):
-        raise UsageError("--fly: needs the file of one run, and -o with the name of the page")
+        raise UsageError("--fly needs the file of one run, and -o with the name of the page")
     if output is not None and file.is_dir():
         _page(file, output)
         return

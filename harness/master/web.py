@@ -46,7 +46,7 @@ def compiler() -> list[str]:
     """The command of the compiler; HarnessError naming the extra if it is not there."""
     if importlib.util.find_spec(LIBRARY) is None:
         raise HarnessError(
-            f"a page that flies needs {LIBRARY}: pip install 'servicing-fmus[fly]' (or {LIBRARY})"
+            f"a live page needs {LIBRARY}: pip install 'servicing-fmus[fly]' (or {LIBRARY})"
         )
     return [sys.executable, "-m", LIBRARY, "cc"]
 

@@ -54,7 +54,7 @@ def of_run(result: Result) -> str:
     """
     known = result.provenance
     if known is None or not known.source:
-        raise UsageError("the result does not say which system was flown: there is no page of it")
+        raise UsageError("the result does not name its system, which a live page needs")
     changes: Changes = known.changes()  # type: ignore[assignment]
     with load(known.source) as found:
         system = apply(found, **changes)

@@ -148,5 +148,5 @@ def test_a_result_without_its_system_has_no_page_that_flies(tmp_path):
     from dataclasses import replace
 
     result = replace(run("space_robot", stop=2.0), provenance=None)
-    with pytest.raises(UsageError, match="does not say which system"):
+    with pytest.raises(UsageError, match="does not name its system"):
         write(result, tmp_path / "page.html", fly=True)
