@@ -97,17 +97,16 @@ def test_a_key_on_a_slider_changes_verdicts_replay_and_plots(chromium, path):
         table = page.inner_text("#requirements tbody")
         page.focus("#slider-3")
         page.keyboard.press("End")
-        page.wait_for_function("report.live.settings && report.live.settings[2] === 0.02")
-        page.wait_for_function(
-            "document.querySelector('#live .outcome').textContent.includes(' in ')"
-        )
+        page.evaluate("report.live.idle()")
+        assert page.evaluate("report.live.settings")[2] == 0.02
         page.evaluate("report.replay.seek(900)")
         assert page.evaluate("report.replay.state().bodies.servicer.position") != before
         assert page.inner_text("#requirements tbody") != table
         assert page.is_visible("#live .stale")
         assert "of-file" in page.get_attribute("#claims", "class")
         page.click("#live .reset")
-        page.wait_for_function("document.querySelector('#live .bits').textContent.includes('=')")
+        page.evaluate("report.live.idle()")
+        assert "=" in page.inner_text("#live .bits")
         page.evaluate("report.replay.seek(900)")
         after = page.evaluate("report.replay.state().bodies.servicer.position")
         np.testing.assert_allclose(after, before, rtol=1e-6, atol=1e-6)
@@ -132,9 +131,8 @@ def test_a_run_is_cancelled_and_the_next_one_is_whole(chromium, path):
                              document.querySelector('#live .cancel').click(); }""",
             [base[0] + 1, *base[1:]],
         )
-        page.wait_for_function(
-            "document.querySelector('#live .outcome').textContent.includes('cancelled')"
-        )
+        page.evaluate("report.live.idle()")
+        assert "cancelled" in page.inner_text("#live .outcome")
         assert flown(page, base)["flight"]["complete"]
 
 

@@ -243,7 +243,7 @@
 
   const started = () => {
     const set = (settings) => { sliders.forEach((s, k) => put(s, settings[k])); return fly(settingsNow()); };
-    window.report.live = { fly: set, sliders: sliders.map(({ low, high, base }) => ({ low, high, base })), arraysOf, ready: false };
+    window.report.live = { fly: set, idle: () => settle, sliders: sliders.map(({ low, high, base }) => ({ low, high, base })), arraysOf, ready: false };
     const small = system.rows * system.width * 8 < 64e6;
     say(small ? "" : "Compare bits, or move a slider: the run takes some seconds.");
     (small ? fly(settingsNow()) : Promise.resolve()).finally(() => { window.report.live.ready = true; });
