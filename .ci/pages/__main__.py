@@ -92,7 +92,7 @@ def write(folder: Path, facts: Mapping[str, Any]) -> None:
 def collect(folder: Path) -> None:
     """Run what the pages quote."""
     folder.mkdir(parents=True, exist_ok=True)
-    found = {"validation": validation.facts(), "missions": missions.facts(folder / "figures")}
+    found = {"validation": validation.facts(), "missions": missions.facts(folder)}
     (folder / "facts.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
 
 
@@ -105,6 +105,8 @@ def main(facts: Path, target: str) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     write(folder, json.loads((facts / "facts.json").read_text(encoding="utf-8")))
     shutil.copytree(facts / "figures", folder / "reference/missions/figures")
+    if (facts / missions.LIVE).is_dir():
+        shutil.copytree(facts / missions.LIVE, folder / missions.LIVE)
     import mathjax  # django-static-mathjax, of the extra `site`
 
     engine = Path(mathjax.__path__[0]) / "static/mathjax/es5/tex-mml-svg.js"

@@ -29,12 +29,38 @@ def names() -> list[str]:
     )  # fmt: skip
 
 
-def facts(pictures: Path) -> dict[str, Any]:
+LIVE = "fly"
+"""Folder of the pages that run their system in the browser."""
+MOST_BYTES = 32e6
+"""Numbers of a run in such a page."""
+
+
+def facts(folder: Path) -> dict[str, Any]:
     """The runs that the papers describe: verdicts of their claims and requirements, and the figures
-    of the first run as pictures.
+    of the first run as pictures, its page that runs in the browser.
     """
-    return {name: [_run(case, pictures if not i else None, name)
-                   for i, case in enumerate(_cases(name))] for name in names()}  # fmt: skip
+    found = {name: [_run(case, folder / "figures" if not i else None, name)
+                    for i, case in enumerate(_cases(name))] for name in names()}  # fmt: skip
+    for name, (first, *_) in found.items():
+        first["live"] = live(name, folder / LIVE)
+    return found
+
+
+def live(name: str, folder: Path) -> str:
+    """File of the page in which a mission runs anew; "" without the compiler of the extra `fly`."""
+    import importlib.util
+
+    from harness import Simulation, load, run
+    from harness.report.html import write
+
+    if importlib.util.find_spec("ziglang") is None:
+        return ""
+    folder.mkdir(parents=True, exist_ok=True)
+    with load(name) as system:
+        simulation = Simulation(system)
+        numbers = 8 * simulation.steps * len(simulation.graph.slots)
+        result = run(system, every=max(system.experiment.every, int(numbers / MOST_BYTES) + 1))
+    return write(result, folder / f"{name}.html", fly=True).name
 
 
 def _cases(name: str) -> list[Any]:
@@ -136,6 +162,10 @@ def page(name: str, systems: list[System], runs: Any, parts: Mapping[str, str]) 
     if equations:
         lines.append(f"Equations, corrections to the paper and results: "
                      f"[equations]({between(here, equations)}).\n")  # fmt: skip
+    if runs and runs[0].get("live"):
+        inside = f"../../{LIVE}/{runs[0]['live']}"
+        lines.append(f"[Change parameters and run it in the browser]({inside}) "
+                     "([how](../../how_to/live_page.md)).\n")  # fmt: skip
     lines += [line for run in runs for line in _verdicts(run)]
     if runs and runs[0]["figures"]:
         lines.append("## Figures\n\nOf `harness run " + name + "`, drawn by `harness plot`.\n")
