@@ -20,6 +20,17 @@ from typing import Any
 import pytest
 
 
+def some(values: Iterable[Any], every: int, first: int = 0) -> list[Any]:
+    """Parameters of which every n-th runs in `make test`, and all in `make test-long`."""
+    return [
+        pytest.param(
+            *(value if isinstance(value, tuple) else (value,)),
+            marks=() if k % every == first else pytest.mark.long,
+        )
+        for k, value in enumerate(values)
+    ]
+
+
 class Each:
     """Values, each of them made anew for every call."""
 

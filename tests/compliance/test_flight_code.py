@@ -23,14 +23,17 @@ MOST_STACK = 20 * 1024
 """Bytes: of the initialization of theta_d_controller with some room for other compilers."""
 STEPS = 5_000
 
+SOME = [path for path in SOURCES if path.stem in {"theta_d_controller", "safety_monitor"}]
+"""The deepest stack and the longest loops; `make flight-rules` and the long tests compile all."""
+
 with_call_graphs = pytest.mark.skipif(
     not flight_rules.has_call_graphs(), reason="gcc with -fcallgraph-info is not installed"
 )
 
 
-@pytest.fixture
-def source():
-    return Each(SOURCES, lambda path: path.stem)
+@pytest.fixture(params=[SOME, pytest.param(SOURCES, marks=pytest.mark.long)], ids=["some", "all"])
+def source(request):
+    return Each(request.param, lambda path: path.stem)
 
 
 @pytest.fixture
@@ -190,6 +193,7 @@ def test_an_exception_is_heard(exceptions):
 
 
 # ---- the page ----
+@pytest.mark.long
 @with_call_graphs
 def test_the_page_is_what_the_tools_say():
     text = PAGE.read_text()

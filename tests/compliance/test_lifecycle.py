@@ -37,15 +37,16 @@ def test_inputs_and_start_values_are_those_of_the_description(instance):
         assert instance.get(v.name) == v.start, v.name
 
 
-def test_a_hundred_interleaved_instances_fly_like_each_alone(fmu):
+@pytest.mark.parametrize("many", [12, pytest.param(100, marks=pytest.mark.long)])
+def test_interleaved_instances_fly_like_each_alone(fmu, many):
     """All of the same name, as ecos gives them, and each with inputs of its own."""
     with ExitStack() as stack:
-        fleet = [stack.enter_context(Instance(fmu, "slave")).start() for _ in range(100)]
+        fleet = [stack.enter_context(Instance(fmu, "slave")).start() for _ in range(many)]
         records = [bytearray() for _ in fleet]
         for k in range(10):
             for wave, (instance, record) in enumerate(zip(fleet, records, strict=True)):
                 record += instance.fly(1, first=k, wave=wave)
-    assert len(set(map(bytes, records))) == (100 if fmu.inputs else 1)
+    assert len(set(map(bytes, records))) == (many if fmu.inputs else 1)
     assert [wave for wave, record in enumerate(records) if record != alone(fmu, wave)] == []
 
 
@@ -155,7 +156,7 @@ def bytes_in_use():
 @pytest.mark.skipif(
     not hasattr(LIBC, "mallinfo2"), reason="memory in use is asked from the GNU C library"
 )
-@pytest.mark.parametrize("lives", [300, pytest.param(10_000, marks=pytest.mark.long)])
+@pytest.mark.parametrize("lives", [60, pytest.param(10_000, marks=pytest.mark.long)])
 def test_memory_does_not_grow_with_lives(fmu, lives):
     """Less than 10 bytes per life, with the memory management of the FMU itself: not even a name is
     left behind.
@@ -170,7 +171,7 @@ def test_memory_does_not_grow_with_lives(fmu, lives):
                 instance.call("fmi2DoStep", 0.0, 0.1, 0)
 
     host = Host(allocate=False, free=False)
-    live(100)
+    live(20)
     gc.collect()
     before = bytes_in_use()
     live(lives)

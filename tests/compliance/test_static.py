@@ -9,12 +9,14 @@ import math
 import re
 from collections import Counter
 from datetime import datetime
+from functools import cache
 from itertools import groupby
 from pathlib import Path
 
 import fmpy
 import pytest
 from fmpy.validation import validate_fmu
+from lark import Lark
 from lxml import etree
 
 from tests.compliance import description, units
@@ -28,14 +30,33 @@ STRUCTURED_NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*(\[[1-9]\d*(,[1-9]\d
 # ---- schemas and validators
 
 
-def test_fmpy_reports_no_problem(archive):
+@cache
+def grammar(text, **options):
+    """The grammar of names, and what has been found a name once."""
+    made = Lark(text, **options)
+    made.parse = cache(made.parse)
+    return made
+
+
+@pytest.fixture
+def once(monkeypatch):
+    """FMPy reads its schema and its grammar anew for every FMU, and parses every name again."""
+    monkeypatch.setattr(etree, "XMLSchema", cache(etree.XMLSchema))
+    monkeypatch.setattr("lark.Lark", grammar)
+
+
+def test_fmpy_reports_no_problem(archive, once):
     assert validate_fmu(str(archive)) == []
 
 
+@cache
+def schema():
+    return etree.XMLSchema(etree.parse(str(SCHEMA)))
+
+
 def test_the_model_description_keeps_the_schema(about):
-    schema = etree.XMLSchema(etree.parse(str(SCHEMA)))
     document = etree.fromstring(description.ElementTree.tostring(about.root))
-    assert schema.validate(document), schema.error_log
+    assert schema().validate(document), schema().error_log
 
 
 # ---- header

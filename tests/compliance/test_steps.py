@@ -62,7 +62,7 @@ def test_many_steps_are_one_long_step_from_any_start_on_the_grid(fmu, start):
     assert fly(fmu, multiples(0.1, 30, start))[1] == fly(fmu, [start, start + 3.0])[1]
 
 
-@pytest.mark.parametrize("count", [10, 1000, 20000])
+@pytest.mark.parametrize("count", [10, 1000, pytest.param(20000, marks=pytest.mark.long)])
 def test_time_may_be_accumulated_without_any_effect(fmu, count):
     """t += h drifts by up to 1e-8 s over 20000 steps; grid points are recognised within 1e-9 of
     their number.

@@ -18,7 +18,7 @@ from ssp.validation.library import Library
 
 ALL = cases()
 WRONG = [
-    pytest.param(case, wrong, id=f"{case.id}-{k}")
+    pytest.param(case, wrong, id=f"{case.id}-{k}", marks=pytest.mark.long if k else ())
     for case in ALL
     for k, wrong in enumerate(case.wrong)
 ]

@@ -39,6 +39,6 @@ def fmu(kind):
         unit.close()
 
 
-@pytest.fixture
-def rng():
-    return Each(range(4)).map(np.random.default_rng)
+@pytest.fixture(params=[2, pytest.param(8, marks=pytest.mark.long)], ids="{} seeds".format)
+def rng(request):
+    return Each(range(request.param)).map(np.random.default_rng)

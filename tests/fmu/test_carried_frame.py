@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from tests.each import some
 from tests.reference import carried
 
 from .cases import random_direction, random_inertia, random_rotation
@@ -152,7 +153,7 @@ def off_axis(f, period):
     return np.array(angles)
 
 
-@pytest.mark.parametrize("angle", [0.3, 1.5, 2.8, np.pi])
+@pytest.mark.parametrize("angle", some([0.3, 1.5, 2.8, np.pi], 2, 1))
 def test_from_any_direction_it_ends_on_the_axis_without_changing_the_range(fmu, angle):
     """At most w_steer (0.005 rad/s) once T carries it, the rest fades with k_steer."""
     rng, h = np.random.default_rng(7), 0.5

@@ -103,11 +103,11 @@ def test_shortest_arc_next_to_straight_behind_goes_the_short_way_round(fmu, offs
 
 def test_a_target_straight_behind_is_turned_to_at_every_range_and_attitude(fmu, rng):
     """Where 1 + b1 is rounding: once a target 49 m behind was taken for one ahead."""
-    for distance in range(1, 1001, 3):
+    for distance in range(1, 1001, 13):
         assert fmu("pursuit_guidance", SHORTEST_ARC, at_range(distance, -X)).get("q_DS")[
             0
         ] == pytest.approx(0, abs=1e-15)
-    for _ in range(200):
+    for _ in range(40):
         C_SN = random_rotation(rng)
         state = at_range(100, -C_SN[0]) | {"q_SN": quaternion_of_dcm(C_SN)}
         q_DN = fmu("pursuit_guidance", SHORTEST_ARC, state).get("q_DN")

@@ -432,8 +432,8 @@ def test_random_arcs_against_the_least_of_a_hermite_spline(fmu, rng):
 
     for shape, norm in ((1, ellipsoid), (2, box)):
         unit = fmu("safety_monitor", OFF | p | {"keep_out_shape": shape, "keep_out_half": d})
-        knots = rng.normal(size=(26, 3)) * 4, rng.normal(size=(26, 3)) * 6
-        for k in range(26):
+        knots = rng.normal(size=(14, 3)) * 4, rng.normal(size=(14, 3)) * 6
+        for k in range(14):
             unit.step(1, states(k, knots[0][k], knots[1][k], 0) | {"F_cmd_S": (0, 0, 1)})
             if k == 0:
                 continue
@@ -489,7 +489,7 @@ def test_arcs_in_axes_of_a_turning_target_and_servicer(fmu):
         if k == 0:
             continue
         keep, corridor, plume = [], [], []
-        for t in np.linspace((k - 1) * h, k * h, 401):
+        for t in np.linspace((k - 1) * h, k * h, 201):
             rho = motion(t)[0]
             q = turned(t)[0].inv().apply(rho)
             keep.append(box(q, d))

@@ -3,12 +3,16 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import pytest
+from matplotlib import rcParams
 
+from harness.figures import campaign, plots, style
 from harness.system.model import Component, Connection, Experiment, Parameter, Port, System
 from tests.harness.foreign_fmu import MODELS, build
 
@@ -68,6 +72,65 @@ def make(fmus: dict[str, Path]) -> Callable[..., System]:
 def _port(name: str) -> Port:
     component, _, variable = name.partition(".")
     return Port(component, variable)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _sketches() -> Iterator[None]:
+    """Pictures without their layout and of few pixels: how they look is tested elsewhere."""
+
+    def save(canvas: Any, path: Path) -> Path:
+        canvas.set_layout_engine("none")
+        rcParams["savefig.dpi"] = 20
+        return style.save(canvas, path)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plots, "save", save)
+        patch.setattr(campaign, "save", save)
+        yield
+
+
+@pytest.fixture
+def trusted(monkeypatch):
+    """Flights of these small FMUs in this process: a child for each of them costs more than all
+    else where it is not what a test is about.
+    """
+    monkeypatch.setattr("harness.master.isolated.all_ours", lambda _: True)
+
+
+class Crew:
+    """A process that stays for all comparisons of the tests, in place of one or two for each."""
+
+    pool: ProcessPoolExecutor | None = None
+
+    def __init__(self, count: int, context: Any, ready: Callable, given: tuple) -> None:
+        if Crew.pool is None:
+            Crew.pool = ProcessPoolExecutor(count, context)
+        self.submit(_begin, Path.cwd(), ready, given).result()
+
+    def submit(self, function: Callable, *given: Any) -> Any:
+        assert Crew.pool is not None
+        return Crew.pool.submit(function, *given)
+
+    def shutdown(self) -> None:
+        pass
+
+
+def _begin(folder: Path, ready: Callable, given: tuple) -> None:
+    os.chdir(folder)
+    ready(*given)
+
+
+@pytest.fixture(scope="session")
+def _one_crew() -> Iterator[None]:
+    yield
+    if Crew.pool is not None:
+        Crew.pool.shutdown()
+
+
+@pytest.fixture
+def crew(_one_crew, monkeypatch):
+    """Comparisons without the start of a process for each."""
+    monkeypatch.setattr("harness.studies.compare.ProcessPoolExecutor", Crew)
 
 
 @pytest.fixture(autouse=True)

@@ -271,8 +271,8 @@ def test_close_matches_are_those_of_difflib_among_few_and_among_many():
         assert did_you_mean("x" * 5000, ["x" * 4999] * 100) == ""
 
 
-def test_10_000_parameters_are_written_and_read_in_seconds(tmp_path):
-    count = 10_000
+@pytest.mark.parametrize("count", [1000, pytest.param(10_000, marks=pytest.mark.long)])
+def test_thousands_of_parameters_are_written_and_read_in_seconds(tmp_path, count):
     names = tuple(f"c.p{i}" for i in range(count))
     values = np.arange(float(count))[None]
     fixed = Result("s", np.zeros(1), names, ("m",) * count, values, ("text",) * count)

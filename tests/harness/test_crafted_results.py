@@ -31,16 +31,17 @@ def result():
     return run("sync_approach", stop=1.0, every=2, latency=["controller=1"])
 
 
-def commands(path, tmp_path, capsys):
+def commands(path, tmp_path, capsys, only=slice(None)):
     """Exit status and lines of everything that reads a result."""
     out = str(tmp_path / "again.nc")
-    for command in (
+    every = (
         ["report", str(path)],
         ["plot", str(path), "-o", str(tmp_path / "figures")],
         ["convert", str(path), "-o", str(tmp_path / "other.csv")],
         ["convert", str(path), "-o", str(tmp_path / "other.oem")],
         ["run", "--like", str(path), "-q", "-o", out],
-    ):
+    )
+    for command in every[only]:
         yield command[0], main(command), capsys.readouterr().err.splitlines()
 
 
@@ -69,13 +70,20 @@ ABOUT = {
 }
 
 
-@pytest.mark.parametrize("case", ABOUT)
-def test_attributes_of_another_kind(result, tmp_path, capsys, case):
+def by_some(cases):
+    """Each case by one of the commands in turn; by all of them in `make test-long`."""
+    few = [(case, slice(k % 5, k % 5 + 1)) for k, case in enumerate(cases)]
+    all_ = [pytest.param(case, slice(None), marks=pytest.mark.long) for case in cases]
+    return [*few, *all_]
+
+
+@pytest.mark.parametrize(("case", "only"), by_some(ABOUT))
+def test_attributes_of_another_kind(result, tmp_path, capsys, case, only):
     attributes, problem = ABOUT[case]
     path = result.save(tmp_path / "crafted.nc")
     with netCDF4.Dataset(path, "a") as file:
         file.setncatts(attributes)
-    for command, status, lines in commands(path, tmp_path, capsys):
+    for command, status, lines in commands(path, tmp_path, capsys, only):
         assert (status, len(lines)) == (1, 1), (command, lines)
         assert lines[0].startswith(f"harness: {path}: cannot be read ({problem}"), lines
 
@@ -110,12 +118,12 @@ VARIABLES = {
 }
 
 
-@pytest.mark.parametrize("case", VARIABLES)
-def test_variables_of_another_kind(result, tmp_path, capsys, case):
+@pytest.mark.parametrize(("case", "only"), by_some(VARIABLES))
+def test_variables_of_another_kind(result, tmp_path, capsys, case, only):
     name, values, about, problem = VARIABLES[case]
     path = result.save(tmp_path / "crafted.nc")
     crafted(path, name, values, **about)
-    for command, status, lines in commands(path, tmp_path, capsys):
+    for command, status, lines in commands(path, tmp_path, capsys, only):
         assert (status, len(lines)) == (1, 1), (command, lines)
         assert lines[0].startswith(f"harness: {path}: cannot be read ({problem}"), lines
 

@@ -180,7 +180,10 @@ def test_the_sample_has_every_phase_and_nine_vices_of_ten():
     assert {phase for _, phase in SOME} == set(PHASES)
 
 
-@pytest.mark.parametrize("phase", ["fmi2Instantiate", "fmi2DoStep", "fmi2Terminate"])
+@pytest.mark.parametrize(
+    "phase",
+    [pytest.param("fmi2Instantiate", marks=pytest.mark.long), "fmi2DoStep", "fmi2Terminate"],
+)
 def test_exit_0_inside_an_fmu_does_not_end_the_program_with_success(folder, phase):
     status, _, err = outcome = run_with(folder, "exit_0", phase, harness)
     judge_run(folder, "exit_0", phase, outcome)
@@ -267,7 +270,11 @@ def compare_with(folder, out, vice, phase, call):
 
 
 @pytest.mark.parametrize(
-    ("vice", "phase"), [("segfault", "fmi2DoStep"), ("exit_0", "fmi2EnterInitializationMode")]
+    ("vice", "phase"),
+    [
+        ("segfault", "fmi2DoStep"),
+        pytest.param("exit_0", "fmi2EnterInitializationMode", marks=pytest.mark.long),
+    ],
 )
 def test_compare_is_never_ended_by_one_run(folder, tmp_path, vice, phase):
     outcome = compare_with(folder, tmp_path / "out", vice, phase, harness)
@@ -364,7 +371,9 @@ def test_a_vice_costs_one_run_of_a_campaign(folder, monkeypatch, vice, phase):
     judge_campaign(folder, vice, phase)
 
 
-@pytest.mark.parametrize("phase", ["fmi2DoStep", "fmi2ExitInitializationMode"])
+@pytest.mark.parametrize(
+    "phase", ["fmi2DoStep", pytest.param("fmi2ExitInitializationMode", marks=pytest.mark.long)]
+)
 def test_an_endless_loop_costs_one_run_of_a_campaign(folder, monkeypatch, phase):
     monkeypatch.chdir(folder)
     message = judge_campaign(folder, "endless_loop", phase)
@@ -514,12 +523,13 @@ def foreign_copy(system, path):
             new.writestr(name, data)
 
 
-def test_a_whole_isolated_run_has_the_bits_of_one_in_process(tmp_path):
-    """18 000 macro steps of five FMUs, from the command to the file."""
+@pytest.mark.parametrize("stop", [60, pytest.param(1800, marks=pytest.mark.long)])
+def test_a_whole_isolated_run_has_the_bits_of_one_in_process(tmp_path, stop):
+    """Macro steps of five FMUs, from the command to the file."""
     copy = tmp_path / "sync_approach.ssp"
     foreign_copy(paths.systems()["sync_approach"], copy)
     for option in ((), ("--in-process",)):
         file = tmp_path / f"x{len(option)}.nc"
-        status, _, err = harness(Path.cwd(), "run", copy, "-q", "-o", file, *option)
+        status, _, err = harness(Path.cwd(), "run", copy, "-q", "-o", file, "--stop", stop, *option)
         assert (status, err) == (0, [])
     assert np.array_equal(read(tmp_path / "x0.nc").values, read(tmp_path / "x1.nc").values)

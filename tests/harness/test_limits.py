@@ -94,8 +94,8 @@ def test_names_that_no_file_can_have_are_wrong_use(capsys, name):
 
 
 def listed(shell):
-    """`harness list` with its streams as the shell says: exit status and what stderr got."""
-    command = f'"{sys.executable}" -m harness list {shell}'
+    """`harness study` with its streams as the shell says: exit status and what stderr got."""
+    command = f'"{sys.executable}" -m harness study {shell}'
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     done = subprocess.run(
         ["/bin/sh", "-c", command], env=environment, capture_output=True, text=True, check=False

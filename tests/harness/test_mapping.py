@@ -27,6 +27,8 @@ from harness.system.mapping import by_style, families, guesses, options, told
 from harness.system.problems import problems
 from tests.harness.foreign_fmu import Model, build, p, u, y
 
+pytestmark = pytest.mark.usefixtures("crew")
+
 TOML = """
 name = "chain"
 [experiment]

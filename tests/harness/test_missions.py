@@ -206,13 +206,15 @@ def test_python_inside_an_archive_or_beside_a_result_is_never_run(alone):
         file.writestr("mission.py", evil)
         file.writestr("resources/mission.py", evil)
     result = run(archive, stop=1.0)
-    for name in ("bait", str(alone / "bait"), "../bait", "os"):
+    for name in ("os", "../bait", str(alone / "bait"), "bait"):
         known = result.provenance
-        forged = replace(result, provenance=replace(known, mission=name))
+        few = {name: getattr(result, name)[:3] for name in ("columns", "units", "descriptions")}
+        few["values"] = result.values[:, :3]
+        forged = replace(result, **few, provenance=replace(known, mission=name))
         forged.save("forged.nc")
         assert library.missing(read("forged.nc"))
         assert main(["report", "forged.nc"]) in {0, 1}
-        assert main(["plot", "forged.nc", "-o", "figures"]) == 0
+    assert main(["plot", "forged.nc", "-o", "figures"]) == 0
     assert not list(alone.rglob("was-run"))
 
 
@@ -249,5 +251,5 @@ def test_a_folder_or_a_toml_stands_wherever_a_system_does(alone, capsys, name):
         '[metrics]\nlargest = "my largest"\n[fixed]\nstop = 1.0\n'
     )
     capsys.readouterr()
-    assert main(["campaign", "own.toml", "-o", "own.zarr", "--workers", "1"]) == 0
+    assert main(["campaign", "own.toml", "-o", "own.zarr", "--workers", "0"]) == 0
     assert "largest" in capsys.readouterr().out

@@ -19,6 +19,8 @@ from harness.ssp.writer import write_ssp
 from harness.studies import table
 from harness.studies.notes import said_once
 
+pytestmark = pytest.mark.usefixtures("crew")
+
 TOML = """
 name = "odd"
 [experiment]

@@ -25,6 +25,8 @@ from harness.studies.inquiry import driver as driving
 from harness.studies.inquiry import worst as searches
 from tests.harness import demo
 
+pytestmark = pytest.mark.usefixtures("trusted")
+
 TOML = (
     demo.TOML
     + """[requirements]

@@ -14,6 +14,7 @@ import pytest
 from harness import load, run
 from harness.master.simulation import simulate
 from ssp.shared.relative_motion import range_
+from tests.each import some
 
 from ..reference.attitude import dcm
 
@@ -47,7 +48,7 @@ def without_monitor(system):
     )
 
 
-@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("name", some(SYSTEMS, 3))
 def test_the_monitor_changes_no_bit_of_any_other_signal(name):
     with load(name) as system:
         short = replace(system, experiment=replace(system.experiment, stop=15.0))
@@ -57,7 +58,7 @@ def test_the_monitor_changes_no_bit_of_any_other_signal(name):
         assert watched[column].tobytes() == alone[column].tobytes(), column
 
 
-@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("name", some(SYSTEMS, 2))
 def test_the_rules_that_fit_its_paper_are_on(name):
     result = run(name, stop=5.0)
     margins = zip(RULES, result["monitor.least_margin"][-1], strict=True)

@@ -8,12 +8,14 @@ The claims of the paper: test_ppc_claims.py.
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 
 from harness import run
 from harness.errors import RunError
+from tests.each import some
 
 from ..reference import adaptive, ppc, ppc_case
 from ..reference.attitude import dcm
@@ -89,8 +91,7 @@ def assert_same_flight(result, expected):
     assert len(commands) > 5
 
 
-@pytest.mark.parametrize("params", SCENARIOS)
-@pytest.mark.parametrize("controller", CONTROLLERS)
+@pytest.mark.parametrize(("params", "controller"), some(product(SCENARIOS, CONTROLLERS), 2))
 def test_the_fmus_fly_as_the_monolithic_program_written_from_the_specification(controller, params):
     expected = ppc_case.run(SCENARIOS[params], ppc_case.laws()[controller], stop=25.0)
     assert_same_flight(flight(controller, params), expected)
@@ -189,7 +190,7 @@ def test_a_start_outside_the_funnel_ends_the_run_in_its_first_step_with_the_reas
 # ---- software periods ----
 
 
-@pytest.mark.parametrize("controller", CONTROLLERS)
+@pytest.mark.parametrize("controller", some(CONTROLLERS, 3))
 def test_software_periods_between_10_and_100_ms_fly_alike(controller):
     """Convergence within 0.3 s, and ranges that differ in proportion to the period: the error of
     the hold.

@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 from harness import run
 from ssp.space_robot.pitch import rotation_number
+from tests.each import some
 
 from ..fmu.robot_cases import PAPER, Q, pitch_constants, same_sign
 from ..reference.space_robot import Orbit, fly
@@ -81,14 +82,17 @@ def test_eccentricity_005_librates_and_01_tumbles():
 
 @pytest.mark.parametrize(
     ("start", "e", "tumbles"),
-    [
-        ({}, 0.074, False),
-        ({}, 0.085, True),
-        ({"robot.nu": np.pi}, 0.084, False),
-        ({"robot.nu": np.pi}, 0.095, True),
-        ({"robot.euler_0": [0, 0, 0]}, 0.055, False),
-        ({"robot.euler_0": [0, 0, 0]}, 0.075, True),
-    ],
+    some(
+        [
+            ({}, 0.074, False),
+            ({}, 0.085, True),
+            ({"robot.nu": np.pi}, 0.084, False),
+            ({"robot.nu": np.pi}, 0.095, True),
+            ({"robot.euler_0": [0, 0, 0]}, 0.055, False),
+            ({"robot.euler_0": [0, 0, 0]}, 0.075, True),
+        ],
+        3,
+    ),
 )
 def test_the_eccentricity_at_which_tumbling_begins_depends_on_the_start(start, e, tumbles):
     """The paper: from 0.08595, with a window from 0.06331 to 0.06872, from a start that it does not

@@ -82,6 +82,7 @@ def test_claim(name):
     assert figure == pytest.approx(expected, abs=band)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", VERDICTS)
 def test_the_independent_program_comes_to_the_same_figures(name):
     """1e-5: positions agree within 1e-7 m, of which centimetres and the 9e-5 kg of the mass

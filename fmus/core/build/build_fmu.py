@@ -38,11 +38,11 @@ def build(source: Path, output: Path, compiler: list[str]) -> None:
         library = Path(folder) / f"{output.stem}{fmpy.sharedLibraryExtension}"
         describe, xml = Path(folder) / "describe", Path(folder) / "modelDescription.xml"
         compile_c = [*compiler, *FLAGS, *include, source]
-        subprocess.run([*compile_c, "-shared", *ADAPTER, "-o", library, "-lm"], check=True)
         subprocess.run([*compile_c, CORE / "build/describe.c", "-o", describe, "-lm"], check=True)
         with xml.open("wb") as file:
             names = [path.name for path in (source, *ADAPTER)]
             subprocess.run([describe, "0", DATE, *names], check=True, stdout=file)
+        subprocess.run([*compile_c, "-shared", *ADAPTER, "-o", library, "-lm"], check=True)
         package = [sys.executable, CORE / "build/package_fmu.py", output, "--description", xml]
         files = ["--license", LICENSE, "--binary", f"{fmpy.platform}={library}"]
         sources = ["--source", source, *ADAPTER, "--include", *HEADERS]
