@@ -54,6 +54,45 @@ def test_a_lag_of_the_propulsion_makes_the_prescribed_performance_overshoot():
     assert least[1] == pytest.approx(16.9176 - 19, abs=1e-3)
 
 
+ATTITUDE = "time < 29 min or angle(guidance.q_DN, servicer.q_SN) <= 5 deg"
+ROBUST = {
+    "controller.projection": 1, "controller.damping_in_regressor": 1, "controller.Gamma_scale": 0.1,
+}  # fmt: skip
+
+
+def flown(system, rates, **more):
+    """A flight with small actuators and other rates of the target."""
+    changes = {"target.omega_TN_T_0": rates, "monitor.passive_time": 0} | more
+    return run(system, params="limited", set=changes, every=10)
+
+
+def test_small_wheels_do_not_follow_the_roll_past_the_orbit_normal_on_estimates():
+    """A limit of the actuators: 23.7 deg beyond the limit of 5, the guard holds on the way."""
+    result = flown("sync_approach_navigated", [0.0001, 0.01, -0.003])
+    assert result["guidance.attitude_guard"].any()
+    assert np.degrees(margin(result, ATTITUDE)) == pytest.approx(-23.66, abs=1)
+
+
+def test_thrusters_lose_the_attitude_with_the_gains_of_the_paper_and_keep_it_with_robust_ones():
+    rates = [0.003, 0.0086, -0.0004]
+    lost = flown("sync_approach_thrusters", rates)
+    kept = flown("sync_approach_thrusters", rates, **ROBUST)
+    assert margin(lost, ATTITUDE) < np.radians(-90)
+    assert margin(kept, ATTITUDE) > np.radians(0.5)
+
+
+def test_a_fast_target_makes_the_relay_approach_close_too_fast():
+    """The law closes with twice the speed of the target, the limit is a number."""
+    text = "monitor.speed_margin >= 0 m/s"
+    lags = {"propulsion.T0": 0.41, "propulsion.Tl": 0.48, "monitor.passive_time": 0}
+    slow, fast = (
+        margin(run("relay_approach", stop=300.0, set=lags | {"target.v_0_N": v}), text)
+        for v in ([0, 0.008, 0.006], [-0.002, 0.012, 0.012])
+    )
+    assert slow > 0.005
+    assert fast == pytest.approx(-4.2e-3, abs=5e-4)
+
+
 def table(**more):
     return {**tomllib.loads(FILE.read_text()), **more}
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import zarr
 
-from harness import campaign, compare, read
+from harness import campaign, compare, read, worst
 from harness.cli.app import main
 from harness.errors import ResultsError
 from harness.report.html import write
@@ -216,3 +216,29 @@ def test_other_folders_and_damaged_tables_are_one_line(tmp_path, capsys):
     (tmp_path / "c.zarr" / "zarr.json").write_text("{}")
     with pytest.raises(ResultsError, match="is not the dataset of a campaign"):
         write(tmp_path / "c.zarr", tmp_path / "r.html")
+
+
+def test_the_worst_flight_of_a_search_stands_beside_the_nominal_one(tmp_path):
+    """Same replay and plots, labels in the order of the colours; a campaign has neither."""
+    definition = {
+        "system": "sync_approach",
+        "fixed": {"stop": 20.0},
+        "factors": {"servicer.rho_0_H": {"normal": {"mean": [0.0, 20.0, 0.0], "sigma": 0.5}}},
+        "worst": {"of": "distance", "flights": 12},
+    }
+    study = worst(definition, tmp_path / "w.zarr", workers=0)
+    page = Page(write(study.path, tmp_path / "w.html").read_text(encoding="utf-8"))
+    assert page.data["runs"] == ["nominal", "worst distance"]
+    assert [b["name"] for b in page.data["scene"]["bodies"]] == [*page.data["runs"], "target"]
+    (plot, *_) = page.figures()["compared_range"]
+    for curve, name in zip(plot["curves"], ("nominal", "distance"), strict=True):
+        result = read(tmp_path / "w_worst" / f"{name}.nc")
+        distance = np.linalg.norm(result["servicer.r_SN_N"] - result["target.r_TN_N"], axis=1)
+        rows = np.searchsorted(result.time.astype("f4"), page.array(curve["x"]))
+        np.testing.assert_array_equal(page.array(curve["y"]), distance.astype("f4")[rows])
+    assert {"beside", "replay"} <= page.ids
+    (tmp_path / "w_worst" / "distance.nc").unlink()
+    (tmp_path / "w_worst" / "nominal.nc").unlink()
+    bare = Page(write(study.path, tmp_path / "bare.html").read_text(encoding="utf-8"))
+    assert bare.data["scene"] is None
+    assert "beside" not in bare.ids
