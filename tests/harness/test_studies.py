@@ -395,7 +395,7 @@ def test_a_file_of_the_project_is_asked_all_that_it_describes(
     assert main([*study, "--kind", "campaign", "-o", "plain.zarr"]) == 0
     assert "3 runs" in capsys.readouterr().out
     for wrong, problem in (
-        (["--kind", "wors"], "close: worst"),
+        (["--kind", "worstt"], "close: worst"),
         (["--kind", "map"], "there are: sensitivity, worst, campaign"),
         (["-o", "both.zarr"], "--kind chooses one"),
         (["--strict"], "of campaigns"),
