@@ -45,6 +45,7 @@ from .measures import (
 GRIP, HARD, LOCK = "arm_guidance.grip", "mechanism.hard", "arm_controller.joint_lock"
 FIXTURE, SPEED, T_CLOSE = "arm_guidance.p_QT_T", "arm_guidance.grip_speed", "arm_guidance.T_close"
 BODIES = (SERVICER, TARGET, "servicer.q_SN", "target.q_TN")
+RATES = ("servicer.omega_SN_S", "target.omega_TN_T")
 START = 1e-6
 """Attitude error of a base that starts on its reference [rad]."""
 
@@ -187,6 +188,13 @@ def hard_after(result: Result) -> tuple[float, ...]:
     return (_once(result, HARD, "hard capture") - _once(result, GRIP, "grip"),)
 
 
+def stack_rate(result: Result) -> tuple[float, ...]:
+    """Rate of the servicer and of the target at hard capture [rad/s]."""
+    row = np.searchsorted(result.time, _once(result, HARD, "hard capture"))
+    rates = (float(np.linalg.norm(result[name][row])) for name in RATES)
+    return tuple(rates)
+
+
 def _line(  # noqa: PLR0913, PLR0917 - the columns of the table
     name: str, there: str, measure: Evaluation, figure: str, unit: str, band: Band, *needs: str
 ) -> Claim:
@@ -218,6 +226,9 @@ FLIGHT = Paper(
               GRIP, LOCK),
         _line("hard capture", "15.0 s after the grip", hard_after, "{0:.2f} s", "s",
               Band(12, 18), GRIP, HARD),
+        _line("rate of the stack", "0.0166 rad/s at hard capture", stack_rate,
+              "servicer {0:.4f}, target {1:.4f} rad/s", "rad/s", Band(0.0163, 0.0169), HARD,
+              *RATES),
     ),
 )  # fmt: skip
 

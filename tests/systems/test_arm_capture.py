@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from harness import Simulation, load, run
+from harness.results.verdict import Verdict
+from ssp.arm_capture.claims import APPROACH, FLIGHT
 from ssp.arm_capture.measures import (
     ALIGN,
     CLOSE,
@@ -87,6 +89,20 @@ def test_deployment_turns_the_base_by_what_the_feed_forward_leaves(changes, atti
 def test_compensated_force_keeps_the_base_where_it_is():
     result = clean("arm_controller.compensate_force=1")
     assert off(result)[during(result, DEPLOY)].max() == pytest.approx(2.6e-3, rel=0.05)
+
+
+def test_claims_on_the_arm_have_their_verdicts(nominal):
+    """The rate at hard capture is not reproduced: the parts still turn against each other."""
+    found = {c.name: c.evaluate(nominal).verdict for p in (APPROACH, FLIGHT) for c in p.claims}
+    assert found.pop("rate of the stack") is Verdict.NOT_MET
+    for name in ("base attitude in deployment", "base position in deployment"):
+        assert found.pop(name) is Verdict.NOT_EXERCISED
+    assert set(found.values()) == {Verdict.MET}
+
+
+def test_claims_of_the_deployment_are_judged_from_the_reference_on():
+    found = {c.name: c.evaluate(clean()).verdict for c in FLIGHT.claims[:2]}
+    assert set(found.values()) == {Verdict.MET}
 
 
 def momentum(result, k):
