@@ -27,7 +27,7 @@ from harness.studies.compare import TABLE
 from harness.studies.table import read_csv
 from harness.studies.variants import Variant, with_files
 
-NUMBERS, POINTS = 4_000_000, (200, 1500)
+NUMBERS, POINTS = 2_000_000, (150, 1500)
 """Characters of the page for numbers, about; least and most points of a curve."""
 PER_POINT = 8 * 4 / 3
 

@@ -41,6 +41,34 @@ def head(result: Result) -> Facts:
     }
 
 
+WORST_FIRST = ("bad", "fair", "none", "idle", "good")
+"""Looks of verdicts in the order of the head."""
+
+
+def chips(result: Result) -> list[Facts]:
+    """How many rules, requirements and claims have which verdict, the worst first."""
+    found = [{"kind": "good", "text": "complete"} if result.complete else BROKEN]
+    tallies = (
+        (Kind.RULE, [each.verdict for each in rule_findings(of_result(result), result)]),
+        (Kind.REQUIREMENT, [each.verdict for each in findings(result)]),
+    )
+    for kind, verdicts in tallies:
+        for part in _tally(kind, verdicts):
+            many = f"{kind.value}{'' if part['number'] == 1 else 's'}"
+            text = f"{part['number']} {many} {part['text']}"
+            found.append({"kind": part["kind"], "text": text.replace("rules holds", "rules hold")})
+    for paper in papers(result):
+        found += [
+            {"kind": part["kind"], "text": f"{part['number']} {part['text']}"}
+            for part in paper["count"]
+        ]
+        found += [{"kind": "fair", "text": paper["other"]}] if paper["other"] else []
+    return sorted(found, key=lambda chip: WORST_FIRST.index(chip["kind"]))
+
+
+BROKEN = {"kind": "bad", "text": "incomplete"}
+
+
 def measures(result: Result) -> list[Facts]:
     """The measures of harness compare that this run has."""
     if not len(result.time):
@@ -94,11 +122,6 @@ def _tally(kind: Kind, verdicts: list[Verdict]) -> list[Facts]:
 
 
 # ---- requirements
-
-
-def demanded(result: Result) -> list[Facts]:
-    """How many requirements have which verdict."""
-    return _tally(Kind.REQUIREMENT, [found.verdict for found in findings(result)])
 
 
 def demands(result: Result) -> list[Facts]:

@@ -17,9 +17,9 @@ from harness.report.scene import replay
 from harness.report.template import render
 from harness.results.result import Result
 
-NUMBERS = 4_000_000
+NUMBERS = 2_000_000
 """Characters of the page for numbers of curves, about."""
-POINTS = (300, 2400)
+POINTS = (200, 2400)
 """Least and most points of a curve."""
 PER_POINT = 8 * 4 / 3
 """Characters of a point: two numbers of four bytes, four characters for three."""
@@ -65,7 +65,7 @@ def texts(result: Result, canvas: Canvas) -> dict[str, Any]:
         "measures": facts.measures(result),
         "papers": facts.papers(result),
         "demands": facts.demands(result),
-        "demanded": facts.demanded(result),
+        "chips": facts.chips(result),
         "margins": facts.margins(result),
         "parameters": facts.parameters(result),
         "points": canvas.points if canvas.thinned else 0,

@@ -19,6 +19,7 @@ from harness.mission.library import of_result
 from harness.mission.mission import together
 from harness.report import bodies
 from harness.report.arrays import Arrays
+from harness.report.story import told
 from harness.results.result import Result
 from harness.results.rotations import rotation_angle
 
@@ -108,23 +109,14 @@ def scene(arrays: Arrays, time: Array, origin: str, found: list[Body], **about: 
     }
 
 
-def frames(arrays: Arrays, r: Array, v: Array, radius: float = 0.0) -> Scene:
-    """Hill frame, the planet and both kinds of axes in orbit; N only in deep space.
-
-    radius: of the planet [m], 0: that of the Earth.
+def frames(arrays: Arrays, r: Array, v: Array) -> Scene:
+    """Hill frame and both kinds of axes in orbit; N only in deep space, where the Hill frame, if
+    position and velocity make one, carries what a mission has in it.
     """
-    if not in_orbit(r):
-        return {"frames": [INERTIAL]}
-    planet = {
-        "r": arrays.keep(-r),
-        "radius": min(radius or EARTH, 0.99 * float(np.linalg.norm(r[0]))),
-    }
-    hill = arrays.keep(hill_quaternion(r, v))
-    return {"frames": [HILL, INERTIAL], "hill": hill, "planet": planet}
-
-
-EARTH = 6378137.0
-"""Equatorial radius of the planet where no parameter says it [m]."""
+    found: Scene = {"frames": [HILL, INERTIAL] if in_orbit(r) else [INERTIAL]}
+    if in_orbit(r) or np.linalg.norm(np.cross(r, v), axis=1).all():
+        found["hill"] = arrays.keep(hill_quaternion(r, v))
+    return found
 
 
 def joint(
@@ -135,15 +127,20 @@ def joint(
     return {"at": place, "axis": along, "angle": angle, "index": index, "parts": parts, **about}
 
 
-def number(
-    result: Result, arrays: Arrays, rows: Rows, name: str, words: tuple[str, ...] = ()
+def number(  # noqa: PLR0913, PLR0917 - what is shown, and how
+    result: Result,
+    arrays: Arrays,
+    rows: Rows,
+    name: str,
+    words: tuple[str, ...] = (),
+    text: str = "",
 ) -> Scene:
     """A number that runs along with the replay; angles in degrees; words: shown in place of the
-    whole numbers from 0 on.
+    whole numbers from 0 on; text: what it is, else the name of the variable in words.
     """
     angle = result.unit(name) == "rad"
     return {
-        "name": name.partition(".")[2].replace("_", " "),
+        "name": text or name.partition(".")[2].replace("_", " "),
         "unit": "deg" if angle else result.unit(name),
         "factor": float(np.degrees(1.0)) if angle else 1.0,
         "values": arrays.keep(result[name][rows]),
@@ -157,7 +154,7 @@ def replay(result: Result, arrays: Arrays) -> Scene | None:
         return None
     for kind in of_result(result).scene:
         if result.holds(*kind.needs, parameters=kind.parameters):
-            return kind.build(result, arrays)
+            return told(result, arrays, kind.build(result, arrays))
     return None
 
 

@@ -26,6 +26,22 @@ SCRIPTS = {
     "k3d": Path("static") / "standalone.js",
 }
 """Script of a library in its package."""
+CODE = (
+    "plots",
+    "history",
+    "shapes",
+    "labels",
+    "bodies",
+    "marks",
+    "sky",
+    "cameras",
+    "timeline",
+    "story",
+    "record",
+    "replay",
+    "page",
+)
+"""Scripts of the page in the order in which they are loaded."""
 
 
 @cache
@@ -68,7 +84,8 @@ def render(template: str, arrays: Arrays, data: dict[str, Any], **texts: Any) ->
         arrays=_json(arrays.content),
         scripts={name: script(name) for name in SCRIPTS},
         style=text_of("style.css"),
-        code={name: text_of(f"{name}.js") for name in ("page", "plots", "replay")},
+        code=[text_of(f"{name}.js") for name in CODE],
+        coasts=text_of("coasts.json"),
         version=version("servicing-fmus"),
         date=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
     )

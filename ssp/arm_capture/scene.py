@@ -13,6 +13,7 @@ from harness.report import bodies
 from harness.report.arrays import Arrays
 from harness.report.scene import Array, Rows, joint, number
 from harness.report.scene import Scene as Data
+from harness.report.story import event, runs_of
 from harness.results.result import Result
 
 from ..shared.approach_scene import PAIR, Outfit, pair, pairs
@@ -23,7 +24,7 @@ from .measures import MODE, TIP
 ANGLES, CAPTURE, LOAD = "servicer.joint_angle", "mechanism.phase", "mechanism.load_force"
 MODES = ("stowed", "deploying", "aligning", "closing", "at rest", "folding")
 """What the mode of the arm means."""
-SHOWN = ((MODE, MODES), (CAPTURE, LATCH), (TIP, ()), (LOAD, ()))
+SHOWN = ((CAPTURE, LATCH, "latch"), (TIP, (), "tip error"), (LOAD, (), "contact force"))
 PATHS = (("end effector", "servicer.r_EN_N", "servicer.q_EN"),)
 
 
@@ -50,19 +51,17 @@ def gripper(arm: Arm) -> list[bodies.Part]:
 
 def events(result: Result) -> list[Data]:
     """Every change of the mode of the arm and of the latch."""
-    found = []
-    for name, words in SHOWN[:2]:
-        values = result[name]
-        for row in np.flatnonzero(np.diff(values, prepend=np.nan)):
-            text = f"{name.partition('.')[2].replace('_', ' ')}: {words[int(values[row])]}"
-            found.append({"time": float(result.time[row]), "text": text})
-    return sorted(found, key=lambda event: event["time"])
+    arm = runs_of(result[MODE], result.time, MODES)
+    latch = runs_of(result[CAPTURE], result.time, LATCH)[1:]
+    return [event(each["begin"], f"arm {each['text']}", "phase") for each in arm] + [
+        event(each["begin"], f"latch: {each['text']}", "capture") for each in latch
+    ]
 
 
 def fit(result: Result, rows: Rows, arrays: Arrays) -> Outfit | None:
     """The arm, the fixture, modes and errors; None without an arm."""
     paths = (name for _, *names in PATHS for name in names)
-    shown = (name for name, _ in SHOWN)
+    shown = (MODE, *(name for name, *_ in SHOWN))
     if not result.holds(ANGLES, *shown, *paths, parameters=(*ARM, *DOCKING)):
         return None
     arm = arm_of(result)
@@ -76,9 +75,10 @@ def fit(result: Result, rows: Rows, arrays: Arrays) -> Outfit | None:
         tuple(links(arm, arrays.keep(result[ANGLES][rows]))),
         float(lengths.sum()),
         arm.offset[0],
-        tuple(number(result, arrays, rows, name, words) for name, words in SHOWN),
+        tuple(number(result, arrays, rows, *each) for each in SHOWN),
         tuple(events(result)),
         PATHS,
+        tuple(runs_of(result[MODE], result.time, tuple(f"arm {mode}" for mode in MODES))),
     )
 
 

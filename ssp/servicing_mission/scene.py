@@ -12,29 +12,59 @@ from functools import partial
 from harness.mission import Scene
 from harness.report.arrays import Arrays
 from harness.report.scene import Rows, number
+from harness.report.story import event, runs_of
 from harness.results.result import Result
 
 from ..arm_capture.scene import fit as arm
 from ..shared.approach_scene import PAIR, Outfit, pair, pairs
 from ..shared.docking_scene import DOCKING, LATCH, drogue, floor, probe
 from .flight import DOCKING as CAPTURE
-from .flight import ISP, NEEDS, PHASE, PHASES, events
+from .flight import ISP, NEEDS, PHASE, captures, stays
 
 LOAD = "mechanism.load_force"
-SHOWN = ((PHASE, PHASES), (CAPTURE, LATCH), (LOAD, ()))
+PHASES = (
+    "far approach", "hold 1", "closing", "hold 2", "fly-around", "final approach", "hold 3",
+    "mating", "rigidising", "detumbling", "stack at rest", "backing off", "retreat", "safe",
+    "aborted",
+)  # fmt: skip
+"""What the phases of the manager mean."""
+ALARMS = ("backing off", "retreat", "safe", "aborted")
+
+
+def _events(result: Result) -> list[dict[str, object]]:
+    """Phases with what ended the one before, then contacts and latches."""
+    words = {s.begin: PHASES[int(result[PHASE][s.row])] for s in stays(result)}
+    begun = [
+        event(
+            s.begin,
+            words[s.begin] + (f" ({s.reason})" if s.reason else ""),
+            "abort" if words[s.begin] in ALARMS else "phase",
+        )
+        for s in stays(result)
+    ]
+    return begun + [event(time, text, "capture") for time, text in captures(result)]
 
 
 def fit(result: Result, rows: Rows, arrays: Arrays) -> Outfit | None:
     """Probe and drogue, or the arm; phase, latch and contact force run along, events are marked."""
     if not result.holds(*NEEDS, LOAD, parameters=(*DOCKING, ISP)):
         return None
-    marks = tuple({"time": time, "text": text} for time, text in events(result))
+    told, phases = _events(result), tuple(runs_of(result[PHASE], result.time, PHASES))
     if (outfit := arm(result, rows, arrays)) is not None:
-        phase = number(result, arrays, rows, *SHOWN[0])
-        both = sorted((*marks, *outfit.events), key=lambda mark: mark["time"])
-        return outfit._replace(numbers=(phase, *outfit.numbers), events=tuple(both))
-    numbers = tuple(number(result, arrays, rows, name, words) for name, words in SHOWN)
-    return Outfit(probe(result), drogue(result), floor(result), numbers=numbers, events=marks)
+        both = sorted((*told, *outfit.events), key=lambda each: each["time"])
+        return outfit._replace(events=tuple(both), phases=phases)
+    return Outfit(
+        probe(result),
+        drogue(result),
+        floor(result),
+        numbers=(
+            number(result, arrays, rows, CAPTURE, LATCH, "latch"),
+            number(result, arrays, rows, LOAD, text="contact force"),
+        ),
+        events=tuple(told),
+        phases=phases,
+        spot="drogue",
+    )
 
 
 SCENE = Scene(PAIR, (), partial(pair, fit=fit), partial(pairs, fit=fit))

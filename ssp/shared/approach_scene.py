@@ -11,10 +11,13 @@ import numpy as np
 from harness.report import bodies
 from harness.report.arrays import Arrays
 from harness.report.scene import Array, Body, Rows, Scene, frames, in_orbit, instants, scene
+from harness.report.sky import sky
+from harness.report.story import event
 from harness.results.result import Result
 
+from . import approach_marks as marks
 from . import flexible
-from .relative_motion import SERVICER, TARGET, VELOCITIES
+from .relative_motion import SERVICER, TARGET, VELOCITIES, release_time
 
 PAIR = (SERVICER, TARGET, *VELOCITIES, "servicer.q_SN", "target.q_TN")
 
@@ -24,8 +27,8 @@ class Outfit(NamedTuple):
 
     servicer, target: parts; links: what moves on the servicer, reach: as far from S [m]; root,
     seat: points on the hulls of servicer and target [m], where nothing else says how large they
-    are; numbers, events: what runs along; paths: name, position and attitude of points that
-    leave one.
+    are; numbers, phases, events: what runs along; paths: name, position and attitude of points that
+    leave one; spot: what the seat is called.
     """
 
     servicer: list[bodies.Part]
@@ -37,6 +40,8 @@ class Outfit(NamedTuple):
     numbers: tuple[Scene, ...] = ()
     events: tuple[Scene, ...] = ()
     paths: tuple[tuple[str, str, str], ...] = ()
+    phases: tuple[Scene, ...] = ()
+    spot: str = "grasp point"
 
 
 Fit = Callable[[Result, Rows, Arrays], Outfit | None]
@@ -61,15 +66,55 @@ def pair(result: Result, arrays: Arrays, fit: Fit = bare) -> Scene:
         result.time[rows],
         "target" if orbit else "origin of N",
         [chaser, *_points(result, rows, centre, outfit), client],
-        **frames(arrays, r, v, _planet(result)),
-        marks=_marks(result, rows, arrays, centre),
+        **frames(arrays, r, v),
+        **(sky(result, arrays, rows, r, _planet(result)) if orbit else {}),
+        centre="target",
+        marks=marks.marks(result, rows, arrays, centre),
+        rules=marks.rules(result, rows, arrays),
+        sensors=marks.sensors(result),
+        spots=_spots(result, outfit),
         plumes=_plumes(result, rows, arrays, size),
         range=arrays.keep(np.linalg.norm((result[SERVICER] - result[TARGET])[rows], axis=1)),
         speed=arrays.keep(
             np.linalg.norm((result[VELOCITIES[0]] - result[VELOCITIES[1]])[rows], axis=1)
         ),
-        **({"numbers": list(outfit.numbers), "events": list(outfit.events)} if outfit else {}),
+        numbers=list(outfit.numbers) if outfit else [],
+        **_course(result, outfit),
     )
+
+
+def _course(result: Result, outfit: Outfit | None) -> Scene:
+    """Phases and events: those of the outfit, when the attitude is released, when a rule aborts."""
+    events = list(outfit.events) if outfit else []
+    phases = list(outfit.phases) if outfit else []
+    begin, end, released = float(result.time[0]), float(result.time[-1]), release_time(result)
+    if begin < released < end:
+        events.append(event(released, "attitude control on", "phase"))
+        phases = phases or [
+            {"begin": begin, "end": released, "text": "attitude frozen"},
+            {"begin": released, "end": end, "text": "attitude tracked"},
+        ]
+    if ABORT in result and len(aborted := np.flatnonzero(result[ABORT] > 0)):
+        events.append(event(result.time[aborted[0]], "abort ordered by the monitor", "abort"))
+    return {"events": events, "phases": phases}
+
+
+ABORT = "monitor.abort"
+
+
+def _spots(result: Result, outfit: Outfit | None) -> list[Scene]:
+    """The point of the target that shall be reached."""
+    if outfit is not None:
+        at, title, text = outfit.seat, "", outfit.spot
+    elif (axis := marks.grasp_axis(result)) is not None:
+        at, title, text = (
+            axis * _target_face(result),
+            marks.meaning(result, "guidance.p_T"),
+            "grasp point",
+        )
+    else:
+        return []
+    return [{"body": "target", "at": np.asarray(at).tolist(), "text": text, "title": title}]
 
 
 INERTIAS = {
@@ -127,15 +172,8 @@ def _size(result: Result, body: str, mount: Array | None) -> Array:
 
 def _target_face(result: Result) -> float:
     """Distance of the grasp point from the centre of the target [m]."""
-    axis, size = _grasp_axis(result), _size(result, "target", None)
+    axis, size = marks.grasp_axis(result), _size(result, "target", None)
     return float(0.5 / np.max(np.abs(axis) / size)) if axis is not None else float(size.max() / 2)
-
-
-def _grasp_axis(result: Result) -> Array | None:
-    if not result.holds(parameters=("guidance.p_T",)):
-        return None
-    axis = np.asarray(result.parameter("guidance.p_T"))
-    return np.asarray(axis / np.linalg.norm(axis))
 
 
 def _target(result: Result, rows: Rows, centre: Array, trail: bool, outfit: Outfit | None) -> Body:
@@ -143,7 +181,7 @@ def _target(result: Result, rows: Rows, centre: Array, trail: bool, outfit: Outf
     parts = [bodies.box(size), *bodies.wings(size)]
     if outfit is not None:
         parts += outfit.target
-    elif (axis := _grasp_axis(result)) is not None:
+    elif (axis := marks.grasp_axis(result)) is not None:
         parts.append(bodies.ring(axis, size, 0.18 * float(size.min())))
     r, q = result[TARGET][rows] - centre, result["target.q_TN"][rows]
     return Body("target", r, q, parts, 1, float(np.linalg.norm(size) / 2), trail=trail)
@@ -176,8 +214,11 @@ def pairs(results: Mapping[str, Result], arrays: Arrays, fit: Fit = bare) -> Sce
         time,
         "target" if orbit else "origin of N",
         [*found, client],
-        **frames(arrays, r, v, _planet(longest)),
-        marks=_marks(longest, rows, arrays, centre),
+        **frames(arrays, r, v),
+        **(sky(longest, arrays, rows, r, _planet(longest)) if orbit else {}),
+        centre="target",
+        marks=marks.marks(longest, rows, arrays, centre, judged=False),
+        spots=_spots(longest, outfit),
         numbers=numbers,
     )
 
@@ -190,80 +231,7 @@ NEUTRAL = 7
 
 def _planet(result: Result) -> float:
     """Radius of the planet [m], 0 if no parameter says it."""
-    return max(_parameter(result, "target.R_E"), _parameter(result, "monitor.R_E"))
-
-
-# ---- marks
-
-
-def _marks(result: Result, rows: Rows, arrays: Arrays, centre: Array) -> list[Scene]:
-    """Zones, corridor, grasp axis, reference position."""
-    found = [*_zones(result), *_corridor(result)]
-    if (axis := _grasp_axis(result)) is not None:
-        length = max(
-            _parameter(result, "guidance.rho_0"), 1.5 * _parameter(result, "guidance.rho_f")
-        )
-        found.append(
-            {
-                "kind": "axis",
-                "on": "target",
-                "axis": axis.tolist(),
-                "length": length or 10.0,
-                "text": _meaning(result, "guidance.p_T"),
-            }
-        )
-    if "guidance.rho_ref_N" in result and result["guidance.rho_ref_N"].any():
-        place = (result["guidance.rho_ref_N"] + result[TARGET])[rows] - centre
-        text = result.description("guidance.rho_ref_N") or "guidance.rho_ref_N"
-        found.append({"kind": "point", "on": "N", "r": arrays.keep(place), "text": text})
-    return found
-
-
-def _zones(result: Result) -> list[Scene]:
-    """The keep-out zone of the monitor; without one, the distance that the guidance holds."""
-    names = [f"monitor.{n}" for n in ("keep_out_shape", "keep_out_half", "keep_out_axes")]
-    if result.holds(parameters=names) and result.parameter(names[0]) > 0:
-        shape, half, axes = (result.parameter(name) for name in names)
-        kind = "ellipsoid" if shape == 1 else "cuboid"
-        on = "target" if axes else "H"
-        text = _meaning(result, names[1])
-        return [{"kind": kind, "on": on, "half": half.tolist(), "text": text}]
-    for name in ("guidance.rho_M", "guidance.rho_f", "guidance.zeta1"):
-        if radius := _parameter(result, name):
-            text = _meaning(result, name)
-            return [{"kind": "ellipsoid", "on": "target", "half": [radius] * 3, "text": text}]
-    return []
-
-
-def _corridor(result: Result) -> list[Scene]:
-    """The approach corridor of the monitor: a cone."""
-    names = [f"monitor.corridor_{n}" for n in ("axis", "apex", "half_angle", "length", "axes")]
-    if not result.holds(parameters=(*names, "monitor.use_corridor")):
-        return []
-    if not result.parameter("monitor.use_corridor"):
-        return []
-    axis, apex, angle, length, axes = (result.parameter(name) for name in names)
-    farthest = np.linalg.norm(result[SERVICER] - result[TARGET], axis=1).max()
-    return [
-        {
-            "kind": "cone",
-            "on": "target" if axes else "H",
-            "axis": axis.tolist(),
-            "at": apex.tolist(),
-            "angle": float(angle),
-            "length": float(length or 1.1 * farthest),
-            "text": _meaning(result, names[2]),
-        }
-    ]
-
-
-def _parameter(result: Result, name: str) -> float:
-    return float(result.parameter(name)) if result.holds(parameters=(name,)) else 0.0
-
-
-def _meaning(result: Result, name: str) -> str:
-    text = result.parameters.description(name) if result.parameters else ""
-    return f"{name}: {text}" if text else name
+    return max(marks.parameter(result, "target.R_E"), marks.parameter(result, "monitor.R_E"))
 
 
 # ---- plumes

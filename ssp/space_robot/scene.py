@@ -11,11 +11,13 @@ from harness.report.scene import (
     Body,
     Scene,
     frames,
+    in_orbit,
     instants,
     joint,
     number,
     scene,
 )
+from harness.report.sky import sky
 from harness.results.result import Result
 
 ROBOT = ("robot.r_SN_N", "robot.v_SN_N", "robot.q_SN", "robot.joint_angle")
@@ -48,9 +50,13 @@ def robot(result: Result, arrays: Arrays) -> Scene:
         result.time[rows],
         "centre of mass of the base",
         [base],
-        **frames(arrays, r, v, planet),
+        **frames(arrays, r, v),
+        **(sky(result, arrays, rows, r, planet) if in_orbit(r) else {}),
         numbers=[
             number(result, arrays, rows, "robot.pitch"),
-            *(number(result, arrays, rows, f"robot.joint_angle[{k}]") for k in (1, 2)),
+            *(
+                number(result, arrays, rows, f"robot.joint_angle[{k}]", text=f"joint {k}")
+                for k in (1, 2)
+            ),
         ],
     )

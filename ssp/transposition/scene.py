@@ -8,7 +8,6 @@ import numpy as np
 from harness.report import bodies
 from harness.report.arrays import Arrays
 from harness.report.scene import (
-    EARTH,
     HILL,
     INERTIAL,
     Array,
@@ -19,11 +18,19 @@ from harness.report.scene import (
     number,
     scene,
 )
+from harness.report.sky import sky
 from harness.results.result import Result
 
 from .figures import SHAPE
 
 ASSEMBLY = ("assembly.q_SN", "assembly.q_SH", "assembly.arm_angle")
+NUMBERS = {
+    "arm_angle": "angle of the hinge",
+    "rotation": "rotation",
+    "h_cmg": "momentum of the gyros",
+    "momentum_share": "share of what they can hold",
+}
+"""What runs along, in words."""
 
 
 def assembly(result: Result, arrays: Arrays) -> Scene:
@@ -42,7 +49,6 @@ def assembly(result: Result, arrays: Arrays) -> Scene:
     body = Body("base", r, q, [bodies.box(box_0), *base], 0, float(np.linalg.norm(box_0) / 2),
                 (swung,), trail=False, reach=reach)  # fmt: skip
     radius = float(result.parameter("assembly.R_C"))
-    centre = -radius * _turned_axes(hill)
     return scene(
         arrays,
         result.time[rows],
@@ -50,10 +56,10 @@ def assembly(result: Result, arrays: Arrays) -> Scene:
         [body],
         frames=[HILL, INERTIAL],
         hill=arrays.keep(hill),
-        planet={"r": arrays.keep(centre), "radius": min(EARTH, 0.99 * radius)},
+        **sky(result, arrays, rows, radius * _turned_axes(hill)),
         numbers=[
-            number(result, arrays, rows, f"assembly.{name}")
-            for name in ("arm_angle", "rotation", "h_cmg", "momentum_share")
+            number(result, arrays, rows, f"assembly.{name}", text=text)
+            for name, text in NUMBERS.items()
             if f"assembly.{name}" in result
         ],
     )

@@ -29,16 +29,19 @@ def browser():
 
 
 @contextmanager
-def opened(running, path, width=1280, height=900):
-    """A page of a file that is ready; whatever goes wrong in it fails the test."""
+def opened(running, path, width=1280, height=900, where="", touch=False):
+    """A page of a file, at a place of it, ready; whatever goes wrong in it fails the test."""
     context = running.new_context(
-        viewport={"width": width, "height": height}, reduced_motion="reduce", offline=True
+        viewport={"width": width, "height": height},
+        reduced_motion="reduce",
+        offline=True,
+        has_touch=touch,
     )
     page, wrong = context.new_page(), []
     page.on("pageerror", lambda error: wrong.append(str(error)))
     page.on("console", lambda said: wrong.append(said.text) if said.type != "log" else None)
     page.on("requestfailed", lambda request: wrong.append(f"wants {request.url[:100]}"))
-    page.goto(path.absolute().as_uri())
+    page.goto(path.absolute().as_uri() + where)
     page.wait_for_function("window.report && window.report.ready", timeout=120_000)
     yield page
     page.wait_for_timeout(50)

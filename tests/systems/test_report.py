@@ -22,7 +22,7 @@ from harness.claims.report import judged
 from harness.cli.app import main
 from harness.errors import HarnessError
 from harness.mission.library import of_result
-from harness.report import template
+from harness.report import facts, template
 from harness.report.arrays import kept_rows
 from harness.report.bodies import uniform_box
 from harness.report.html import of_run, write
@@ -46,7 +46,7 @@ RUNS = {
 }
 PAIRS = [system for system in RUNS if system not in ("space_robot", "transposition")]
 """A short run of every kind of system."""
-LARGEST = 10_000_000
+LARGEST = 6_000_000
 """Bytes of a page."""
 
 
@@ -232,10 +232,10 @@ def test_modes_of_the_arm_and_its_path_are_in_the_replay():
     np.testing.assert_allclose(tip, expected[instants(page, result)], atol=2e-6)
     scene = page.data["scene"]
     assert [b["name"] for b in scene["bodies"]] == ["servicer", "end effector", "target"]
-    spoken = [(e["time"], e["text"]) for e in scene["events"]]
+    spoken = [(e["time"], e["text"]) for e in scene["events"] if e["kind"] == "phase"]
     began = result.time[result["arm_guidance.arm_mode"] == 1][0]
-    assert spoken[0] == (0, "arm mode: stowed")
-    assert spoken[2:] == [(began, "arm mode: deploying")]
+    assert spoken == [(0, "arm stowed"), (began, "arm deploying")]
+    assert [(p["begin"], p["text"]) for p in scene["phases"]] == spoken
 
 
 def test_boxes_of_the_robot_have_the_lengths_of_its_links():
@@ -347,15 +347,14 @@ def test_phases_and_events_run_along_with_a_mission(capsys, tmp_path):
     result = replace(flown, values=values)
     page = Page(of_run(result))
     scene = page.data["scene"]
-    phase, latch, force = scene["numbers"]
-    spoken = [phase["words"][int(k)] for k in page.array(phase["values"])[[0, -1]]]
-    assert spoken == ["FAR", "SAFE"]
+    latch, force = scene["numbers"]
+    assert [phase["text"] for phase in scene["phases"]] == ["far approach", "safe"]
     assert latch["words"][int(page.array(latch["values"])[0])] == "free"
-    assert (force["name"], force["unit"]) == ("load force", "N")
-    (begin, first), (then, second) = ((e["time"], e["text"]) for e in scene["events"])
-    assert (begin, then) == (0, flown.time[100])
-    assert first.startswith("FAR, range 509.90 m")
-    assert second.startswith("SAFE (ordered by ground), range")
+    assert (force["name"], force["unit"]) == ("contact force", "N")
+    told = [(e["time"], e["text"], e["kind"]) for e in scene["events"]]
+    assert told[0] == (0, "far approach", "phase")
+    assert (flown.time[100], "safe (ordered by ground)", "abort") in told
+    assert [time for time, *_ in told] == sorted(time for time, *_ in told)
     ResultFile(tmp_path / "out.nc").write(result)
     main(["report", str(tmp_path / "out.nc")])
     said = capsys.readouterr().out
@@ -434,6 +433,66 @@ def test_requirements_stand_in_the_page_with_their_worst_instant(tmp_path, capsy
         assert f" {number} requirement{'s' if number > 1 else ''} {word} " in text
     said = f"worst {result['guidance.range'][worst]:.6g} m at {result.time[worst]:g} s"
     assert said in text
+
+
+# ---- the story
+
+
+def test_the_head_begins_with_what_is_worst():
+    """Two rules and a requirement that fail come before all that holds."""
+    result = replace(violated(result_of("servicing_mission")), complete=True)
+    looks = [chip["kind"] for chip in facts.chips(result)]
+    assert looks == sorted(looks, key=facts.WORST_FIRST.index)
+    assert facts.chips(result)[0]["text"] == "2 safety rules violated"
+    text = Page(of_run(result)).text
+    assert text.index("2 safety rules violated") < text.index("complete")
+
+
+def violated(result):
+    """A flight with the first violations of keep-out zone and corridor at 5 and 7 s, an abort at
+    7 s.
+    """
+    values, column = result.values.copy(), result.columns.index
+    for rule, name, when in ((1, "keep_out", 5.0), (2, "corridor", 7.0)):
+        late = result.time >= when
+        values[late, column(f"monitor.t_first[{rule}]")] = when
+        values[late, column(f"monitor.{name}_margin")] = -1.0
+        values[late, column(f"monitor.least_margin[{rule}]")] = -1.0
+    values[result.time >= 7, column("monitor.abort")] = 1
+    return replace(result, values=values)
+
+
+def test_violations_and_aborts_are_events_and_states_of_zones():
+    result = violated(result_of("servicing_mission"))
+    page = Page(of_run(result))
+    scene = page.data["scene"]
+    told = [(e["time"], e["kind"]) for e in scene["events"]]
+    assert (5, "violation") in told
+    assert (7, "violation") in told
+    assert (7, "abort") in told
+    time = page.array(scene["time"])
+    zone = next(m for m in scene["marks"] if m["kind"] == "ellipsoid")
+    assert zone["text"] == "keep-out zone, 12 m"
+    np.testing.assert_array_equal(page.array(zone["state"]) == 2, time >= 5)
+    rules = {rule["name"]: rule["violated"] for rule in scene["rules"]}
+    assert (rules["keep-out"], rules["corridor"]) == (5, 7)
+
+
+def test_the_earth_turns_and_the_sun_stands_by_the_date():
+    """A dated run; Greenwich looks where the equation of the equinoxes has it, within a minute of
+    arc of the angle of 280.46 deg at J2000.
+    """
+    dated = run("ppc_tracking", stop=20.0, epoch="2000-01-01T12:00:00")
+    page = Page(of_run(dated))
+    scene, bare = page.data["scene"], page_of("ppc_tracking").data["scene"]
+    turn = page.array(scene["planet"]["turn"])
+    assert np.degrees(turn[0]) % 360 == pytest.approx(280.46, abs=0.02)
+    assert (turn[-1] - turn[0]) / 20 == pytest.approx(7.292115e-5, rel=0.02)
+    assert scene["planet"]["coasts"]
+    assert "undated" not in scene
+    assert bare["undated"].startswith("no date")
+    assert page.array(scene["sun"]["towards"]).shape == (len(turn), 3)
+    assert page_of("ppc_tracking").array(bare["sun"]["towards"]).shape == (1, 3)
 
 
 # ---- what is wrong is said

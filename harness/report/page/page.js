@@ -54,7 +54,7 @@
     for (const part of document.querySelectorAll(".has-scene")) part.classList.toggle("gone", !data.scene);
     layPlots(data, array);
     if (window.Plotly) startPlots();
-    if (data.scene && window.K3D) window.report.replay = startReplay(data.scene, array, K3D.ThreeJsProvider.THREE);
+    if (data.scene && window.K3D) window.report.replay = startReplay(data.scene, array, K3D.ThreeJsProvider.THREE, json("coasts").rings);
   };
 
   const data = json("data");
@@ -66,15 +66,30 @@
     window.define = (name, needs, make) => { window.K3D = make(); };
     await unpack("k3d");
     delete window.define;
-    window.report.replay = startReplay(data.scene, window.report.array, K3D.ThreeJsProvider.THREE);
+    window.report.replay = startReplay(data.scene, window.report.array, K3D.ThreeJsProvider.THREE, json("coasts").rings);
   }
+
+  /* from a table or a plot to the scene, and back */
+  const place = document.querySelector(".return");
+  window.report.show = (time, from) => {
+    const { replay } = window.report;
+    if (!replay) return;
+    replay.play(false);
+    replay.seek(time);
+    document.getElementById("replay").scrollIntoView();
+    if (!from || !place) return;
+    place.classList.remove("gone");
+    place.onclick = () => { from.scrollIntoView({ block: "center" }); place.classList.add("gone"); };
+  };
   for (const button of document.querySelectorAll(".seek")) {
     if (!window.report.replay) button.remove();
-    button.addEventListener("click", () => {
-      window.report.replay.seek(Number(button.dataset.time));
-      document.getElementById("replay").scrollIntoView();
-    });
+    button.addEventListener("click", () => window.report.show(Number(button.dataset.time), button));
   }
+
+  /* paper is white, and has all plots */
+  let before = "";
+  window.addEventListener("beforeprint", () => { before = root.dataset.theme; theme("light"); drawAll(); });
+  window.addEventListener("afterprint", () => theme(before));
   window.report.ready = true;
   document.dispatchEvent(new Event("ready"));
 })();

@@ -110,6 +110,11 @@ function startPlots() {
   document.addEventListener("replay", (event) => { linked.time = event.detail; moveCursors(); });
 }
 
+/* for paper: what no screen has shown yet, but for closed components */
+function drawAll() {
+  for (const entry of plotCards) if (entry.made.offsetParent && (!entry.drawn || entry.stale === "yes")) draw(entry);
+}
+
 /* what is out of sight is drawn again when it comes back */
 function redraw(entry) {
   entry.stale = "yes";
@@ -257,7 +262,7 @@ function link(entry) {
       zoomAll(entry, [change["xaxis.range[0]"], change["xaxis.range[1]"]]);
   });
   entry.drawing.on("plotly_click", (event) => {
-    if (window.report.replay) window.report.replay.seek(event.points[0].x);
+    window.report.show(event.points[0].x, entry.made);
   });
 }
 

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What happens in a replay: its title, and events at their instants.
+
+A mission gives phases and events of its own; the worst instants of the requirements, the first
+violations of the safety rules and the passes through the shadow come from the result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.claims.report import rule_findings
+from harness.mission.library import of_result
+from harness.report.arrays import Arrays
+from harness.results.requirements import findings
+from harness.results.result import Result
+from harness.results.verdict import Verdict
+
+Array = NDArray[np.float64]
+Scene = dict[str, Any]
+DARK = 0.5
+"""Part of the disc of the Sun that is covered in the shadow."""
+
+
+def told(result: Result, arrays: Arrays, scene: Scene) -> Scene:
+    """The scene with its title and all its events in their order."""
+    events = [*scene.get("events", ()), *_worst(result), *_violations(result)]
+    events += _shadow(result, arrays, scene)
+    known = result.provenance
+    name = plain(result.system)
+    chosen = known.params if known and known.params and known.params != "default" else ""
+    return scene | {
+        "name": result.system,
+        "title": f"{name}, {plain(chosen)}" if chosen else name,
+        "events": sorted(events, key=lambda event: event["time"]),
+    }
+
+
+def plain(name: str) -> str:
+    """A name as words."""
+    return name.rpartition("/")[2].replace("_", " ")
+
+
+def event(time: float, text: str, kind: str = "plain") -> Scene:
+    """Something that happens at an instant [s]; kind: phase, worst, violation, abort, capture,
+    light, plain.
+    """
+    return {"time": float(time), "text": text, "kind": kind}
+
+
+def runs_of(values: Array, time: Array, words: tuple[str, ...]) -> list[Scene]:
+    """Phases in which a variable has one value each: begin, end [s] and what the value means."""
+    edges = np.flatnonzero(np.diff(values, prepend=np.nan))
+    ends = [*time[edges[1:]], time[-1]]
+    return [
+        {"begin": float(time[k]), "end": float(end), "text": words[int(values[k])]}
+        for k, end in zip(edges, ends, strict=True)
+    ]
+
+
+def _worst(result: Result) -> Iterator[Scene]:
+    for found in findings(result):
+        if found.time is None or found.value is None:
+            continue
+        failed = found.verdict is Verdict.NOT_MET
+        value = f"{found.value:.4g} {found.unit.removeprefix('1')}".strip()
+        word = "not met, worst" if failed else "worst"
+        about = f"{plain(found.name)}: {word} {value}"
+        yield event(found.time, about, "violation" if failed else "worst")
+
+
+def _violations(result: Result) -> Iterator[Scene]:
+    for found in rule_findings(of_result(result), result):
+        if not found.verdict.fulfilled:
+            yield event(found.violated, f"{found.name}: violated for the first time", "violation")
+
+
+def _shadow(result: Result, arrays: Arrays, scene: Scene) -> Iterator[Scene]:
+    """Where a dated run enters and leaves the shadow of the planet."""
+    if "undated" in scene or "sun" not in scene:
+        return
+    dark = arrays.take(scene["sun"]["shadow"]) > DARK
+    time = arrays.take(scene["time"])
+    for k in np.flatnonzero(np.diff(dark)) + 1:
+        yield event(time[k], "into the shadow" if dark[k] else "out of the shadow", "light")
