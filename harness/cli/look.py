@@ -197,13 +197,14 @@ def plot(  # noqa: PLR0913, PLR0917 - one argument per option
     ending: FormatOption = Format.PNG,
     style: StyleOption = Look.SCREEN,
     wide: Annotated[
-        bool, typer.Option("--wide", help="Make all figures of --style paper 7 in wide")
+        bool, typer.Option("--wide", help="Make all figures of --style paper or serif 7 in wide")
     ] = False,
     mission: MissionOption = None,
 ) -> None:
     """Draw the figures of a run.
 
-    Those of its system, or one of any variables.
+    Those of its system, or one of any variables. Print styles (paper, serif) come with captions.md
+    and captions.tex.
     """
     from harness.figures.plots import plot as draw
     from harness.figures.style import style_of

@@ -29,6 +29,7 @@ class Look(Enum):
 
     SCREEN = "screen"
     PAPER = "paper"
+    SERIF = "serif"
 
 
 def figures_of(results: Path) -> Path:

@@ -28,12 +28,17 @@ def draw_paths(
     """
     space = canvas.add_subplot(1, 2, 1, projection="3d")
     flat = canvas.add_subplot(1, 2, 2)
-    for label, (path, style) in paths.items():
+    from matplotlib import rcParams
+
+    dashes = rcParams["axes.prop_cycle"].by_key().get("linestyle", ["-"])
+    for k, (label, (path, style)) in enumerate(paths.items()):
         look = {"linewidth": 1, "label": label} | (
             {"color": colours[label]} if colours and label in colours else {}
         )
-        space.plot(*path.T, style, **look)
-        flat.plot(path[:, plane[0]], path[:, plane[1]], style, **look)
+        plain = style == "-"
+        look |= {"linestyle": dashes[k % len(dashes)]} if plain else {}
+        space.plot(*path.T, *([] if plain else [style]), **look)
+        flat.plot(path[:, plane[0]], path[:, plane[1]], *([] if plain else [style]), **look)
     space.set(xlabel=names[0], ylabel=names[1], zlabel=names[2])
     _to_scale(space)
     flat.set(xlabel=names[plane[0]], ylabel=names[plane[1]])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from io import BytesIO
 from itertools import chain
@@ -16,7 +17,9 @@ from typing import Any
 import numpy as np
 
 from harness.errors import ResultsError
+from harness.figures.captions import written_captions
 from harness.figures.choice import figure_of, figures_of, overlays_of
+from harness.figures.finish import finished
 from harness.figures.limits import calm, cut_spikes, unit_of
 from harness.figures.style import (
     MANY,
@@ -60,7 +63,9 @@ def plot(
         _log.warning("not drawn, for nothing changes in them: %s", ", ".join(empty))
         figures = {name: figure for name, figure in figures.items() if name not in empty}
     drawn = {name: partial(paint, f, result, style) for name, f in figures.items()}
-    return _write(directory, ending, style, drawn)
+    files = _write(directory, ending, style, drawn)
+    captioned = style.printed and not variables
+    return files + (written_captions(directory, figures, {"": result}) if captioned else [])
 
 
 def shown(result: Result, names: Sequence[str] = ()) -> Canvas:
@@ -92,19 +97,34 @@ def overlay(
     """Draw several runs, by label, into the same figures; returns the files written, none if no
     figure fits.
 
-    A run that lacks a variable of a figure is left out of it. Ten runs or more have the colours of
-    a scale and the band of the middle nine tenths instead of a legend. Raises ResultsError if the
-    directory cannot be written.
+    A run that lacks a variable of a figure is left out of it, and the title says so; a figure that
+    one run alone has compares nothing: it is left out with a note. Ten runs or more have the
+    colours of a scale and the band of the middle nine tenths instead of a legend. Raises
+    ResultsError if the directory cannot be written.
     """
     offered = overlays_of(results) if results else ()
     fitting = {f: {label: r for label, r in results.items() if f.fits(r)} for f in offered}
     colours = _colours(list(results))
-    figures = {
-        f.name: partial(paint_overlay, f, runs, colours, style)
-        for f, runs in fitting.items()
-        if not all(f.is_empty(run) for run in runs.values())
-    }
-    return _write(directory, ending, style, figures)
+    shown = {f: r for f, r in fitting.items() if not all(f.is_empty(run) for run in r.values())}
+    if alone := [f for f, runs in shown.items() if len(runs) < min(2, len(results))]:
+        names = ", ".join(f"{f.name} ({next(iter(shown[f]))})" for f in alone)
+        _log.warning("not compared, for one run alone has them: %s", names)
+    figures = {f: runs for f, runs in shown.items() if f not in alone}
+    drawn = {f.name: partial(paint_overlay, named(f, runs, results), runs, colours, style)
+             for f, runs in figures.items()}  # fmt: skip
+    files = _write(directory, ending, style, drawn)
+    about = {f.name: named(f, runs, results) for f, runs in figures.items()}
+    return files + (written_captions(directory, about, results) if style.printed else [])
+
+
+def named(
+    figure: Figure | Overlay, shown: Mapping[str, Result], results: Mapping[str, Result]
+) -> Figure | Overlay:
+    """A figure of several runs whose title names those that are not in it."""
+    absent = [label for label in results if label not in shown]
+    return (
+        replace(figure, title=f"{figure.title}; without {', '.join(absent)}") if absent else figure
+    )
 
 
 def _write(
@@ -122,19 +142,33 @@ def paint(figure: Figure | Drawing, result: Result, style: Style = SCREEN) -> Ca
     if isinstance(figure, Drawing):
         canvas = new_canvas(figure.title, figure.size, style)
         figure.draw(canvas, result)
-        return canvas
+        clock = time_axis(result.time)
+        return finished(canvas, _end(clock.seconds, result), style.printed)
     canvas, panels = _panels(figure, [result], style)
     time, labelled = time_axis(result.time), [""]
     for axes, panel in panels:
         for curve in panel.held(result):
             _draw_curve(axes, result, panel, curve, time.seconds)
         _shade(axes, panel, [result], time.seconds)
+        _mark_least(axes, panel, result, time.seconds)
         labels = axes.get_legend_handles_labels()[1]
         if labels != labelled:
             legend_above(axes)
         labelled = labels
     calm([(axes, panel.ylabel) for axes, panel in panels])
-    return canvas
+    return finished(canvas, _end(time.seconds, result), style.printed)
+
+
+def _end(seconds: float, *results: Result) -> float | None:
+    """End of the axis of time of several runs."""
+    return max((float(r.time[-1]) for r in results if len(r.time)), default=0.0) / seconds or None
+
+
+def _mark_least(axes: Any, panel: Panel, result: Result, seconds: float) -> None:
+    """A mark with its value where the least value matters."""
+    for time, value in panel.minima(result):
+        text = f"least {value:.4g} {unit_of(panel.ylabel)}".strip()
+        axes.plot(time / seconds, value, "kv", markersize=5, label=text)
 
 
 def _panels(
@@ -184,7 +218,7 @@ def _draw_curve(axes: Any, result: Result, panel: Panel, curve: Curve, seconds: 
     if curve.anew:
         axes.set_prop_cycle(None)
     shown = panel.rows(result)
-    time, history = result.time[shown] / seconds, curve.history(result)[shown]
+    time, history = curve.broken(result.time[shown] / seconds, curve.history(result)[shown])
     given = (curve.style,) if curve.style else ()
     if history.ndim == 1:
         axes.plot(time, history, *given, label=curve.label or None)
@@ -260,7 +294,9 @@ def paint_overlay(
     if len(colours) >= MANY:
         labels = list(colours)
         canvas.colorbar(_mappable(labels), ax=canvas.axes, label=_scale(labels)[0], shrink=0.8)
-    return canvas
+    seconds = time_axis(*(r.time for r in results.values())).seconds
+    printed = style.printed and len(colours) < MANY
+    return finished(canvas, _end(seconds, *results.values()), printed)
 
 
 def _name_runs(
@@ -303,7 +339,8 @@ def _draw_run(  # noqa: PLR0913, PLR0917 - a curve of all runs
     for label, history in histories.items():
         look = {"linewidth": 0.5, "alpha": 0.5} if many else {"linestyle": styles[label]}
         look |= {"linestyle": curve.style} if curve.style else {}
-        axes.plot(results[label].time / seconds, history, color=colours[label], **look)
+        drawn_as = curve.broken(results[label].time / seconds, history)
+        axes.plot(*drawn_as, color=colours[label], **look)
     times = [result.time for result in results.values()]
     if many and all(np.array_equal(times[0], time) for time in times):
         drawn = np.stack(list(histories.values()))

@@ -9,7 +9,7 @@ import re
 import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -36,7 +36,7 @@ MANY = 10
 class Style:
     """Width of a figure in one column and across the page [in], None: the size of the screen;
     stretch: how much higher a column is than the same figure on the screen; titled: whether
-    figures bear titles (in a paper captions do).
+    figures bear titles (in a paper captions do); serif: in the letters of STIX, as most papers.
     """
 
     name: str
@@ -44,6 +44,18 @@ class Style:
     page: float | None = None
     stretch: float = 1.0
     titled: bool = True
+    serif: bool = False
+
+    @property
+    def printed(self) -> bool:
+        """Whether figures go into a paper."""
+        return self.column is not None
+
+    @property
+    def sheets(self) -> tuple[str, ...]:
+        """Style sheets, one on top of the other."""
+        letters = ("serif.mplstyle",) if self.serif else ()
+        return ("paper.mplstyle" if self.printed else "screen.mplstyle", *letters)
 
     def size(self, size: tuple[float, float]) -> tuple[float, float]:
         """Of a figure that has this size on the screen [in]."""
@@ -60,22 +72,24 @@ class Style:
 
         with mpl.rc_context():
             mpl.rcdefaults()
-            sheet = SHEETS / f"{self.name}.mplstyle"
-            mpl.rcParams.update(mpl.rc_params_from_file(sheet, use_default_template=False))
+            for sheet in self.sheets:
+                found = mpl.rc_params_from_file(SHEETS / sheet, use_default_template=False)
+                mpl.rcParams.update(found)
             yield
 
 
 SCREEN = Style("screen")
 PAPER = Style("paper", column=3.5, page=7.0, stretch=1.15, titled=False)
-STYLES = {style.name: style for style in (SCREEN, PAPER)}
+SERIF = replace(PAPER, name="serif", serif=True)
+STYLES = {style.name: style for style in (SCREEN, PAPER, SERIF)}
 
 
 def style_of(name: str, wide: bool = False) -> Style:
     """The style of that name; wide: every figure across the page. UsageError."""
     if name not in STYLES:
-        raise UsageError(f"there is no style {name}, only {' and '.join(STYLES)}")
+        raise UsageError(f"there is no style {name}, only {', '.join(STYLES)}")
     style = STYLES[name]
-    return Style(name, style.page, style.page, 0.6, style.titled) if wide else style
+    return replace(style, column=style.page, stretch=0.6) if wide else style
 
 
 def new_canvas(title: str, size: tuple[float, float], style: Style = SCREEN) -> Any:

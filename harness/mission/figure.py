@@ -29,7 +29,8 @@ class Curve:
     source: a variable, or a function of the result that `needs` these variables; convert: maps the
     history of the variable to what is drawn; labels: of the elements; style: "": the style of its
     colour; anew: reuse the colours of the curve before; parameters: parameters of the run that it
-    needs; without them only this curve is left out.
+    needs; without them only this curve is left out; jump: a step between two rows above this value
+    breaks the curve, as where Rodrigues parameters change to their shadow.
     """
 
     source: str | Callable[[Result], Array]
@@ -40,6 +41,7 @@ class Curve:
     needs: tuple[str, ...] = ()
     anew: bool = False
     parameters: tuple[str, ...] = ()
+    jump: float = np.inf
 
     def variables(self) -> tuple[str, ...]:
         """What the result must hold."""
@@ -49,6 +51,12 @@ class Curve:
         """What is drawn: (rows,) or (rows, elements)."""
         values = result[self.source] if isinstance(self.source, str) else self.source(result)
         return self.convert(values) if self.convert else values
+
+    def broken(self, time: Array, history: Array) -> tuple[Array, Array]:
+        """Time and history with a row that is no number in every jump."""
+        steps = np.abs(np.diff(history.reshape(len(history), -1), axis=0)).max(axis=1, initial=0)
+        rows = np.flatnonzero(steps > self.jump) + 1
+        return np.insert(time, rows, time[rows]), np.insert(history, rows, np.nan, axis=0)
 
 
 @dataclass(frozen=True)
@@ -72,7 +80,7 @@ class Level:
 class Panel:
     """One pair of axes over time; after: start of the time axis [s], or a function of the result
     that returns it; level: a horizontal line; idle_until: shaded up to this time, in which nothing
-    drawn here acts.
+    drawn here acts; least: mark the least value.
     """
 
     ylabel: str
@@ -81,6 +89,15 @@ class Panel:
     log: bool = False
     level: Level | None = None
     idle_until: Callable[[Result], float] | None = None
+    least: bool = False
+
+    def minima(self, result: Result) -> Iterator[tuple[float, float]]:
+        """Time [s] and least value of every curve, where that matters."""
+        for curve in self.held(result) if self.least else ():
+            values = curve.history(result)[self.rows(result)]
+            if values.ndim == 1 and np.isfinite(values).any():
+                k = int(np.nanargmin(values))
+                yield float(result.time[self.rows(result)][k]), float(values[k])
 
     def rows(self, result: Result) -> slice:
         """The rows that are drawn: from the start of the time axis on, else all."""

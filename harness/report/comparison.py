@@ -12,6 +12,7 @@ import numpy as np
 
 from harness.errors import ResultsError
 from harness.figures.choice import overlays_of
+from harness.figures.plots import named
 from harness.figures.style import SCREEN
 from harness.mission import Figure, Overlay
 from harness.mission.library import of_result
@@ -128,9 +129,12 @@ def figures(canvas: Canvas, results: Mapping[str, Result]) -> list[dict[str, Any
     found = []
     for figure in overlays_of(results):
         fitting = {label: r for label, r in results.items() if figure.fits(r)}
+        if len(fitting) < min(2, len(results)):
+            continue  # one run alone compares nothing
         if any(not figure.is_empty(r) for r in fitting.values()):
             panels = _drawn(canvas, figure, results, fitting)
-            found.append({"name": figure.name, "title": figure.title, "plots": panels})
+            title = named(figure, fitting, results).title
+            found.append({"name": figure.name, "title": title, "plots": panels})
     return [each for each in found if each["plots"]]
 
 

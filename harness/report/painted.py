@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from harness.figures.finish import untexed
 from harness.report.plots import STYLES, Canvas, Plot
 
 SECONDS = {"time [s]": 1.0, "time [h]": 3600.0}
@@ -42,7 +43,7 @@ def _plot(canvas: Canvas, axes: Any) -> Plot:
         found["range"] = [float(limit) for limit in axes.get_ylim()]
     if not axes.get_autoscalex_on() and not time:
         found["range_x"] = [float(limit) for limit in axes.get_xlim()]
-    texts = [label.get_text() for label in axes.get_yticklabels()]
+    texts = [untexed(label.get_text()) for label in axes.get_yticklabels()]
     if any(re.search("[A-Za-z]", text) for text in texts):
         found["ticks"] = [[float(place) for place in axes.get_yticks()], texts]
     return found

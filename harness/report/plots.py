@@ -82,18 +82,25 @@ def any_of(panel: Panel, *results: Result) -> bool:
 
 def _panel(canvas: Canvas, panel: Panel, result: Result) -> Plot:
     shown = panel.rows(result)
-    time = result.time[shown]
     curves: list[Plot] = []
     size, first = 0.0, 0
     for curve in panel.held(result):
-        history = curve.history(result)[shown]
+        time, history = curve.broken(result.time[shown], curve.history(result)[shown])
         first, count = (first if curve.anew else len(curves)), len(curves)
         size = max(size, float(np.abs(np.nan_to_num(history)).max()))
         for values, name, dash in _elements(curve, history):
             colour = "ink" if "k" in curve.style else first + len(curves) - count
             curves.append(canvas.curve(time, values, name, colour=colour, dash=dash))
+    curves += [_least(canvas, panel, *found) for found in panel.minima(result)]
     about = {"log": panel.log, "levels": _levels(panel, result), "shade": _idle(panel, result)}
     return plot(panel.ylabel, curves, size=size, **about)
+
+
+def _least(canvas: Canvas, panel: Panel, time: float, value: float) -> Plot:
+    """A mark where the least value matters."""
+    text = f"least {value:.4g} {unit_of(panel.ylabel)} at {time:g} s"
+    look = {"colour": "ink", "dash": "solid", "marker": "circle"}
+    return canvas.curve(np.array([time]), np.array([value]), text, **look)
 
 
 def plot(y: str, curves: list[Plot], **about: Any) -> Plot:
@@ -224,7 +231,7 @@ def _overlaid(
 ) -> Plot:
     curves = [
         canvas.curve(
-            r.time,
+            time,
             values,
             f"{label} {name}".strip(),
             colour=labels.index(label),
@@ -233,7 +240,8 @@ def _overlaid(
         )
         for label, r in results.items()
         for curve in panel.held(r)
-        for values, name, dash in _elements(curve, curve.history(r))
+        for time, history in [curve.broken(r.time, curve.history(r))]
+        for values, name, dash in _elements(curve, history)
     ]
     first = next(iter(results.values()))
     about = {"levels": _levels(panel, first), "shade": _idle(panel, *results.values())}

@@ -23,7 +23,7 @@ def _trajectory(canvas: Axes, result: Result) -> None:
         f"phase {number:g}": (np.where((phase == number)[:, None], path, np.nan), "-")
         for number in np.unique(phase)
     } | {"target": (np.zeros((1, 3)), "ko")}
-    names = ("radial x [m]", "along track y [m]", "normal z [m]")
+    names = ("radial x_H [m]", "along track y_H [m]", "normal z_H [m]")
     legend_above(draw_paths(canvas, paths, names, (1, 0)))
 
 

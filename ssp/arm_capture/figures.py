@@ -42,7 +42,7 @@ ARM = (
         "What the arm does to the base",
         (
             Panel("position error, H axes [m]", (Curve("controller.e1_H"),)),
-            Panel("attitude error, MRP", (Curve("controller.epsilon"),)),
+            Panel("attitude error, MRP", (Curve("controller.epsilon", jump=1.0),)),
             Panel("feed-forward torque [N m]", (Curve("arm_controller.M_ff_S"),)),
             Panel("centre of mass from S [m]", (Curve("servicer.r_CS_S"),)),
         ),

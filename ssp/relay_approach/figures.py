@@ -50,7 +50,7 @@ def _trajectory(canvas: Axes, result: Result) -> None:
         "servicer": (servicer, "-"),
         "target": (target if target.any() else target[:1], "--" if target.any() else "ko"),
     }
-    plane = draw_paths(canvas, paths, ("x [m]", "y [m]", "z [m]"), (0, 1))
+    plane = draw_paths(canvas, paths, ("x_N [m]", "y_N [m]", "z_N [m]"), (0, 1))
     marks = {"start": 0, "end": len(servicer) - 1}
     hold = float(result.parameter(HOLD)) if result.holds(parameters=(HOLD,)) else 0.0
     near = np.flatnonzero(range_(result) <= hold)

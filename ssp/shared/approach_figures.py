@@ -104,14 +104,14 @@ def _thinned(rows: Array) -> Array:
 RANGE = Figure(
     "range",
     "Range",
-    (Panel("range [m]", (Curve("guidance.range", "range"),), level=FINAL_RANGE),),
+    (Panel("range [m]", (Curve("guidance.range", "range"),), level=FINAL_RANGE, least=True),),
 )
 FORCE = Figure(
     "force",
     "Control force",
     (
-        Panel("Hill axes [N]", (Curve(force_H, needs=FORCE_H),)),
-        Panel("servicer axes [N]", (Curve("propulsion.F_S"),)),
+        Panel("force, Hill axes [N]", (Curve(force_H, needs=FORCE_H),)),
+        Panel("force, servicer axes [N]", (Curve("propulsion.F_S"),)),
     ),
 )
 ESTIMATED_MASS = Figure(
@@ -130,7 +130,7 @@ ATTITUDE_ERROR = Figure(
     (
         Panel(
             "MRP of S relative to D",
-            (Curve(attitude_error_vector, needs=TURNED),),
+            (Curve(attitude_error_vector, needs=TURNED, jump=1.0),),
             after=release_time,
         ),
         Panel(
@@ -144,7 +144,13 @@ ATTITUDE_ERROR = Figure(
 WHEEL_SPEEDS = Figure(
     "wheel_speeds",
     "Wheel speeds",
-    (Panel("speed [rad/s]", (Curve("servicer.wheel_speed"),), after=release_time),),
+    (
+        Panel(
+            "wheel speed, servicer axes [rad/s]",
+            (Curve("servicer.wheel_speed"),),
+            after=release_time,
+        ),
+    ),
     ("guidance.rho_H",),
 )
 INERTIA_ESTIMATES = Figure(

@@ -42,7 +42,7 @@ CHANNELS = (("range", "m"), ("elevation", "rad"), ("azimuth", "rad"))
 def _trajectory(canvas: Axes, result: Result) -> None:
     path = result[SERVICER] - result[TARGET]
     paths = {"servicer": (path, "-"), "target": (np.zeros((1, 3)), "ko")}
-    plane = draw_paths(canvas, paths, ("x [m]", "y [m]", "z [m]"), (0, 2))
+    plane = draw_paths(canvas, paths, ("x_N [m]", "y_N [m]", "z_N [m]"), (0, 2))
     plane.plot(*path[0, ::2], "g^", label="start")
     plane.plot(*path[-1, ::2], "rs", label="end")
     legend_above(plane)

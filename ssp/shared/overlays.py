@@ -63,7 +63,7 @@ def _trajectories(
     paths = {label: (r[SERVICER] - r[TARGET], "-") for label, r in results.items()} | {
         "target": (np.zeros((1, 3)), "ko")
     }
-    flat = draw_paths(canvas, paths, ("x [m]", "y [m]", "z [m]"), (0, 2), colours)
+    flat = draw_paths(canvas, paths, ("x_N [m]", "y_N [m]", "z_N [m]"), (0, 2), colours)
     if len(results) < MANY:
         legend_above(flat)
 

@@ -39,7 +39,7 @@ def _approach(canvas: Axes, result: Result) -> None:
     normal.
     """
     actual, reference = result["guidance.rho_H"], result["guidance.rho_ref_H"]
-    names = ("radial x [m]", "along track y [m]", "normal z [m]")
+    names = ("radial x_H [m]", "along track y_H [m]", "normal z_H [m]")
     paths = {
         "servicer": (actual, "-"),
         "reference": (reference[1:], "--"),
@@ -61,7 +61,7 @@ FIGURES: tuple[Figure | Drawing, ...] = (
         "tracking_error",
         "Position tracking error, Hill axes",
         (
-            Panel("error [m]", (Curve(position_error_H, needs=POSITION_H),)),
+            Panel("error, Hill axes [m]", (Curve(position_error_H, needs=POSITION_H),)),
             Panel("|error| [m]", (Curve(position_error_H, "", norm, needs=POSITION_H),), log=True),
         ),
     ),

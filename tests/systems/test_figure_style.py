@@ -95,7 +95,7 @@ def test_a_style_leaves_nothing_behind():
 
 
 def test_an_unknown_style_is_one_line():
-    with pytest.raises(UsageError, match="no style poster, only screen and paper"):
+    with pytest.raises(UsageError, match="no style poster, only screen, paper, serif"):
         style_of("poster")
 
 
@@ -173,7 +173,7 @@ def test_the_range_to_be_held_is_that_of_the_run():
     sync = run("sync_approach", set={"guidance.rho_M": 6.0}, stop=20.0)
     assert drawn(painted("range", sync).axes[0])["to be held: 6 m"][0] == 6.0
     unknown = painted("range", replace(sync, parameters=None)).axes[0]
-    assert list(drawn(unknown)) == ["range"]
+    assert not [name for name in drawn(unknown) if name.startswith("to be held")]
 
 
 def test_true_inertias_are_drawn_in_the_colours_of_their_estimates():

@@ -54,6 +54,7 @@ function startReplay(scene, array, T, coasts) {
     sky.place(at);
     view.root.updateMatrixWorld(true);
     cameras.set(once);
+    view.camera.updateMatrixWorld();
     resize();
     timeline.show();
     story.show(at);
