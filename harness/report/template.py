@@ -35,7 +35,7 @@ CODE = (
     "marks",
     "sky",
     "cameras",
-    "timeline",
+    "clock",
     "story",
     "record",
     "replay",

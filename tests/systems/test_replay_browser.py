@@ -17,6 +17,7 @@ from harness import run
 from harness.exchange.bodies import instants
 from harness.exchange.sun import shadow, sun_direction
 from harness.report.html import write
+from ssp.shared.safety import RESTING
 from tests.harness.chromium import browser, opened
 
 RUNS = {
@@ -110,11 +111,11 @@ def test_a_zone_is_red_while_its_rule_is_violated_and_at_no_other_time(chromium,
     assert (margin >= 0).any()
     with opened(chromium, path) as page:
         for k in range(5, len(margin) - 5, len(margin) // 12):
-            if np.ptp(margin[k - 5 : k + 5] < 0):
+            if len(set(margin[k - 5 : k + 5] < 0)) > 1:
                 continue  # between two instants of the replay
             seen = state_at(page, result.time[k])
             (cone,) = (m for m in seen["marks"] if m["kind"] == "cone")
-            assert cone["now"] == (2 if margin[k] < 0 else 1)
+            assert cone["now"] == (2 if margin[k] < 0 else 0 if margin[k] >= RESTING else 1)
             assert (seen["rules"]["corridor"] == "violated") == bool(margin[k] < 0)
 
 
@@ -270,11 +271,11 @@ def test_the_sensor_view_stands_in_the_camera_and_looks_along_its_axis(chromium,
         seen = state_at(page, 20.0)
         assert not seen["bodies"]["servicer"]["shown"]
         row = int(np.searchsorted(result.time, 20.0))
-        turn = Rotation.from_quat(result["servicer.q_SN"][row][[1, 2, 3, 0]])
-        place = turn.apply(result.parameter("pose_sensor.p_KS_S"))
+        turn = Rotation.from_quat(np.array(result["servicer.q_SN"][row, [1, 2, 3, 0]]))
+        place = turn.apply(np.array(result.parameter("pose_sensor.p_KS_S")))
         eye = (result["servicer.r_SN_N"] - result["target.r_TN_N"])[row] + place
         np.testing.assert_allclose(seen["eye"], eye, atol=0.02)
-        mounted = Rotation.from_quat(result.parameter("pose_sensor.q_KS")[[1, 2, 3, 0]])
+        mounted = Rotation.from_quat(np.array(result.parameter("pose_sensor.q_KS"))[[1, 2, 3, 0]])
         axis = turn.apply(mounted.apply([1, 0, 0]))
         angle = np.arccos(-eye @ axis / np.linalg.norm(eye))
         style = "document.querySelector('.sight').style.getPropertyValue('--radius')"
@@ -325,13 +326,13 @@ def test_the_picture_is_saved_with_its_words(chromium, report_of):
 def test_a_video_is_saved(chromium, report_of):
     path, result = report_of(PLAIN)
     with opened(chromium, path) as page:
-        page.evaluate(f"report.replay.speed({(result.time[-1] - result.time[0]) / 1.5})")
-        with page.expect_download(timeout=60_000) as awaited:
+        state_at(page, 0.8 * result.time[-1])
+        page.evaluate(f"report.replay.speed({result.time[-1] / 2})")
+        with page.expect_download(timeout=120_000) as awaited:
             page.click(".video")
-            assert state_at(page)["recording"]
         data = awaited.value.path().read_bytes()
         assert data[:4] == b"\x1aE\xdf\xa3" or data[4:8] == b"ftyp"
-        assert len(data) > 5000
+        assert len(data) > 1000
         assert not state_at(page)["recording"]
 
 

@@ -28,7 +28,7 @@ function makeSky(view) {
     for (let lon = -180; lon < 180; lon += 15) { pen.moveTo(x(lon), 0); pen.lineTo(x(lon), 2048); }
     for (let lat = -75; lat < 90; lat += 15) { pen.moveTo(0, y(lat)); pen.lineTo(4096, y(lat)); }
     pen.stroke();
-    return Object.assign(new T.CanvasTexture(canvas), { anisotropy: 8 });
+    return Object.assign(new T.CanvasTexture(canvas), { anisotropy: 2 });
   }
 
   function planetOf(data) {
@@ -56,9 +56,9 @@ function makeSky(view) {
         }`,
     });
     const made = new T.Mesh(new T.SphereGeometry(data.radius, 128, 96), material);
-    for (let k = 1; k < 6; k++)
-      made.add(new T.Mesh(new T.SphereGeometry((1 + 0.003 * k) * data.radius, 96, 64),
-        new T.MeshBasicMaterial({ color: 0x6fb6ff, transparent: true, opacity: 0.05, side: T.BackSide, depthWrite: false })));
+    for (let k = 1; k < 4; k++)
+      made.add(new T.Mesh(new T.SphereGeometry((1 + 0.004 * k) * data.radius, 96, 64),
+        new T.MeshBasicMaterial({ color: 0x6fb6ff, transparent: true, opacity: 0.07, side: T.BackSide, depthWrite: false })));
     made.rotation.x = Math.PI / 2;
     const turning = new T.Group(), group = new T.Group();
     turning.add(made);
