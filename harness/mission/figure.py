@@ -54,8 +54,12 @@ class Curve:
 
     def broken(self, time: Array, history: Array) -> tuple[Array, Array]:
         """Time and history with a row that is no number in every jump."""
+        if np.isinf(self.jump):
+            return time, history
         steps = np.abs(np.diff(history.reshape(len(history), -1), axis=0)).max(axis=1, initial=0)
         rows = np.flatnonzero(steps > self.jump) + 1
+        if not len(rows):
+            return time, history
         return np.insert(time, rows, time[rows]), np.insert(history, rows, np.nan, axis=0)
 
 

@@ -144,7 +144,7 @@
     for (const each of document.querySelectorAll(OF_FILE)) each.classList.toggle("of-file", changed);
     const gone = original.scene && fixed.size ? " Arrows, plots or parts of the replay named so are those of the file." : "";
     part(".stale").hidden = !changed;
-    part(".stale").textContent = `Replay, plots, signals and requirements show the new run. Shapes, zones and limits of the replay, headline figures, claims and safety tiles are those of the file.${gone}`;
+    part(".stale").textContent = `Replay, plots, signals and requirements show the new run. Shapes, zones, limits, phases, events and rules of the replay, headline figures, claims and safety tiles are those of the file.${gone}`;
   };
   const present = (data, arrays) => {
     const { replay } = window.report, state = replay && replay.state();

@@ -70,13 +70,13 @@
   }
 
   /* from a table or a plot to the scene, and back */
-  const place = document.querySelector(".return");
   window.report.show = (time, from) => {
     const { replay } = window.report;
     if (!replay) return;
     replay.play(false);
     replay.seek(time);
     document.getElementById("replay").scrollIntoView();
+    const place = document.querySelector(".return");
     if (!from || !place) return;
     place.classList.remove("gone");
     place.onclick = () => { from.scrollIntoView({ block: "center" }); place.classList.add("gone"); };
