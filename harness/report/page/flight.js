@@ -198,25 +198,46 @@ const Flight = (() => {
     }
     for (; k < array.shape.length; k++) { axes.push(sliced([null, null, null], array.shape[k])); shape.push(array.shape[k]); }
     const own = strides(array.shape), out = make(shape);
-    const counts = axes.map((a) => a.length), at = new Array(axes.length).fill(0);
-    let place = axes.reduce((sum, a, j) => sum + (a.length ? a[0] * own[j] : 0), 0);
-    for (let i = 0; i < out.data.length; i++) {
-      out.data[i] = array.data[place];
-      for (let j = axes.length - 1; j >= 0; j--) {
-        const before = axes[j][at[j]];
-        at[j] = at[j] + 1 < counts[j] ? at[j] + 1 : 0;
-        place += (axes[j][at[j]] - before) * own[j];
-        if (at[j]) break;
+    if (!axes.length) return make(shape, array.data.slice());
+    /* the places of one item of the first axis, then all items */
+    let offsets = Int32Array.of(0);
+    for (let j = 1; j < axes.length; j++) {
+      const before = offsets, m = axes[j].length;
+      offsets = new Int32Array(before.length * m);
+      for (let a = 0; a < before.length; a++) for (let b = 0; b < m; b++) offsets[a * m + b] = before[a] + axes[j][b] * own[j];
+    }
+    const { data } = out, from = array.data, n = offsets.length;
+    let at = 0;
+    const items = Int32Array.from(axes[0]);
+    if (array.columns && axes.length === 2 && items.length === array.shape[0]) {
+      for (let k = 0; k < n; k++) {
+        const column = array.columns.subarray(offsets[k] * items.length, (offsets[k] + 1) * items.length);
+        for (let i = 0; i < items.length; i++) data[i * n + k] = column[items[i]];
       }
+      return out;
+    }
+    for (let i = 0; i < items.length; i++) {
+      const first = items[i] * own[0];
+      for (let k = 0; k < n; k++) data[at++] = from[first + offsets[k]];
     }
     return out;
   };
+  /* a table with its columns beside its rows, for picks of whole columns */
+  const table = (rows, width, data) => {
+    const columns = new Float64Array(data.length), BLOCK = 64;
+    for (let first = 0; first < rows; first += BLOCK) {
+      const last = Math.min(first + BLOCK, rows);
+      for (let c = 0; c < width; c++) for (let r = first; r < last; r++) columns[c * rows + r] = data[r * width + c];
+    }
+    return { shape: [rows, width], data, columns };
+  };
   const sliced = ([begin, end, step], n) => {
-    const by = step ?? 1, found = [];
+    const by = step ?? 1;
     const bound = (x, open) => (x === null || x === undefined ? open : x < 0 ? Math.max(x + n, by < 0 ? -1 : 0) : Math.min(x, by < 0 ? n - 1 : n));
     if (by === 0) fault("slice step cannot be zero");
     const from = bound(begin, by > 0 ? 0 : n - 1), to = bound(end, by > 0 ? n : -1);
-    for (let i = from; by > 0 ? i < to : i > to; i += by) found.push(i);
+    const found = new Int32Array(Math.max(0, Math.ceil((to - from) / by)));
+    for (let k = 0; k < found.length; k++) found[k] = from + k * by;
     return found;
   };
   const transposed = (array, axes) => {
@@ -354,6 +375,6 @@ const Flight = (() => {
     return [...kept].sort((a, b) => a - b);
   };
 
-  return { open, unpacked, sha256, evaluator, keptRows, make, scalar, map, reduce, pick, UFUNCS, together, broadcast, number, least, most };
+  return { open, unpacked, sha256, evaluator, keptRows, make, table, scalar, map, reduce, pick, UFUNCS, together, broadcast, number, least, most };
 })();
 if (typeof require === "function") module.exports = Flight;

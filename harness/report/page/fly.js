@@ -80,7 +80,7 @@
     for (let k = flight.rows; k < all; k++) values.set(last, k * system.width);
     const time = Float64Array.from({ length: all }, (_, k) => system.timeOf(k)), end = time[flight.rows - 1];
     const value = Flight.evaluator(about.operations, {
-      values: Flight.make([all, system.width], values), time: Flight.make([all], time), parameters: Flight.make([1, constants.length], constants),
+      values: Flight.table(all, system.width, values), time: Flight.make([all], time), parameters: Flight.make([1, constants.length], constants),
     });
     const found = { ...stored };
     for (const [name, place] of Object.entries(about.made)) {
