@@ -116,9 +116,10 @@ def test_search_finds_a_parameter_without_a_network(opened):
 
 
 def test_equations_are_drawn(opened):
-    opened.goto((SITE / "notation.html").as_uri())
-    opened.wait_for_selector("mjx-container svg", timeout=30_000)
-    assert opened.locator("mjx-merror").count() == 0
+    for name in ("notation", "reference/fmus/servicer", "reference/equations/sync_approach"):
+        opened.goto((SITE / f"{name}.html").as_uri())
+        opened.wait_for_selector("mjx-container svg", timeout=30_000)
+        assert opened.locator("mjx-merror").count() == 0, name
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
