@@ -234,29 +234,37 @@ def __getattr__(name: str) -> Any:
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
-def export(system: str | Path | System, target: str | Path, **changes: Unpack[Changes]) -> Path:
+def export(
+    system: str | Path | System,
+    target: str | Path,
+    fmi: int | None = None,
+    **changes: Unpack[Changes],
+) -> Path:
     """Write a system with all changes to a file and return its path.
 
-    target: NAME.ssp, NAME.fmu (one FMU of the whole system), or a folder for the .ssp; changes: as
-    for run(). Running the .ssp gives the bits of running the system with the same changes; the same
+    target: NAME.ssp, NAME.fmu (one FMU of the whole system), or a folder for the .ssp; fmi:
+    version of FMI of an .fmu, 2 (default) or 3; changes: as for run(). Running the .ssp gives the bits of running the system with the same changes; the same
     changes give the same bytes. Raises the exceptions of run() before its first step, or
     ResultsError.
     """
     from harness.exports import package
 
-    return package.export(system, Path(target), **changes)
+    return package.export(system, Path(target), fmi, **changes)
 
 
-def build(name: str | Path, output: str | Path | None = None, compiler: str = "cc") -> Path:
+def build(
+    name: str | Path, output: str | Path | None = None, compiler: str = "cc", fmi: int = 2
+) -> Path:
     """Build an FMU from a C or Python file and return its path.
 
     name: the file, or a folder NAME with NAME.c or NAME.py; output: default NAME.fmu beside the
-    file; compiler: command for C with its arguments, quoted as in a shell. Raises UsageError if the
+    file; compiler: command for C with its arguments, quoted as in a shell; fmi: version
+    of FMI, 2 or 3 (3: of a C file). Raises UsageError if the
     file, the compiler or a package is missing, and FmuError with the message of the compiler.
     """
     from harness.authoring import build as authoring
 
-    return authoring.build(name, output, compiler).path
+    return authoring.build(name, output, compiler, fmi).path
 
 
 def show(name: str | Path, word: str | None = None, **changes: Unpack[Changes]) -> Shown:

@@ -27,12 +27,15 @@ ENDINGS = (".c", ".py")
 DESCRIPTION = "modelDescription.xml"
 
 
-def build(name: str | Path, output: str | Path | None = None, compiler: str = "cc") -> Interface:
+def build(
+    name: str | Path, output: str | Path | None = None, compiler: str = "cc", fmi: int = 2
+) -> Interface:
     """Build an FMU from a C or Python file; returns what it says about itself.
 
     name: the file, or a folder NAME with NAME.c or NAME.py; output: default NAME.fmu beside the
-    file; compiler: the command for C with its arguments, quoted as in a shell. Raises UsageError if
-    there is no such file, compiler or package, and FmuError with the words of the compiler.
+    file; compiler: the command for C with its arguments, quoted as in a shell; fmi: version of FMI,
+    2 or 3 (of a C file). Raises UsageError if there is no such file, compiler or package, and
+    FmuError with the words of the compiler.
     """
     source = _source(Path(name))
     target = Path(output) if output is not None else source.with_suffix(".fmu")
@@ -41,7 +44,9 @@ def build(name: str | Path, output: str | Path | None = None, compiler: str = "c
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / f"{source.stem}.fmu"
         if source.suffix == ".c":
-            _build_c(source, made, _command(compiler))
+            _build_c(source, made, _command(compiler), fmi)
+        elif fmi != 2:
+            raise UsageError(f"{source}: an FMU in Python is of FMI 2.0, so is PythonFMU")
         else:
             made = _build_python(source, Path(folder))
         with written(target) as file:
@@ -66,7 +71,7 @@ def _source(path: Path) -> Path:
     )
 
 
-def _build_c(source: Path, output: Path, compiler: Sequence[str]) -> None:
+def _build_c(source: Path, output: Path, compiler: Sequence[str], fmi: int) -> None:
     core = paths.core()
     if core is None:
         raise UsageError("the C sources of the project are missing: reinstall servicing-fmus")
@@ -76,7 +81,8 @@ def _build_c(source: Path, output: Path, compiler: Sequence[str]) -> None:
             "clang, or name yours with --cc"
         )
     helper = [sys.executable, str(core / "build" / "build_fmu.py")]
-    _run([*helper, str(source), "-o", str(output), f"--cc={shlex.join(compiler)}"], source)
+    options = ["-o", str(output), f"--cc={shlex.join(compiler)}", f"--fmi={fmi}"]
+    _run([*helper, str(source), *options], source)
 
 
 def _command(compiler: str) -> list[str]:

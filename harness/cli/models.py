@@ -66,11 +66,12 @@ def build_command(
         Path | None, typer.Option("--output", "-o", help="FMU to write (default: beside the file)")
     ] = None,
     compiler: Annotated[str, typer.Option("--cc", metavar="COMMAND", help="C compiler")] = "cc",
+    fmi: Annotated[int, typer.Option("--fmi", help="Version of FMI: 2 or 3", min=2, max=3)] = 2,
 ) -> None:
     """Build an FMU from a C or Python file."""
     from harness.authoring.build import build
 
-    built = build(name, output, compiler)
+    built = build(name, output, compiler, fmi)
     counts = [f"{len(built.named(c))} {c}s" for c in ("input", "output", "parameter")]
     typer.echo(printable(f"{built.path}: {', '.join(counts)}"))
 
@@ -82,6 +83,10 @@ def export_command(
     target: Annotated[
         Path, typer.Argument(metavar="DIR_OR_FILE", help="Folder, or file NAME.ssp or NAME.fmu")
     ],
+    fmi: Annotated[
+        int | None,
+        typer.Option("--fmi", help="Version of FMI of NAME.fmu: 2 (default) or 3", min=2, max=3),
+    ] = None,
     changes: Any = None,
 ) -> None:
     """Write a system as one .ssp or one .fmu.
@@ -90,7 +95,7 @@ def export_command(
     """
     from harness.exports.package import export
 
-    typer.echo(export(system, target, **changes))
+    typer.echo(export(system, target, fmi, **changes))
 
 
 @app.command("linearize")

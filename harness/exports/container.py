@@ -60,6 +60,8 @@ def write_container(system: System, path: Path) -> None:
 def _problems(system: System) -> Iterator[str]:
     """What a container cannot express, one line each."""
     interfaces = read_interfaces(system)
+    for name in (n for n, interface in interfaces.items() if interface.fmi != 2):
+        yield f"{name}: {interfaces[name].path.name} is of FMI 3.0, a container holds FMI 2.0 only"
     if system.experiment.start != 0:
         yield f"a container starts at 0 s, the system at {system.experiment.start:g} s"
     for c in system.components:

@@ -25,22 +25,26 @@ from harness.system.model import System
 _log = logging.getLogger("harness")
 
 
-def export(system: str | Path | System, target: Path, **changes: Unpack[Changes]) -> Path:
+def export(
+    system: str | Path | System, target: Path, fmi: int | None = None, **changes: Unpack[Changes]
+) -> Path:
     """Write a system with all changes to an .ssp or .fmu file, or as .ssp into a folder; returns
     the file.
 
-    changes: as for run(). Flying the .ssp gives the bits of flying the system with the same
-    options; the same options give the same bytes. Raises what run() raises before its first step,
-    or ResultsError.
+    fmi: version of FMI of an .fmu, 2 or 3 (default 2); changes: as for run(). Flying the .ssp gives
+    the bits of flying the system with the same options; the same options give the same bytes.
+    Raises what run() raises before its first step, or ResultsError.
     """
     with load(system) as found:
         changed = apply(found, **changes)
         say_warnings(changed)
         graph = checked(changed).graph
         file = _file(target, changed.name)
+        if fmi is not None and file.suffix != ".fmu":
+            raise UsageError(f"{file}: is no .fmu, which alone can be of FMI {fmi}.0")
         try:
             if file.suffix == ".fmu":
-                _write_fmu(changed, graph, file)
+                _write_fmu(changed, graph, file, fmi or 2)
             else:
                 write_ssp(changed, file)
         except ValueError as error:  # lxml: control characters, which XML has no way to write
@@ -48,13 +52,16 @@ def export(system: str | Path | System, target: Path, **changes: Unpack[Changes]
     return file
 
 
-def _write_fmu(system: System, graph: Graph, file: Path) -> None:
-    """One model of all models; a line says why it is a container instead."""
+def _write_fmu(system: System, graph: Graph, file: Path, fmi: int) -> None:
+    """One model of all models; a line says why it is a container instead, which FMI 3.0 has not."""
     with PrivateFolder() as folder:
         made = folder / file.name
         try:
-            write_whole(system, graph, made)
+            write_whole(system, graph, made, fmi)
         except NotFusedError as reason:
+            if fmi != 2:
+                line = f"{file}: a container of FMUs is of FMI 2.0, and nothing else can be made"
+                raise UsageError(f"{line}: {reason}") from reason
             _log.warning("%s: is a container of its FMUs: %s", file.name, reason)
             write_container(system, file)
             return

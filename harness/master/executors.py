@@ -16,8 +16,8 @@ from harness.errors import UsageError
 from harness.files.paths import loop_library
 from harness.master.fmu import Instance
 from harness.master.recorder import Recorder
-from harness.master.transfer import CFunction, Transfer
-from harness.system.schedule import Action, Verb
+from harness.master.transfer import TYPES_3, CFunction, Transfer
+from harness.system.schedule import NOT_FINITE, TOO_WIDE, Action, Verb
 
 
 class Clock(NamedTuple):
@@ -54,7 +54,7 @@ class PythonExecutor:
         clock: Clock,
     ) -> None:
         self.plan, self.bus, self.recorder, self.clock = plan, bus, recorder, clock
-        self.calls = [(action.instance.name, action.verb.call) for action in plan]
+        self.calls = [_marked(action) for action in plan]
 
     def run(self, first: int, last: int) -> None:
         """Macro steps first .. last - 1, recording each; RunError names the instance that
@@ -68,20 +68,26 @@ class PythonExecutor:
             self.recorder.record(k + 1, self.bus)
 
 
+_SET_AFFINE, _SET_FLOAT64, _GET_FLOAT64 = 5, 6, 7
+_SET_OTHER, _GET_OTHER, _STEP_3, _SET_AFFINE_3 = 8, 9, 10, 11
 _KINDS = {
-    (Verb.SET, True): 0,
-    (Verb.SET, False): 1,
-    (Verb.STEP, True): 2,
-    (Verb.GET, True): 3,
-    (Verb.GET, False): 4,
+    (2, Verb.SET, True): 0,
+    (2, Verb.SET, False): 1,
+    (2, Verb.STEP, True): 2,
+    (2, Verb.GET, True): 3,
+    (2, Verb.GET, False): 4,
+    (3, Verb.SET, True): _SET_FLOAT64,
+    (3, Verb.SET, False): _SET_OTHER,
+    (3, Verb.STEP, True): _STEP_3,
+    (3, Verb.GET, True): _GET_FLOAT64,
+    (3, Verb.GET, False): _GET_OTHER,
 }
-"""Call.kind in loop.c by verb and whether the values are Real."""
+"""Call.kind in loop.c by version of FMI, verb, and whether the values are doubles."""
 
-_SET_AFFINE = 5
-"""Call.kind in loop.c for Real inputs that are changed on the way."""
 
-NOT_FINITE = -1
-"""Status of loop.c for an output that is infinite or not a number."""
+def _marked(action: Action[Instance]) -> tuple[str, str]:
+    """Instance and call, as the recorder marks them."""
+    return action.instance.name, action.verb.call(action.instance.node.interface.fmi)
 
 
 class _Call(ctypes.Structure):
@@ -102,6 +108,10 @@ class _Call(ctypes.Structure):
         ("value", ctypes.c_void_p),
         ("factor", ctypes.c_void_p),
         ("offset", ctypes.c_void_p),
+        ("wires", ctypes.c_size_t),
+        ("values", ctypes.c_size_t),
+        ("at", ctypes.c_void_p),
+        ("type", ctypes.c_int),
     ]
 
 
@@ -139,7 +149,7 @@ class CExecutor:
         self.recorder, self.clock = recorder, clock
         self._execute = _loop()
         self._origin = list(_origins(plan))
-        self.calls = [(action.instance.name, action.verb.call) for action, _ in self._origin]
+        self.calls = [_marked(action) for action, _ in self._origin]
         self._calls = (_Call * len(self._origin))(*(_call(*origin) for origin in self._origin))
         table = recorder.table
         self._keep = (plan, bus, table)
@@ -167,8 +177,8 @@ class CExecutor:
     def _fail(
         self, action: Action[Instance], transfer: Transfer | None, status: int, time: float
     ) -> None:
-        if status == NOT_FINITE and transfer is not None:
-            action.instance.raise_if_not_finite(transfer, time)
+        if status in (NOT_FINITE, TOO_WIDE) and transfer is not None:
+            action.instance.raise_if_no_number(transfer, time)
         action.instance.raise_if_failed(action.verb, status, time)
 
 
@@ -185,14 +195,19 @@ def _origins(
 
 def _call(action: Action[Instance], transfer: Transfer | None) -> _Call:
     instance, period = action.instance, (action.every, action.phase, action.instance.no_rollback)
+    fmi = instance.node.interface.fmi
     if transfer is None:
-        return _Call(_KINDS[Verb.STEP, True], *period, _address(instance.do_step), instance.handle)
+        kind = _KINDS[fmi, Verb.STEP, True]
+        return _Call(kind, *period, _address(instance.do_step), instance.handle)
+    kind = _KINDS[fmi, action.verb, transfer.real]
+    if not transfer.plain and transfer.real:
+        kind = _SET_AFFINE if fmi == 2 else _SET_AFFINE_3
     return _Call(
-        _KINDS[action.verb, transfer.real] if transfer.plain else _SET_AFFINE,
+        kind,
         *period,
         _address(transfer.function),
         instance.handle,
-        len(transfer.names),
+        len(transfer.references),
         ctypes.addressof(transfer.references),
         transfer.slots.ctypes.data,
         ctypes.addressof(transfer.pieces),
@@ -200,6 +215,10 @@ def _call(action: Action[Instance], transfer: Transfer | None) -> _Call:
         ctypes.addressof(transfer.values),
         transfer.factors.ctypes.data,
         transfer.offsets.ctypes.data,
+        len(transfer.names),
+        len(transfer.values),
+        transfer.at.ctypes.data,
+        TYPES_3.index(transfer.access) if transfer.access else 0,
     )
 
 

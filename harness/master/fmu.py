@@ -1,45 +1,46 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """One loaded FMU: prepared buffers, the verbs of the schedule, save and restore.
 
-FMPy loads the library and instantiates; here are the calls of the macro step with arguments that
-are built once. The C executor makes the same calls with the same buffers.
+calls.py loads the library and knows what the functions of its version of FMI are called; here is
+the order of a life, and the macro step with arguments that are built once. The C executor makes the
+same calls with the same buffers.
 """
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
 import secrets
 import shutil
-from collections.abc import Callable
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import FMU2Slave
 from numpy.typing import NDArray
 
 from harness.errors import FmuError, RefusalError, RunError
 from harness.files import cache, machine
 from harness.files.archive import unpack
 from harness.files.paths import is_ours
-from harness.master import messages, place
+from harness.master import calls, messages, place
+from harness.master.calls import FATAL, NAMES, OK, WARNING, Calls
 from harness.master.refusals import refusals
 from harness.master.transfer import Transfer, transfers
 from harness.system.graph import Node
 from harness.system.interface import Interface, binaries
-from harness.system.schedule import Verb
-
-OK, WARNING, FATAL = 0, 1, 4
-STATUS = {2: "fmi2Discard", 3: "fmi2Error", 4: "fmi2Fatal", 5: "fmi2Pending"}
-
-Slave = Any
-"""FMPy's FMU2Slave, which is not typed."""
+from harness.system.names import base
+from harness.system.schedule import EARLY_RETURN, TERMINATION, Verb
+from harness.system.values import Scalar
+from harness.system.variable import Variable, resting
 
 ERROR_CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
 """Log categories of FMI 2.0 that are listened to; everything else stays off."""
+
+SAID = {
+    TERMINATION: "asks to end the simulation",
+    EARLY_RETURN: "returned early although that was not allowed",
+}
+"""What a step of FMI 3.0 may say although it has not failed."""
 
 HEARD = (*ERROR_CATEGORIES, messages.STATISTICS)
 
@@ -47,11 +48,6 @@ HEARD = (*ERROR_CATEGORIES, messages.STATISTICS)
 def _is_python(interface: Interface) -> bool:
     """Whether an FMU was built by PythonFMU, which names its exceptions only with logging on."""
     return "PythonFMU" in str(interface.model.generationTool or "")
-
-
-def _suffix(kind: str) -> str:
-    """X of fmi2SetX by the type of a variable."""
-    return "Integer" if kind == "Enumeration" else kind
 
 
 class Instance:
@@ -67,17 +63,21 @@ class Instance:
         self.node = node
         self._place, self._files = folder, ExitStack()
         try:
-            self.slave = self._load()
+            self.calls = self._load()
         except BaseException:
             self._files.close()
             raise
-        self.library = self.slave.dll
-        self.handle = ctypes.c_void_p(self.slave.component)
-        self.do_step = self.library.fmi2DoStep
+        self.library, self.handle, self.do_step = (
+            self.calls.library,
+            self.calls.handle,
+            self.calls.do_step,
+        )
+        self.slave = getattr(self.calls, "slave", None)
+        """What FMPy has loaded, of FMI 2.0."""
         self.no_rollback = 0 if node.interface.model.coSimulation.canGetAndSetFMUstate else 1
         self.transfers = self._transfers()
         self.resettable = True if is_ours(node.interface.path) else None
-        """Whether fmi2Reset leaves nothing of a run behind; None: not known yet."""
+        """Whether a reset leaves nothing of a run behind; None: not known yet."""
 
     @property
     def every(self) -> int:
@@ -90,38 +90,31 @@ class Instance:
         return self.node.component.latency
 
     def _transfers(self) -> dict[Verb, list[Transfer]]:
+        held = {variable.name: value for variable, value in self.node.settings}
         return {
-            Verb.SET: list(transfers("Set", self.library, self.handle, self.node.inputs)),
+            Verb.SET: list(
+                transfers("Set", self.calls, self.node.inputs, self.node.interface, held)
+            ),
             Verb.STEP: [],
-            Verb.GET: list(transfers("Get", self.library, self.handle, self.node.outputs)),
+            Verb.GET: list(transfers("Get", self.calls, self.node.outputs, self.node.interface)),
         }
 
     # ---- life
 
-    def _load(self) -> Slave:
-        model = self.node.interface.model
+    def _load(self) -> Calls:
         folder = self._unpacked()
         library = self._library(folder)
         messages.forget(self.name)
-        place.enter(self.name, "fmi2Instantiate")
+        interface = self.node.interface
         try:
-            with contextlib.chdir(Path.cwd()):  # FMPy does not return from a library that fails
-                slave = FMU2Slave(
-                    guid=model.guid,
-                    modelIdentifier=model.coSimulation.modelIdentifier,
-                    unzipDirectory=str(folder),
-                    instanceName=self.name,
-                    libraryPath=str(library),
-                )
-            wordy = _is_python(self.node.interface)
-            slave.instantiate(callbacks=messages.callbacks(), loggingOn=wordy)
+            found = calls.load(self.name, interface, folder, library, logging=_is_python(interface))
         except Exception as error:  # FMPy raises bare Exceptions, ctypes its own
             reason = messages.take_error(self.name) or " ".join(str(error).split())
             raise FmuError(
-                f"{self.name}: {self.node.interface.path.name} cannot be loaded: {reason}"
+                f"{self.name}: {interface.path.name} cannot be loaded: {reason}"
             ) from error
-        self._listen(slave)
-        return slave
+        self._listen(found)
+        return found
 
     def _unpacked(self) -> Path:
         """The unpacked FMU: in the cache, or as a copy of its own below `place`.
@@ -152,16 +145,14 @@ class Instance:
             raise FmuError(f"{self.name}: {self.node.interface.path.name}: {inside} {reason}")
         return library
 
-    def _listen(self, slave: Slave) -> None:
+    def _listen(self, found: Calls) -> None:
         """Let errors and warnings through, and nothing else; an FMU that cannot do that is left
         silent.
         """
         interface = self.node.interface
         categories = [c.name for c in interface.model.logCategories if c.name in HEARD]
         if categories and not _is_python(interface):
-            place.enter(self.name, "fmi2SetDebugLogging")
-            with contextlib.suppress(FMICallException):
-                slave.setDebugLogging(True, categories)
+            found.listen(categories)
 
     def renew(self, node: Node, *, trial: bool = False) -> bool:
         """Go back to what instantiation left, in a place of the same FMU; False if that cannot be
@@ -175,10 +166,11 @@ class Instance:
             return False
         self._used = False
         old, self.node = self.node, node
-        if node.inputs != old.inputs or node.outputs != old.outputs:
+        same = node.inputs == old.inputs and node.outputs == old.outputs
+        if not same or (node.interface.fmi == 3 and node.settings != old.settings):
             self.transfers = self._transfers()
         messages.forget(self.name)
-        self._listen(self.slave)
+        self._listen(self.calls)
         return True
 
     def _reset(self, trial: bool) -> bool:
@@ -186,44 +178,52 @@ class Instance:
         if unable or self._status not in (OK, WARNING):
             return False
         self._terminate()
-        place.enter(self.name, "fmi2Reset")
-        if self.library.fmi2Reset(self.handle) not in (OK, WARNING):
+        if self.calls.call("Reset") not in (OK, WARNING):
             self.resettable = False
             messages.note_irreversible([self.name])
         return self.resettable is not False
 
     def set_start_values(self, time: float) -> None:
-        """Set parameters and start values one by one, so that a refused one is named."""
+        """Set parameters and start values one by one, so that a refused one is named; in FMI 3.0 an
+        array at once.
+        """
         self._used = True
-        setters = {kind: self._setter(kind) for kind in {v.type for v, _ in self.node.settings}}
+        for variables, values, name in self._settings():
+            if (status := self.calls.put(variables, values)) not in (OK, WARNING):
+                access = variables[0].access
+                value = values[0] if len(values) == 1 else list(values)
+                raise self._failure(status, f"set{access} refused {value}", time, name)
+
+    def _settings(self) -> Iterator[tuple[tuple[Variable, ...], list[Scalar], str]]:
+        """What is set at once, with the name for an error: one value, or all elements of an array
+        of which one is set.
+        """
+        interface = self.node.interface
+        if interface.fmi == 2:
+            yield from (
+                ((variable,), [value], variable.name) for variable, value in self.node.settings
+            )
+            return
+        rows: dict[tuple[int, str], dict[int, Scalar]] = {}
+        first: dict[tuple[int, str], Variable] = {}
         for variable, value in self.node.settings:
-            place.enter(self.name, f"fmi2Set{_suffix(variable.type)}")
-            if (status := setters[variable.type](variable.reference, value)) not in (OK, WARNING):
-                doing = f"set{_suffix(variable.type)} refused {value}"
-                raise self._failure(status, doing, time, variable.name)
-
-    def _setter(self, kind: str) -> Callable[[int, Any], int]:
-        """fmi2SetX for one value of a type, with buffers of its own; returns the FMI status."""
-        function = getattr(self.library, f"fmi2Set{_suffix(kind)}")
-        ctype = {"Real": ctypes.c_double, "String": ctypes.c_char_p}.get(kind, ctypes.c_int)
-        reference = (ctypes.c_uint * 1)()
-        buffer: Any = (ctype * 1)()
-
-        def put(number: int, value: Any) -> int:
-            reference[0] = number
-            buffer[0] = value.encode("utf-8") if isinstance(value, str) else value
-            return int(function(self.handle, reference, 1, buffer))
-
-        return put
+            key = variable.reference, variable.access
+            rows.setdefault(key, {})[variable.element] = value
+            first.setdefault(key, variable)
+        for key, given in rows.items():
+            row = interface.row(first[key])
+            values = [given.get(v.element, resting(v)) for v in row]
+            name = first[key].name if len(given) == 1 else base(first[key].name)
+            yield row, values, name
 
     def enter_initialization(self, start: float, stop: float) -> None:
-        """fmi2SetupExperiment and fmi2EnterInitializationMode."""
-        self._call("fmi2SetupExperiment", start, 0, 0.0, start, 1, stop)
-        self._call("fmi2EnterInitializationMode", start)
+        """The calls that lead to initialization mode."""
+        for function, arguments in self.calls.initialization(start, stop):
+            self._call(function, start, *arguments)
 
     def exit_initialization(self, time: float) -> None:
-        """fmi2ExitInitializationMode: the FMU judges its parameters."""
-        self._call("fmi2ExitInitializationMode", time)
+        """The FMU judges its parameters."""
+        self._call("ExitInitializationMode", time)
         self._stepping = True
 
     def close(self) -> None:
@@ -235,16 +235,13 @@ class Instance:
             for state in list(self._states):
                 self.free(state)
             self._terminate()
-            place.enter(self.name, "fmi2FreeInstance")
-            self.slave.freeInstance()
+            self.calls.free()
         self._files.close()
 
     def _terminate(self) -> None:
         """End a run; an FMU that does not want to is not asked twice."""
-        with contextlib.suppress(FMICallException):
-            if self._stepping and self._status in (OK, WARNING):
-                place.enter(self.name, "fmi2Terminate")
-                self.slave.terminate()
+        if self._stepping and self._status in (OK, WARNING):
+            self.calls.call("Terminate")
         self._stepping = False
 
     # ---- the macro step
@@ -255,32 +252,34 @@ class Instance:
         """
         if verb is Verb.STEP:
             self.raise_if_failed(
-                verb, self.do_step(self.handle, time, self.every * step, self.no_rollback), time
+                verb, self.calls.step(time, self.every * step, self.no_rollback), time
             )
         for transfer in self.transfers[verb]:
             self.raise_if_failed(
                 verb, transfer.write(bus) if verb is Verb.SET else transfer.read(bus), time
             )
             if verb is Verb.GET:
-                self.raise_if_not_finite(transfer, time)
+                self.raise_if_no_number(transfer, time)
 
     def propagate_inputs(self, bus: NDArray[np.float64], time: float) -> None:
         """Set the inputs in initialization mode, as far as what drives them has been computed
         yet.
         """
-        place.enter(self.name, Verb.SET.call)
+        place.enter(self.name, Verb.SET.call(self.node.interface.fmi))
         for transfer in self.transfers[Verb.SET]:
             if np.isfinite(bus[transfer.slots]).all():
                 self.raise_if_failed(Verb.SET, transfer.write(bus), time)
 
     def propagate_outputs(self, bus: NDArray[np.float64], time: float) -> None:
         """Read the outputs in initialization mode, where they may not be finite yet."""
-        place.enter(self.name, Verb.GET.call)
+        place.enter(self.name, Verb.GET.call(self.node.interface.fmi))
         for transfer in self.transfers[Verb.GET]:
             self.raise_if_failed(Verb.GET, transfer.read(bus), time)
 
     def raise_if_failed(self, verb: Verb, status: int, time: float) -> None:
-        """RunError if an FMI call has failed."""
+        """RunError if an FMI call has failed, or a step has said that there is no next one."""
+        if status in SAID:
+            raise RunError(self.name, time, SAID[status])
         if status not in (OK, WARNING):
             doing = {
                 Verb.SET: "setting inputs failed",
@@ -292,13 +291,19 @@ class Instance:
     def check_outputs(self, time: float) -> None:
         """RunError if an output that was read last is infinite or not a number."""
         for transfer in self.transfers[Verb.GET]:
-            self.raise_if_not_finite(transfer, time)
+            self.raise_if_no_number(transfer, time)
 
-    def raise_if_not_finite(self, transfer: Transfer, time: float) -> None:
-        """RunError if an output is infinite or not a number."""
+    def raise_if_no_number(self, transfer: Transfer, time: float) -> None:
+        """RunError if an output is infinite, not a number, or a whole number that is none of the
+        bus.
+        """
         if transfer.real and not np.isfinite(transfer.view).all():
             name = transfer.not_finite()
             raise RunError(self.name, time, "output is not a finite number", name)
+        if transfer.wide and (found := transfer.too_wide()) is not None:
+            name, value = found
+            line = f"{name} = {value}: is beyond 2^53, which the bus cannot carry"
+            raise RunError(self.name, time, line)
 
     # ---- rollback
 
@@ -307,36 +312,34 @@ class Instance:
         if self.no_rollback:
             raise RunError(self.name, time, "this FMU cannot save and restore its state")
         state = ctypes.c_void_p()
-        self._call("fmi2GetFMUstate", time, ctypes.byref(state))
+        self._call(f"Get{self.calls.state}", time, ctypes.byref(state))
         self._states.append(state)
         return state
 
     def restore(self, state: ctypes.c_void_p, time: float) -> None:
         """Return to a saved state."""
-        self._call("fmi2SetFMUstate", time, state)
+        self._call(f"Set{self.calls.state}", time, state)
 
     def free(self, state: ctypes.c_void_p) -> None:
         """Release a saved state."""
         self._states.remove(state)
-        with contextlib.suppress(FMICallException):
-            self.slave.fmi2FreeFMUstate(self.slave.component, ctypes.byref(state))
+        self.calls.call(f"Free{self.calls.state}", ctypes.byref(state))
 
     # ---- calls
 
     def _call(self, function: str, time: float, *arguments: object) -> None:
-        place.enter(self.name, function)
-        status = getattr(self.library, function)(self.handle, *arguments)
+        status = self.calls.call(function, *arguments)
         if status not in (OK, WARNING):
-            raise self._failure(status, f"{function} failed", time)
+            raise self._failure(status, f"{self.calls.prefix}{function} failed", time)
 
     def _failure(
         self, status: int, doing: str, time: float, variable: str | None = None
     ) -> RunError:
         self._status = status
-        reason = (
-            messages.take_error(self.name)
-            or f"{STATUS.get(status, f'status {status}')}, without a message"
-        )
+        reason = messages.take_error(self.name) or f"{self._word(status)}, without a message"
         if not self._stepping and (found := refusals(reason, self.node.interface.settable())):
             return RefusalError(self.name, time, found)
         return RunError(self.name, time, f"{doing}: {reason}", variable)
+
+    def _word(self, status: int) -> str:
+        return f"{self.calls.prefix}{NAMES[status]}" if status in NAMES else f"status {status}"

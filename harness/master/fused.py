@@ -27,7 +27,8 @@ from numpy.typing import NDArray
 from harness.errors import HarnessError
 from harness.files import cache, paths
 from harness.files.temporary import PrivateFolder
-from harness.master.fmu import OK, WARNING, Instance
+from harness.master.calls import OK, WARNING
+from harness.master.fmu import Instance
 from harness.master.transfer import Transfer
 from harness.system.graph import Graph, Node, Slot, Wire
 from harness.system.interface import read_interface
@@ -47,9 +48,11 @@ class NotFusedError(HarnessError):
     """The system cannot be one FMU of ours; str() is the reason, in one line."""
 
 
-def write_whole(system: System, graph: Graph, path: Path, compiler: str = COMPILER) -> None:
-    """Write a checked system as one FMU with its values as start values; NotFusedError."""
-    _make(_plan(system, graph, path.stem), path, _command(compiler))
+def write_whole(system: System, graph: Graph, path: Path, fmi: int = 2) -> None:
+    """Write a checked system as one FMU of a version of FMI with its values as start values;
+    NotFusedError.
+    """
+    _make(_plan(system, graph, path.stem), path, _command(COMPILER), fmi)
 
 
 class Whole:
@@ -227,7 +230,7 @@ def _tools() -> Iterator[Path]:
         yield from sorted(f for f in (core / room).iterdir() if f.suffix in (".c", ".h", ".py"))
 
 
-def _make(plan: dict[str, Any], path: Path, compiler: Sequence[str]) -> None:
+def _make(plan: dict[str, Any], path: Path, compiler: Sequence[str], fmi: int = 2) -> None:
     core = paths.core()
     assert core is not None
     with PrivateFolder() as folder:
@@ -235,7 +238,7 @@ def _make(plan: dict[str, Any], path: Path, compiler: Sequence[str]) -> None:
         file.write_text(json.dumps(plan), encoding="utf-8")
         tool = [sys.executable, str(core / "build" / "fuse.py"), str(file), "-o", str(path)]
         done = subprocess.run(
-            [*tool, f"--cc={shlex.join(compiler)}"], stdout=subprocess.PIPE,
+            [*tool, f"--cc={shlex.join(compiler)}", f"--fmi={fmi}"], stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT, text=True, errors="replace", check=False,
             stdin=subprocess.DEVNULL,
         )  # fmt: skip

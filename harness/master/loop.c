@@ -10,6 +10,7 @@
 
 #include "finite.h"
 #include "fmi2FunctionTypes.h"
+#include "fmi3FunctionTypes.h"
 
 #if defined _WIN32
 #define EXPORT __declspec(dllexport)
@@ -25,12 +26,21 @@ enum {
     STEP,
     GET_REAL,
     GET_INTEGER,
-    SET_AFFINE
+    SET_AFFINE,
+    SET_FLOAT64, /* of FMI 3.0 from here on */
+    GET_FLOAT64,
+    SET_OTHER,
+    GET_OTHER,
+    STEP_3,
+    SET_AFFINE_3
 }; /* integers carry fmi2Boolean as well */
-enum { NOT_FINITE = -1 }; /* beside fmi2Status: an output is infinite or NaN */
+
+/* beside the statuses of FMI: an output is infinite or NaN, or a whole number that no double holds;
+ * a step asks for the end, or has ended before its time */
+enum { NOT_FINITE = -1, TOO_WIDE = -2, TERMINATION = -3, EARLY_RETURN = -4 };
 
 typedef struct {
-    size_t slot, count; /* neighbours on the bus that are neighbours in the buffer too */
+    size_t slot, count, at; /* neighbours on the bus that are neighbours in the buffer too */
 } Piece;
 
 typedef struct {
@@ -38,14 +48,17 @@ typedef struct {
     int every, phase;       /* due in macro step k if k % every == phase */
     int no_rollback;        /* noSetFMUStatePriorToCurrentPoint of a step */
     void (*function)(void); /* fmi2SetReal, fmi2DoStep, ... of the FMU's library */
-    fmi2Component component;
-    size_t count; /* of values in a SET or GET */
-    const fmi2ValueReference *reference;
+    void *component;
+    size_t count; /* of value references in a SET or GET */
+    const unsigned *reference;
     const size_t *slot; /* place of each value on the bus */
     const Piece *piece; /* the same places in pieces */
     size_t pieces;
-    void *value;                   /* buffer of fmi2Real or fmi2Integer */
+    void *value;                   /* buffer in the type of the function */
     const double *factor, *offset; /* of SET_AFFINE: input = factor * bus + offset */
+    size_t wires, values;          /* signals; elements of the buffer, which may be more */
+    const size_t *at;              /* place of each signal in the buffer */
+    int type;                      /* of FMI 3.0, see Conversion */
 } Call;
 
 typedef struct {
@@ -63,19 +76,41 @@ typedef struct {
     int status;
 } Stop;
 
+static void gather(const Call *c, const double *bus)
+{
+    double *value = c->value;
+    for (const Piece *p = c->piece, *end = p + c->pieces; p < end; p++)
+        memcpy(value + p->at, bus + p->slot, p->count * sizeof *value);
+}
+
+static int scatter(const Call *c, double *bus, int status)
+{
+    const double *value = c->value;
+    if (status > fmi2Warning) return status;
+    if (!all_finite(value, c->values)) return NOT_FINITE;
+    for (const Piece *p = c->piece, *end = p + c->pieces; p < end; p++)
+        memcpy(bus + p->slot, value + p->at, p->count * sizeof *value);
+    return status;
+}
+
+static void gather_affine(const Call *c, const double *bus)
+{
+    double *value = c->value;
+    for (size_t i = 0; i < c->wires; i++)
+        value[c->at[i]] = c->factor[i] * bus[c->slot[i]] + c->offset[i];
+}
+
+/* ---- FMI 2.0 ---- */
 static int set_real(const Call *c, const double *bus)
 {
-    fmi2Real *value = c->value;
-    for (const Piece *p = c->piece, *end = p + c->pieces; p < end; value += p++->count)
-        memcpy(value, bus + p->slot, p->count * sizeof *value);
+    gather(c, bus);
     return (int)((fmi2SetRealTYPE *)c->function)(c->component, c->reference, c->count, c->value);
 }
 
 static int set_affine(const Call *c, const double *bus)
 {
-    fmi2Real *value = c->value;
-    for (size_t i = 0; i < c->count; i++) value[i] = c->factor[i] * bus[c->slot[i]] + c->offset[i];
-    return (int)((fmi2SetRealTYPE *)c->function)(c->component, c->reference, c->count, value);
+    gather_affine(c, bus);
+    return (int)((fmi2SetRealTYPE *)c->function)(c->component, c->reference, c->count, c->value);
 }
 
 static int set_integer(const Call *c, const double *bus)
@@ -87,13 +122,8 @@ static int set_integer(const Call *c, const double *bus)
 
 static int get_real(const Call *c, double *bus)
 {
-    fmi2Real *value = c->value;
-    int status = (int)((fmi2GetRealTYPE *)c->function)(c->component, c->reference, c->count, value);
-    if (status > fmi2Warning) return status;
-    if (!all_finite(value, c->count)) return NOT_FINITE;
-    for (const Piece *p = c->piece, *end = p + c->pieces; p < end; value += p++->count)
-        memcpy(bus + p->slot, value, p->count * sizeof *value);
-    return status;
+    fmi2GetRealTYPE *get = (fmi2GetRealTYPE *)c->function;
+    return scatter(c, bus, (int)get(c->component, c->reference, c->count, c->value));
 }
 
 static int get_integer(const Call *c, double *bus)
@@ -105,6 +135,95 @@ static int get_integer(const Call *c, double *bus)
     return status;
 }
 
+/* ---- FMI 3.0 ---- */
+static int call_3(const Call *c) /* fmi3GetX, fmi3SetX: they differ in the type of the buffer */
+{
+    return (int)((fmi3GetFloat64TYPE *)c->function)(c->component, c->reference, c->count, c->value,
+                                                    c->values);
+}
+
+static int set_float64(const Call *c, const double *bus)
+{
+    gather(c, bus);
+    return call_3(c);
+}
+
+static int set_affine_3(const Call *c, const double *bus)
+{
+    gather_affine(c, bus);
+    return call_3(c);
+}
+
+#define CONVERSION(Type)                                     \
+    static void put_##Type(void *buffer, size_t i, double x) \
+    {                                                        \
+        ((fmi3##Type *)buffer)[i] = (fmi3##Type)x;           \
+    }                                                        \
+    static double take_##Type(const void *buffer, size_t i)  \
+    {                                                        \
+        return (double)((const fmi3##Type *)buffer)[i];      \
+    }
+CONVERSION(Float64)
+CONVERSION(Float32)
+CONVERSION(Int8)
+CONVERSION(Int16)
+CONVERSION(Int32)
+CONVERSION(Int64)
+CONVERSION(UInt8)
+CONVERSION(UInt16)
+CONVERSION(UInt32)
+CONVERSION(UInt64)
+CONVERSION(Boolean)
+
+typedef struct {
+    void (*put)(void *buffer, size_t i, double x);
+    double (*take)(const void *buffer, size_t i);
+} Conversion;
+
+#define BOTH(Type) {put_##Type, take_##Type}
+static const Conversion conversion[] = {BOTH(Float64), BOTH(Float32), BOTH(Int8),   BOTH(Int16),
+                                        BOTH(Int32),   BOTH(Int64),   BOTH(UInt8),  BOTH(UInt16),
+                                        BOTH(UInt32),  BOTH(UInt64),  BOTH(Boolean)};
+enum { INT64 = 5, UINT64 = 9 };
+
+/* whether a whole number is another one as a double */
+static int is_wide(const Call *c, size_t i, double x)
+{
+    if (!(x >= 9007199254740992.0 || x <= -9007199254740992.0)) return 0;
+    if (c->type == INT64)
+        return x >= 9223372036854775808.0 || (int64_t)x != ((const int64_t *)c->value)[i];
+    if (c->type != UINT64) return 0;
+    return x >= 18446744073709551616.0 || (uint64_t)x != ((const uint64_t *)c->value)[i];
+}
+
+static int set_other(const Call *c, const double *bus)
+{
+    for (size_t i = 0; i < c->wires; i++)
+        conversion[c->type].put(c->value, c->at[i], bus[c->slot[i]]);
+    return call_3(c);
+}
+
+static int get_other(const Call *c, double *bus)
+{
+    int status = call_3(c);
+    for (size_t i = 0; i < c->wires && status <= fmi3Warning; i++) {
+        const double x = conversion[c->type].take(c->value, c->at[i]);
+        if (is_wide(c, c->at[i], x)) return TOO_WIDE;
+        bus[c->slot[i]] = x;
+    }
+    return status;
+}
+
+static int step_3(const Call *c, double t, double h)
+{
+    fmi3Boolean event, terminate = fmi3False, early = fmi3False;
+    fmi3Float64 last;
+    int status = (int)((fmi3DoStepTYPE *)c->function)(c->component, t, h, c->no_rollback != 0,
+                                                      &event, &terminate, &early, &last);
+    if (status > fmi3Warning) return status;
+    return terminate ? TERMINATION : early ? EARLY_RETURN : status;
+}
+
 static int perform(const Call *c, const Run *run, long k)
 {
     switch (c->kind) {
@@ -113,6 +232,12 @@ static int perform(const Call *c, const Run *run, long k)
     case SET_INTEGER: return set_integer(c, run->bus);
     case GET_REAL: return get_real(c, run->bus);
     case GET_INTEGER: return get_integer(c, run->bus);
+    case SET_FLOAT64: return set_float64(c, run->bus);
+    case GET_FLOAT64: return scatter(c, run->bus, call_3(c));
+    case SET_OTHER: return set_other(c, run->bus);
+    case GET_OTHER: return get_other(c, run->bus);
+    case SET_AFFINE_3: return set_affine_3(c, run->bus);
+    case STEP_3: return step_3(c, run->start + (double)k * run->step, c->every * run->step);
     default:
         return (int)((fmi2DoStepTYPE *)c->function)(
             c->component, run->start + (double)k * run->step, c->every * run->step, c->no_rollback);

@@ -33,13 +33,10 @@ _warnings: Counter[str] = Counter()
 _last_warning: dict[str, str] = {}
 
 
-def _receive(
-    _environment: object,
-    instance: bytes | None,
-    status: int,
-    category: bytes | None,
-    message: bytes | None,
+def receive(
+    instance: bytes | None, status: int, category: bytes | None, message: bytes | None
 ) -> None:
+    """Note what an instance says."""
     name, text = _text(instance), " ".join(_text(message).split())
     if status >= DISCARD:
         _errors.append((name, text))
@@ -48,6 +45,16 @@ def _receive(
         _last_warning[name] = text
     elif category == STATISTICS.encode():
         _log.warning("%s: %s", name, text)
+
+
+def _receive(
+    _environment: object,
+    instance: bytes | None,
+    status: int,
+    category: bytes | None,
+    message: bytes | None,
+) -> None:
+    receive(instance, status, category, message)
 
 
 def _text(raw: bytes | None) -> str:

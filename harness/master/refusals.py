@@ -16,7 +16,7 @@ from harness.errors import HarnessError, RefusalError, UsageError
 from harness.system.names import base
 
 _ONE = r"([^;=]+) = (\S+): (.+?)"
-_CALL = re.compile(r"fmi2\w+: ")
+_CALL = re.compile(r"fmi[23]\w+: ")
 _ALL = re.compile(rf"{_ONE}(?:; {_ONE})*", re.DOTALL)
 _EACH = re.compile(rf"{_ONE}(?:; (?=[^;=]+ = )|$)", re.DOTALL)
 _NAME = re.compile(r"[^\W\d]\w*(?:\.\w+)*")

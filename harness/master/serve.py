@@ -83,6 +83,8 @@ class StandIn:
     def __init__(self, fmu: Path) -> None:
         """FmuError if the FMU cannot be loaded here."""
         interface = read_interface(fmu)
+        if interface.fmi != 2:
+            raise FmuError(f"{fmu.name}: is of FMI 3.0, a board speaks FMI 2.0")
         if problem := binary_problem(interface):
             raise FmuError(f"{fmu.name}: {problem}")
         place = board_library()

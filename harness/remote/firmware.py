@@ -159,6 +159,8 @@ def _component(number: int, part: Part, target: Target, folder: Path) -> Path:
     names of their own.
     """
     interface = read_interface(part.fmu)
+    if interface.fmi != 2:
+        raise FmuError(f"{part.name}: {part.fmu.name} is of FMI 3.0, a board speaks FMI 2.0")
     place = folder / f"component{number}"
     unpack(part.fmu, place)
     sources = _sources(part.fmu, place / "sources")

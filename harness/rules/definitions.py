@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from harness.files.safe_xml import XmlElement
 from harness.rules.description import Description, twice
 
 
@@ -33,8 +32,7 @@ def zero_factors(d: Description) -> Iterator[str]:
 
 def repeated_types(d: Description) -> Iterator[str]:
     """Types have names of their own."""
-    names = [e.get("name") for e in d.all("TypeDefinitions/SimpleType")]
-    yield from (f"the type {name} is defined twice" for name in twice(names))
+    yield from (f"the type {name} is defined twice" for name in twice(d.type_names))
 
 
 def types_called_like_variables(d: Description) -> Iterator[str]:
@@ -46,21 +44,16 @@ def types_called_like_variables(d: Description) -> Iterator[str]:
 
 def repeated_items(d: Description) -> Iterator[str]:
     """Items of an enumeration have names of their own."""
-    for name, items in _enumerations(d):
+    for name, items in d.enumerations:
         for item in twice(e.get("name") for e in items):
             yield f"the type {name}: the item {item} is listed twice"
 
 
 def equal_items(d: Description) -> Iterator[str]:
     """Items of an enumeration have values of their own."""
-    for name, items in _enumerations(d):
+    for name, items in d.enumerations:
         for value in twice(int(e.get("value")) for e in items):
             yield f"the type {name}: two items have the value {value}"
-
-
-def _enumerations(d: Description) -> Iterator[tuple[str, list[XmlElement]]]:
-    for e in d.all("TypeDefinitions/SimpleType/Enumeration"):
-        yield e.getparent().get("name"), e.findall("Item")
 
 
 def limits_of_types(d: Description) -> Iterator[str]:

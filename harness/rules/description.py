@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""modelDescription.xml as the rules read it: XML elements with the defaults of FMI 2.0."""
+"""modelDescription.xml as the rules read it: XML elements with the defaults of FMI 2.0 (those of
+FMI 3.0: description3.py).
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 from harness.files.safe_xml import XmlElement, serialized
 
@@ -39,7 +41,7 @@ DEFAULT_INITIAL = {
 
 @dataclass(frozen=True)
 class Declared:
-    """One ScalarVariable; value: its element Real, Integer, ...; definition: that of its type."""
+    """One variable; value: its element Real, Integer, ...; definition: that of its type."""
 
     element: XmlElement
     value: XmlElement
@@ -76,8 +78,28 @@ class Declared:
     @property
     def initial(self) -> str:
         """What it says of its start value, or the default of its causality and variability."""
-        default = DEFAULT_INITIAL.get((self.causality, self.variability), "")
-        return str(self.element.get("initial", default))
+        return str(self.element.get("initial", self.default or ""))
+
+    @property
+    def default(self) -> str | None:
+        """What `initial` is by causality and variability; None: they do not fit each other."""
+        return DEFAULT_INITIAL.get((self.causality, self.variability))
+
+    @property
+    def needs_start(self) -> bool:
+        """Whether it must have a start value whatever its `initial`."""
+        return self.causality == "input"
+
+    @property
+    def starts(self) -> list[str]:
+        """Start values of the elements, as they are written."""
+        return [] if self.start is None else [self.start]
+
+    @property
+    def derivative(self) -> int | None:
+        """Number of the state that it is the derivative of."""
+        found = self.value.get("derivative")
+        return None if found is None else int(found)
 
     @property
     def start(self) -> str | None:
@@ -104,6 +126,33 @@ class Description:
     root: XmlElement
     files: tuple[str, ...]
 
+    LISTS: ClassVar[Mapping[str, str]] = {
+        kind: f"ModelStructure/{kind}/Unknown"
+        for kind in ("Outputs", "Derivatives", "InitialUnknowns")
+    }
+    """Elements of the model structure by their list: outputs, derivatives, initial unknowns."""
+
+    GUID: ClassVar[str] = "guid"
+    """Attribute by which binary and description recognise each other."""
+
+    ROOT: ClassVar[tuple[str, ...]] = (
+        "modelDescription.xml",
+        "model.png",
+        "documentation",
+        "licenses",
+        "sources",
+        "binaries",
+        "resources",
+        "extra",
+        "terminalsAndIcons",
+    )
+    """What may lie at the top of the archive."""
+
+    @property
+    def guid(self) -> str:
+        """By which binary and description recognise each other."""
+        return str(self.root.get(self.GUID, ""))
+
     def all(self, path: str) -> list[XmlElement]:
         """Elements by their path below the root."""
         return list(self.root.iterfind(path))
@@ -112,6 +161,30 @@ class Description:
     def types(self) -> dict[str, XmlElement]:
         """Elements Real, Integer, ... of the definitions of types by name; of two the last."""
         return {e.get("name"): e[0] for e in self.all("TypeDefinitions/SimpleType")}
+
+    @property
+    def type_names(self) -> list[str]:
+        """Names of all types."""
+        return [e.get("name") for e in self.all("TypeDefinitions/SimpleType")]
+
+    @property
+    def enumerations(self) -> list[tuple[str, list[XmlElement]]]:
+        """Items of the enumerations by name."""
+        found = self.all("TypeDefinitions/SimpleType/Enumeration")
+        return [(e.getparent().get("name"), e.findall("Item")) for e in found]
+
+    @property
+    def sources(self) -> list[str]:
+        """Source files that are listed."""
+        return [e.get("name") for e in self.all("*/SourceFiles/File")]
+
+    def numbered(self, number: int) -> Declared | None:
+        """The variable that a number in the model structure stands for: its place, from 1."""
+        return self.variables[number - 1] if 1 <= number <= len(self.variables) else None
+
+    def number(self, e: XmlElement) -> int:
+        """The number of an entry of the model structure."""
+        return int(e.get("index"))
 
     @cached_property
     def items(self) -> dict[str, set[int]]:
@@ -160,11 +233,16 @@ def twice(values: Iterable[Hashable]) -> list[Any]:
     return [value for value, count in Counter(values).items() if count > 1]
 
 
-def readable(root: XmlElement) -> bytes:
-    """A description in UTF-8 in which every variable says its `initial` where it has no default."""
-    copy = deepcopy(root)
+def readable(description: Description) -> bytes:
+    """A description in UTF-8 as FMPy can read it: in FMI 2.0 every variable says its `initial`
+    where it has no default; of FMI 3.0 without variables and structure.
+    """
+    copy = deepcopy(description.root)
     for e in copy.iterfind("ModelVariables/ScalarVariable"):
         pair = (e.get("causality", "local"), e.get("variability", "continuous"))
         if pair not in DEFAULT_INITIAL and e.get("initial") is None:
             e.set("initial", "calculated" if pair[0] == "output" else "exact")
+    for name in () if copy.get("fmiVersion") == "2.0" else ("ModelVariables", "ModelStructure"):
+        for e in copy.iterfind(f"{name}/*"):
+            e.getparent().remove(e)
     return serialized(copy)

@@ -30,7 +30,7 @@ def odd_identifier(d: Description) -> Iterator[str]:
 
 
 def _identifiers(d: Description) -> Iterator[str]:
-    for kind in ("CoSimulation", "ModelExchange"):
+    for kind in ("CoSimulation", "ModelExchange", "ScheduledExecution"):
         yield from (e.get("modelIdentifier") for e in d.all(kind))
 
 
@@ -42,8 +42,8 @@ def empty_name(d: Description) -> Iterator[str]:
 
 def empty_guid(d: Description) -> Iterator[str]:
     """There is a guid, by which binary and description recognise each other."""
-    if not d.root.get("guid", "").strip():
-        yield "guid is empty"
+    if not d.guid.strip():
+        yield f"{d.GUID} is empty"
 
 
 def bare_guid(d: Description) -> Iterator[str]:
@@ -108,29 +108,17 @@ def _annotated(d: Description) -> Iterator[tuple[str, XmlElement]]:
         yield from ((str(variable), e) for e in variable.element.iterfind("Annotations"))
 
 
-ROOT = (
-    "modelDescription.xml",
-    "model.png",
-    "documentation",
-    "licenses",
-    "sources",
-    "binaries",
-    "resources",
-    "extra",
-    "terminalsAndIcons",
-)
-"""What may lie at the top of the archive."""
-
-
 def stray_files(d: Description) -> Iterator[str]:
     """Nothing but what the standard names lies at the top."""
     tops = dict.fromkeys(name.partition("/")[0] for name in d.files)
-    yield from (f"{top}: has no place at the top of the archive" for top in tops if top not in ROOT)
+    yield from (
+        f"{top}: has no place at the top of the archive" for top in tops if top not in d.ROOT
+    )
 
 
 def missing_sources(d: Description) -> Iterator[str]:
     """Every source file that is listed is there."""
     there = set(d.files)
-    for name in dict.fromkeys(e.get("name") for e in d.all("*/SourceFiles/File")):
+    for name in dict.fromkeys(d.sources):
         if f"sources/{name}" not in there:
             yield f"the source file sources/{name} is listed, but not in the archive"

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -15,10 +16,12 @@ from lxml import etree
 from harness.errors import ArchiveError
 from harness.files.archive import inspect, read_entry
 from harness.files.safe_xml import UnsafeXmlError, XmlElement, parsed
-from harness.rules import definitions, header, structure, variables
+from harness.rules import definitions, header, structure, variables, version3
 from harness.rules.description import TYPES, Description, Rule
+from harness.rules.description3 import Description3
 
 FILE = "modelDescription.xml"
+BUILD, TERMINALS = "sources/buildDescription.xml", "terminalsAndIcons/terminalsAndIcons.xml"
 
 ERRORS: tuple[Rule, ...] = (
     header.bad_identifier,
@@ -86,14 +89,64 @@ WARNINGS: tuple[Rule, ...] = (
 )
 """Broken, they may puzzle another tool; the FMU can be run."""
 
+ERRORS_3: tuple[Callable[[Description3], Iterator[str]], ...] = (
+    header.bad_identifier,
+    variables.repeated_names,
+    variables.empty_names,
+    variables.undefined_types,
+    variables.unknown_states,
+    structure.unknown_indices,
+    definitions.repeated_items,
+    version3.independent_variable,
+    version3.repeated_references,
+    version3.unknown_dimensions,
+    version3.impossible_sizes,
+    version3.wrong_numbers_of_starts,
+    version3.unknown_clocks,
+    version3.repeated_alias_names,
+)
+"""The same for FMI 3.0."""
+
+_ONLY_2 = {
+    header.bare_guid,
+    header.repeated_vendor_tools,
+    variables.initials_that_are_not_given,
+    variables.several_independent,
+    variables.other_types,
+    variables.several_sets_in_co_simulation,
+    variables.shared_references,
+    variables.mixed_aliases,
+    structure.initial_kinds,
+}
+
+WARNINGS_3: tuple[Callable[[Description3], Iterator[str]], ...] = (
+    *(rule for rule in WARNINGS if rule not in _ONLY_2),
+    version3.initial_of_independent,
+    version3.clocks_that_are_none,
+    version3.clocks_as_unknowns,
+    version3.other_types,
+    version3.repeated_annotations,
+    version3.unknown_previous,
+    version3.missing_build_description,
+    version3.repeated_sources,
+    version3.options_without_compiler,
+    version3.other_identifiers_of_builds,
+    version3.empty_terminals,
+    version3.terminal_members,
+    version3.repeated_terminals,
+)
+"""The same for FMI 3.0."""
+
 
 @dataclass(frozen=True)
 class Verdict:
-    """Errors and warnings, one line each; root: the description, None if there is none to read."""
+    """Errors and warnings, one line each; description: what was judged, None if there is none to
+    read.
+    """
 
     errors: tuple[str, ...]
     warnings: tuple[str, ...] = ()
-    root: XmlElement = None
+    description: Description | None = None
 
 
 def judge(path: Path) -> Verdict:
@@ -107,10 +160,32 @@ def judge(path: Path) -> Verdict:
         return Verdict((f"{FILE}: {error}",))
     if problem := _other_kind(root):
         return Verdict((problem,))
+    if root.get("fmiVersion").startswith("3."):
+        return _judge_3(path, names, root)
     if violations := _violations(root):
         return Verdict(violations)
     description = Description(root, names)
-    return Verdict(_broken(ERRORS, description), _broken(WARNINGS, description), root)
+    return Verdict(_broken(ERRORS, description), _broken(WARNINGS, description), description)
+
+
+def _judge_3(path: Path, names: tuple[str, ...], root: XmlElement) -> Verdict:
+    if violations := _schema_violations(root, "fmi3ModelDescription", FILE):
+        return Verdict(violations)
+    warnings: list[str] = []
+    others: list[XmlElement] = []
+    for name, schema in ((BUILD, "fmi3BuildDescription"), (TERMINALS, "fmi3TerminalsAndIcons")):
+        others.append(None)
+        if name in names:
+            try:
+                others[-1] = parsed(read_entry(path, name))
+                warnings += _schema_violations(others[-1], schema, name)
+            except (ArchiveError, UnsafeXmlError) as error:
+                warnings.append(f"{name}: {error}")
+    description = Description3(root, names, *others)
+    errors = _broken(ERRORS_3, description)
+    if errors:
+        return Verdict(errors, tuple(warnings), description)
+    return Verdict((), (*warnings, *_broken(WARNINGS_3, description)), description)
 
 
 def _reason(path: Path, error: ArchiveError) -> str:
@@ -120,24 +195,27 @@ def _reason(path: Path, error: ArchiveError) -> str:
 
 
 def _other_kind(root: XmlElement) -> str | None:
-    """What an FMU is that is not of FMI 2.0 co-simulation."""
+    """What an FMU is that is not for co-simulation, or of no version that can be run."""
     version = root.get("fmiVersion", "").strip()
     if root.tag != "fmiModelDescription" or not version:
         return f"{FILE}: not the description of an FMU, fmiVersion is missing"
-    only = "only FMI 2.0 co-simulation FMUs can be run"
-    if version != "2.0":
-        return f"{only}, this one is FMI {version}"
-    if root.find("CoSimulation") is None and root.find("ModelExchange") is not None:
-        return f"{only}, this one is FMI 2.0 model exchange: export it for co-simulation"
-    return None
+    if version != "2.0" and not re.fullmatch(r"3\.\d+(\.\d+)?(-.+)?", version):
+        return f"only FMUs of FMI 2.0 and FMI 3.0 can be run, this one is FMI {version}"
+    if root.find("CoSimulation") is not None:
+        return None
+    for kind, name in (
+        ("ModelExchange", "model exchange"),
+        ("ScheduledExecution", "scheduled execution"),
+    ):
+        if root.find(kind) is not None:
+            return f"is for {name} only, co-simulation is needed"
+    return None if version == "2.0" else f"{FILE}: it has no element CoSimulation"
 
 
 def _violations(root: XmlElement) -> tuple[str, ...]:
     """Violations of the schema of FMI 2.0; variables without a value as well."""
-    schema = _schema()
-    if not schema.validate(root):
-        found = (f"{FILE}, line {e.line}: {' '.join(e.message.split())}" for e in schema.error_log)
-        return tuple(dict.fromkeys(found))
+    if found := _schema_violations(root, "fmi2ModelDescription", FILE):
+        return found
     bare = (e for e in root.iterfind("ModelVariables/ScalarVariable"))
     return tuple(
         f"{FILE}, line {e.sourceline}: {e.get('name')} has no type"
@@ -146,11 +224,22 @@ def _violations(root: XmlElement) -> tuple[str, ...]:
     )
 
 
+def _schema_violations(root: XmlElement, name: str, file: str) -> tuple[str, ...]:
+    schema = _schema(name)
+    if schema.validate(root):
+        return ()
+    found = (f"{file}, line {e.line}: {' '.join(e.message.split())}" for e in schema.error_log)
+    return tuple(dict.fromkeys(found))
+
+
 @lru_cache
-def _schema() -> Any:
-    folder = Path(fmpy.__file__).parent / "schema" / "fmi2"
-    return etree.XMLSchema(file=str(folder / "fmi2ModelDescription.xsd"))
+def _schema(name: str) -> Any:
+    return etree.XMLSchema(
+        file=str(Path(fmpy.__file__).parent / "schema" / name[:4] / f"{name}.xsd")
+    )
 
 
-def _broken(rules: Iterable[Rule], description: Description) -> tuple[str, ...]:
+def _broken(
+    rules: Iterable[Callable[[Any], Iterator[str]]], description: Description
+) -> tuple[str, ...]:
     return tuple(dict.fromkeys(line for rule in rules for line in rule(description)))

@@ -8,22 +8,23 @@ from collections.abc import Iterator
 from harness.files.safe_xml import XmlElement
 from harness.rules.description import Declared, Description, some, twice
 
-LISTS = ("Outputs", "Derivatives", "InitialUnknowns")
+OUTPUTS, DERIVATIVES, INITIAL = range(3)
+"""Places of the lists in Description.LISTS."""
 
 
 def unknown_indices(d: Description) -> Iterator[str]:
     """Every index is that of a variable."""
     for kind, e in _entries(d):
-        numbers = [int(e.get("index")), *map(int, e.get("dependencies", "").split())]
+        numbers = [d.number(e), *map(int, e.get("dependencies", "").split())]
         for number in numbers:
-            if not 1 <= number <= len(d.variables):
+            if d.numbered(number) is None:
                 yield f"{_place(kind, e)}: there is no variable {number}"
 
 
 def repeated_entries(d: Description) -> Iterator[str]:
     """A list names a variable once."""
-    for kind in LISTS:
-        for v in twice(_listed(d, kind)):
+    for place, kind in enumerate(d.LISTS):
+        for v in twice(_listed(d, place)):
             yield f"ModelStructure/{kind}: {v.name} is listed twice"
 
 
@@ -45,35 +46,36 @@ def kinds_and_dependencies(d: Description) -> Iterator[str]:
 
 def initial_kinds(d: Description) -> Iterator[str]:
     """In initialization a dependency is just there, or constant."""
-    for e in d.all("ModelStructure/InitialUnknowns/Unknown"):
+    name = _name(d, INITIAL)
+    for e in d.all(d.LISTS[name]):
         odd = set(e.get("dependenciesKind", "").split()) - {"dependent", "constant"}
         if odd:
             kinds = ", ".join(sorted(odd))
-            yield f"{_place('InitialUnknowns', e)}: dependenciesKind {kinds} is for steps only"
+            yield f"{_place(name, e)}: dependenciesKind {kinds} is for steps only"
 
 
 def outputs(d: Description) -> Iterator[str]:
     """The outputs are listed, and nothing else."""
     wanted = {v for v in d.variables if v.causality == "output"}
-    yield from _difference("Outputs", wanted, set(_listed(d, "Outputs")))
+    yield from _difference(_name(d, OUTPUTS), wanted, set(_listed(d, OUTPUTS)))
 
 
 def derivatives(d: Description) -> Iterator[str]:
     """What is listed as a derivative says of which state."""
-    for v in _listed(d, "Derivatives"):
-        if v.value.get("derivative") is None:
-            yield f"ModelStructure/Derivatives: {v} does not say of which variable it is one"
+    for v in _listed(d, DERIVATIVES):
+        if v.derivative is None:
+            kind = _name(d, DERIVATIVES)
+            yield f"ModelStructure/{kind}: {v} does not say of which variable it is one"
 
 
 def initial_unknowns(d: Description) -> Iterator[str]:
     """Listed are calculated outputs, calculated parameters, states and derivatives."""
     wanted = {v for v in d.variables if _calculated(v) and v.causality == "output"}
     wanted |= {v for v in d.variables if v.causality == "calculatedParameter"}
-    for v in _listed(d, "Derivatives"):
-        index = int(v.value.get("derivative", "0"))
-        pair = (v, d.variables[index - 1]) if 1 <= index <= len(d.variables) else (v,)
-        wanted |= {each for each in pair if _calculated(each)}
-    yield from _difference("InitialUnknowns", wanted, set(_listed(d, "InitialUnknowns")))
+    for v in _listed(d, DERIVATIVES):
+        state = None if v.derivative is None else d.numbered(v.derivative)
+        wanted |= {each for each in (v, state) if each is not None and _calculated(each)}
+    yield from _difference(_name(d, INITIAL), wanted, set(_listed(d, INITIAL)))
 
 
 def _calculated(v: Declared) -> bool:
@@ -86,16 +88,20 @@ def _difference(kind: str, wanted: set[Declared], listed: set[Declared]) -> Iter
             yield f"ModelStructure/{kind}: {what} {some(sorted(v.name for v in names))}"
 
 
+def _name(d: Description, place: int) -> str:
+    return list(d.LISTS)[place]
+
+
 def _entries(d: Description) -> Iterator[tuple[str, XmlElement]]:
-    for kind in LISTS:
-        yield from ((kind, e) for e in d.all(f"ModelStructure/{kind}/Unknown"))
+    for kind, path in d.LISTS.items():
+        yield from ((kind, e) for e in d.all(path))
 
 
-def _listed(d: Description, kind: str) -> Iterator[Declared]:
+def _listed(d: Description, place: int) -> Iterator[Declared]:
     """Variables of a list; those that do not exist are left out."""
-    for e in d.all(f"ModelStructure/{kind}/Unknown"):
-        if 1 <= int(e.get("index")) <= len(d.variables):
-            yield d.variables[int(e.get("index")) - 1]
+    for e in d.all(d.LISTS[_name(d, place)]):
+        if (found := d.numbered(d.number(e))) is not None:
+            yield found
 
 
 def _place(kind: str, e: XmlElement) -> str:

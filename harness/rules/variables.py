@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 from itertools import groupby
 
-from harness.rules.description import DEFAULT_INITIAL, Declared, Description, some, twice
+from harness.rules.description import Declared, Description, some, twice
 
 _WORD = r"(?:[A-Za-z_]\w*|'(?:[^'\\]|\\.)+')"
 _ARRAY = r"(?:\[\d+(?:,\d+)*\])?"
@@ -38,19 +38,18 @@ def other_types(d: Description) -> Iterator[str]:
 def unknown_states(d: Description) -> Iterator[str]:
     """A derivative names a variable by its number."""
     for v in d.variables:
-        index = v.value.get("derivative")
-        if index is not None and not 1 <= int(index) <= len(d.variables):
-            yield f"{v}: is the derivative of variable {index}, which does not exist"
+        if v.derivative is not None and d.numbered(v.derivative) is None:
+            yield f"{v}: is the derivative of variable {v.derivative}, which does not exist"
 
 
 def derivatives_not_continuous(d: Description) -> Iterator[str]:
     """Derivatives are continuous, and those of continuous variables."""
     for v in d.variables:
-        index = int(v.value.get("derivative", "0"))
-        if 1 <= index <= len(d.variables):
-            state = d.variables[index - 1]
-            if any(e.type != "Real" or e.variability != "continuous" for e in (v, state)):
-                yield f"{v}: is the derivative of {state.name}, but not both are continuous"
+        state = None if v.derivative is None else d.numbered(v.derivative)
+        if state is None:
+            continue
+        if any(e.type != "Real" or e.variability != "continuous" for e in (v, state)):
+            yield f"{v}: is the derivative of {state.name}, but not both are continuous"
 
 
 def unstructured_names(d: Description) -> Iterator[str]:
@@ -80,7 +79,7 @@ def discrete_kinds(d: Description) -> Iterator[str]:
 def impossible_causalities(d: Description) -> Iterator[str]:
     """Causality and variability fit each other."""
     for v in d.variables:
-        if (v.causality, v.variability) not in DEFAULT_INITIAL:
+        if v.default is None:
             yield f"{v}: a {v.causality} cannot be {v.variability}"
 
 
@@ -96,7 +95,7 @@ def impossible_initials(d: Description) -> Iterator[str]:
     for v in d.variables:
         if v.element.get("initial") is None or v.causality in ("input", "independent"):
             continue
-        exactly = v.causality == "parameter" or v.variability == "constant"
+        exactly = v.causality in ("parameter", "structuralParameter") or v.variability == "constant"
         never = v.causality == "calculatedParameter" or (
             v.causality == "local" and v.variability in ("fixed", "tunable")
         )
@@ -107,7 +106,7 @@ def impossible_initials(d: Description) -> Iterator[str]:
 def missing_starts(d: Description) -> Iterator[str]:
     """What starts exactly or approximately has a start value."""
     for v in d.variables:
-        wanted = v.causality == "input" or v.initial in ("exact", "approx")
+        wanted = v.needs_start or v.initial in ("exact", "approx")
         if wanted and v.start is None:
             yield f"{v}: has no start value"
 
@@ -151,28 +150,29 @@ def limits_crossed(d: Description) -> Iterator[str]:
 def starts_outside(d: Description) -> Iterator[str]:
     """The start value lies between the limits."""
     for v in d.variables:
-        if v.start is None or v.type not in ("Real", "Integer", "Enumeration"):
-            continue
-        start, low, high = float(v.start), v.number("min"), v.number("max")
-        if (low is not None and start < low) or (high is not None and start > high):
-            low_text, high_text = ("" if x is None else f"{x:g}" for x in (low, high))
-            yield f"{v}: start {start:g} lies outside [{low_text}, {high_text}]"
+        low, high = v.number("min"), v.number("max")
+        for start in map(float, v.starts if v.type in ("Real", "Integer", "Enumeration") else ()):
+            if (low is not None and start < low) or (high is not None and start > high):
+                low_text, high_text = ("" if x is None else f"{x:g}" for x in (low, high))
+                yield f"{v}: start {start:g} lies outside [{low_text}, {high_text}]"
 
 
 def starts_that_are_no_item(d: Description) -> Iterator[str]:
     """An enumeration starts with one of its items."""
     for v in d.variables:
-        if v.type != "Enumeration" or v.start is None or v.definition is None:
+        if v.type != "Enumeration" or v.definition is None:
             continue
-        if int(v.start) not in d.items[v.value.get("declaredType")]:
-            yield f"{v}: start {v.start} is not an item of its type"
+        for start in v.starts:
+            if int(start) not in d.items[v.value.get("declaredType")]:
+                yield f"{v}: start {start} is not an item of its type"
 
 
 def starts_not_finite(d: Description) -> Iterator[str]:
     """Start values are numbers."""
     for v in d.variables:
-        if v.type == "Real" and v.start is not None and v.start.strip() in ("NaN", "INF", "-INF"):
-            yield f"{v}: start {v.start} is not finite"
+        for start in v.starts if v.type == "Real" else ():
+            if start.strip() in ("NaN", "INF", "-INF"):
+                yield f"{v}: start {start} is not finite"
 
 
 def zero_nominals(d: Description) -> Iterator[str]:

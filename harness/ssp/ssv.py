@@ -11,8 +11,9 @@ from lxml import etree
 
 from harness.ssp.xml import NS, TOOL, XmlElement, attributes, child, serialized, tag
 from harness.system.conversion import final
-from harness.system.interface import Interface, Variable
+from harness.system.interface import Interface
 from harness.system.model import Parameter, Parameters
+from harness.system.variable import Variable
 
 BaseUnits = Mapping[str, Mapping[str, float]]
 """Base units (exponents, factor, offset) by name."""

@@ -14,24 +14,25 @@ with them moved, so nothing but FMI is needed.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from fmpy.fmi2 import FMU2Slave
 from numpy.typing import NDArray
 
 from harness.errors import FmuError, RefusalError, RunError, UsageError
 from harness.files.archive import unpack
 from harness.files.temporary import PrivateFolder
-from harness.master import messages, place
+from harness.master import calls, messages
+from harness.master.calls import OK, WARNING, Calls
 from harness.master.refusals import as_typed, refusals
 from harness.mission.library import everything
-from harness.system.interface import Interface, read_interface
+from harness.system.interface import Interface, binaries, read_interface
 from harness.system.names import base, index
 from harness.system.values import assign, coerce, parse
+from harness.system.variable import Variable
 
 Array = NDArray[np.float64]
 RELATIVE_STATE, RELATIVE_INPUT = 1e-4, 1e-2
@@ -152,54 +153,70 @@ class _Bench:
         self._folder = PrivateFolder()
         try:
             unpack(self.interface.path, self._folder.path)
-            self._slave = self._load()
+            self._calls = self._load()
         except BaseException:
             self._folder.close()
             raise
         return self
 
-    def _load(self) -> Any:
-        model = self.interface.model
-        place.enter(model.modelName, "fmi2Instantiate")
+    def _load(self) -> Calls:
+        name, folder = self.interface.model.modelName, self._folder.path
+        places = [folder / place for place in binaries(self.interface)]
+        library = next((place for place in places if place.is_file()), places[0])
         try:
-            slave = FMU2Slave(
-                guid=model.guid,
-                modelIdentifier=model.coSimulation.modelIdentifier,
-                unzipDirectory=str(self._folder.path),
-                instanceName=model.modelName,
-            )
-            slave.instantiate(callbacks=messages.callbacks(), loggingOn=False)
+            return calls.load(name, self.interface, folder, library)
         except Exception as error:
-            raise FmuError(
-                f"{self.interface.path.name} cannot be loaded: {' '.join(str(error).split())}"
-            ) from error
-        return slave
+            reason = messages.take_error(name) or " ".join(str(error).split())
+            raise FmuError(f"{self.interface.path.name} cannot be loaded: {reason}") from error
 
     def __exit__(self, *_: object) -> None:
-        self._call("freeInstance")
+        self._calls.free()
         self._folder.close()
 
     def run(self, values: Mapping[str, float], start: float, steps: int, h: float) -> Array:
         """Outputs after `steps` steps of h from `start` with these values beside the settings."""
         everything = {**self.settings, **values}
-        try:
-            self._call("reset")
-            self._call("setReal", [self._reference(n) for n in everything], [*everything.values()])
-            self._call("setupExperiment", startTime=start)
-            self._call("enterInitializationMode")
-            self._call("exitInitializationMode")
-            for k in range(steps):
-                self._call(
-                    "doStep", currentCommunicationPoint=start + k * h, communicationStepSize=h
-                )
-            found = np.array(self._call("getReal", [self._reference(n) for n in self.outputs]))
-        except Exception as error:
-            name = self.interface.model.modelName
-            reason = messages.take_error(name) or " ".join(str(error).split())
-            if refused := refusals(reason, self.interface.settable()):
-                raise RefusalError(name, start, refused) from error
-            raise RunError(name, start, reason) from error
-        return self._finite(found, start + steps * h)
+        self._do("Reset", start)
+        for row in self._rows(everything):
+            given = [everything.get(v.name, float(v.begin or 0)) for v in row]
+            self._check(self._calls.put(row, given), f"Set{row[0].access}", start)
+        for function, arguments in self._calls.initialization(start, None):
+            self._do(function, start, *arguments)
+        self._do("ExitInitializationMode", start)
+        for k in range(steps):
+            self._check(self._calls.step(start + k * h, h, 1), "DoStep", start + k * h)
+        return self._finite(self._read(start + steps * h), start + steps * h)
+
+    def _rows(self, names: Collection[str]) -> list[tuple[Variable, ...]]:
+        """What goes in one call: all variables of a type, in FMI 3.0 all elements of an array."""
+        variables = [self.interface.variables[name] for name in names]
+        if self.interface.fmi == 3:
+            found = {(v.access, v.reference): self.interface.row(v) for v in variables}
+            return list(found.values())
+        kinds = dict.fromkeys(v.access for v in variables)
+        return [tuple(v for v in variables if v.access == kind) for kind in kinds]
+
+    def _read(self, time: float) -> Array:
+        """All outputs."""
+        found: dict[str, float] = {}
+        for row in self._rows(self.outputs):
+            status, values = self._calls.get(row)
+            self._check(status, f"Get{row[0].access}", time)
+            found |= dict(zip((v.name for v in row), values, strict=True))
+        return np.array([found[name] for name in self.outputs])
+
+    def _do(self, function: str, time: float, *arguments: Any) -> None:
+        self._check(self._calls.call(function, *arguments), function, time)
+
+    def _check(self, status: int, function: str, time: float) -> None:
+        if status in (OK, WARNING):
+            return
+        name = self.interface.model.modelName
+        said = f"{self._calls.prefix}{function} failed with status {status}"
+        reason = messages.take_error(name) or said
+        if refused := refusals(reason, self.interface.settable()):
+            raise RefusalError(name, time, refused)
+        raise RunError(name, time, reason)
 
     def _finite(self, outputs: Array, time: float) -> Array:
         for name, value in zip(self.outputs, outputs, strict=True):
@@ -208,22 +225,15 @@ class _Bench:
                 raise RunError(model, time, "output is not a finite number", name)
         return outputs
 
-    def _call(self, function: str, *arguments: Any, **named: Any) -> Any:
-        place.enter(self.interface.model.modelName, f"fmi2{function[0].upper()}{function[1:]}")
-        return getattr(self._slave, function)(*arguments, **named)
-
-    def _reference(self, name: str) -> int:
-        return self.interface.variables[name].reference
-
     def start_value(self, name: str) -> float:
         """Value of a parameter or input as set, else its start value."""
-        declared = next(v.start for v in self.interface.model.modelVariables if v.name == name)
-        return self.settings.get(name, float(declared))
+        declared = self.interface.variables[name].start
+        return self.settings.get(name, 0.0 if declared is None else declared)
 
     def lowest(self, name: str) -> float:
         """Declared lower bound of a variable."""
-        declared = next(v.min for v in self.interface.model.modelVariables if v.name == name)
-        return -np.inf if declared is None else float(declared)
+        declared = self.interface.variables[name].low
+        return -np.inf if declared is None else declared
 
 
 class _Differences:

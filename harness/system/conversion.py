@@ -8,10 +8,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from harness.spelling import did_you_mean
-from harness.system.interface import Interface, Variable
+from harness.system.interface import Interface
 from harness.system.model import Connection, Parameter
 from harness.system.units import IDENTITY, Affine, UndefinedUnitError, Unit, compose
 from harness.system.values import Scalar, coerce
+from harness.system.variable import Variable
 
 
 def way(
@@ -40,12 +41,12 @@ def final(parameter: Parameter, variable: Variable, interface: Interface) -> Sca
     if variable.type == "Enumeration" and isinstance(value, str):
         return _item(variable, value)
     if not parameter.hops and parameter.unit in (None, variable.unit):
-        return coerce(value, variable.type)
+        return coerce(value, variable.type, variable.access)
     change = _change(parameter, variable, interface)
     return (
-        coerce(value, variable.type)
+        coerce(value, variable.type, variable.access)
         if change == IDENTITY
-        else coerce(change(_number(value)), variable.type)
+        else coerce(change(_number(value)), variable.type, variable.access)
     )
 
 

@@ -17,12 +17,13 @@ from typing import NamedTuple
 
 from harness.errors import FmuError, StructureError
 from harness.system.conversion import final, way
-from harness.system.interface import Interface, Variable, read_interface
+from harness.system.interface import Interface, read_interface
 from harness.system.model import Component, Port, System
 from harness.system.problems import problems, size_problems, value_problems
 from harness.system.schedule import macro_steps
 from harness.system.units import IDENTITY, Affine
 from harness.system.values import Scalar
+from harness.system.variable import Variable
 
 _log = logging.getLogger("harness")
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import io
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -19,50 +19,35 @@ from harness.errors import FmuError
 from harness.files import machine
 from harness.files.archive import head, inspect, unpacked_size
 from harness.files.paths import Stamp, is_file, stamp
-from harness.rules.description import readable
-from harness.rules.judge import Verdict, judge
+from harness.rules.description import Description, readable
+from harness.rules.description3 import Description3
+from harness.rules.judge import judge
+from harness.system.interface3 import read_variables
 from harness.system.units import Unit
+from harness.system.variable import Variable
 
 FmpyObject = Any
 """Something of FMPy's model description, which is not typed."""
 
+NO_NUMBERS = ("String", "Binary")
+"""Types that no connection can carry."""
+
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad", "factor", "offset")
 """Attributes of an FMI (and SSP) base unit: exponents of the SI units, then factor and offset."""
 
-OPTIONAL = "ModelVariables/ScalarVariable[Annotations/Tool/OptionalInput]/@name"
-"""Where a description names the inputs that a system need not drive."""
-
-
-@dataclass(frozen=True)
-class Variable:
-    """One scalar variable; unit: None if undeclared; settable: may be given a value before
-    initialization.
-
-    items: values by name of an enumeration; type_name: name of its type; start: None if it has none
-    or is a String; low, high: the limits declared; begin: start value of any type; optional: an
-    input that keeps its start value where nobody drives it, by an annotation of its own.
-    """
-
-    name: str
-    reference: int
-    type: str
-    causality: str
-    unit: str | None
-    description: str
-    settable: bool
-    items: Mapping[str, int] = field(default_factory=dict)
-    type_name: str = ""
-    start: float | None = None
-    low: float | None = None
-    high: float | None = None
-    begin: float | str | None = None
-    optional: bool = False
+OPTIONAL = (
+    "ModelVariables/ScalarVariable[Annotations/Tool/OptionalInput]/@name"
+    "|ModelVariables/*[Annotations/Annotation/OptionalInput]/@name"
+)
+"""Where a description names the inputs that a system need not drive, in FMI 2.0 and FMI 3.0."""
 
 
 @dataclass(frozen=True)
 class Interface:
     """Variables by name in the order of the file; units: base units by name; model: FMPy's
     description; warnings: what is not by the book, one line each; size: bytes when unpacked.
+
+    left_out: variables that no system can have, and why, one line each.
     """
 
     path: Path
@@ -71,6 +56,23 @@ class Interface:
     model: FmpyObject
     warnings: tuple[str, ...] = ()
     size: int = 0
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def fmi(self) -> int:
+        """The version of FMI: 2 or 3."""
+        return 3 if str(self.model.fmiVersion).startswith("3.") else 2
+
+    def row(self, variable: Variable) -> tuple[Variable, ...]:
+        """All elements of the array that a variable belongs to, in their order."""
+        return self._rows[variable.reference, variable.access]
+
+    @cached_property
+    def _rows(self) -> dict[tuple[int, str], tuple[Variable, ...]]:
+        found: dict[tuple[int, str], dict[int, Variable]] = {}
+        for v in self.variables.values():
+            found.setdefault((v.reference, v.access), {}).setdefault(v.element, v)  # no alias
+        return {key: tuple(row[k] for k in sorted(row)) for key, row in found.items()}
 
     def named(self, causality: str) -> Mapping[str, Variable]:
         """Variables of one causality (input, output, parameter, ...)."""
@@ -88,12 +90,12 @@ class Interface:
         return None if variable.unit is None else Unit(variable.unit, self.units.get(variable.unit))
 
     def outputs(self) -> Mapping[str, Variable]:
-        """Outputs that a connection can carry: all but strings."""
+        """Outputs that a connection can carry: numbers."""
         return self._outputs
 
     @cached_property
     def _outputs(self) -> dict[str, Variable]:
-        return {name: v for name, v in self.named("output").items() if v.type != "String"}
+        return {name: v for name, v in self.named("output").items() if v.type not in NO_NUMBERS}
 
     def settable(self) -> Mapping[str, Variable]:
         """Variables that may be given a value before initialization: parameters, inputs, start
@@ -107,8 +109,8 @@ class Interface:
 
 
 def read_interface(path: Path) -> Interface:
-    """Interface of a .fmu; FmuError if it is missing, damaged, invalid, or not FMI 2.0
-    co-simulation.
+    """Interface of a .fmu; FmuError if it is missing, damaged, invalid, or not for co-simulation by
+    FMI 2.0 or FMI 3.0.
     """
     if not is_file(path):
         raise FmuError(f"{path.name}: no such FMU")
@@ -121,20 +123,28 @@ def _read(path: Path, _: Stamp) -> Interface:
     verdict = judge(path)
     if verdict.errors:
         raise FmuError("\n".join(f"{path.name}: {problem}" for problem in verdict.errors))
-    model = _description(path, verdict)
-    optional = set(verdict.root.xpath(OPTIONAL))
-    variables = {v.name: _variable(v, v.name in optional) for v in model.modelVariables}
+    assert verdict.description is not None
+    model = _description(path, verdict.description)
+    optional = set(verdict.description.root.xpath(OPTIONAL))
+    if isinstance(verdict.description, Description3):
+        variables, left_out = read_variables(path, verdict.description, optional)
+    else:
+        variables, left_out = [_variable(v, v.name in optional) for v in model.modelVariables], ()
     units = {
         u.name: _base_unit(u.baseUnit) for u in model.unitDefinitions if u.baseUnit is not None
     }
-    return Interface(path, variables, units, model, verdict.warnings, unpacked_size(path))
+    size = unpacked_size(path)
+    named = {v.name: v for v in variables}
+    return Interface(path, named, units, model, (*verdict.warnings, *left_out), size, left_out)
 
 
-def _description(path: Path, verdict: Verdict) -> FmpyObject:
-    """FMPy's reading of modelDescription.xml, from the very bytes that were judged."""
+def _description(path: Path, description: Description) -> FmpyObject:
+    """FMPy's reading of modelDescription.xml, from the very bytes that were judged; of FMI 3.0
+    without its variables, which interface3.py reads.
+    """
     mended = io.BytesIO()
     with zipfile.ZipFile(mended, "w") as archive:
-        archive.writestr("modelDescription.xml", readable(verdict.root))
+        archive.writestr("modelDescription.xml", readable(description))
     try:
         return read_model_description(mended, validate=False)
     except Exception as error:  # FMPy raises bare Exceptions
@@ -153,6 +163,7 @@ def _variable(v: FmpyObject, optional: bool) -> Variable:
         v.name, v.valueReference, v.type, v.causality, unit, text, settable, values, name,
         start, low, high, v.start if v.type == "String" else start,
         optional and v.causality == "input" and start is not None,
+        "Integer" if v.type == "Enumeration" else v.type,
     )  # fmt: skip
 
 
@@ -177,11 +188,12 @@ def _base_unit(base: FmpyObject) -> dict[str, float]:
 
 
 def binaries(interface: Interface) -> tuple[str, ...]:
-    """Places inside the archive where FMI 2.0 looks for the binary of this platform (the second
-    since FMI 2.0.5).
+    """Places inside the archive where FMI looks for the binary of this platform: FMI 3.0, and FMI
+    2.0 since 2.0.5, in the second.
     """
     file = interface.model.coSimulation.modelIdentifier + sharedLibraryExtension
-    return f"binaries/{platform}/{file}", f"binaries/{platform_tuple}/{file}"
+    both = f"binaries/{platform}/{file}", f"binaries/{platform_tuple}/{file}"
+    return both if interface.fmi == 2 else both[1:]
 
 
 def binary_problem(interface: Interface) -> str | None:

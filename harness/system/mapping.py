@@ -15,8 +15,9 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from harness.spelling import did_you_mean
-from harness.system.interface import Variable, units_agree
+from harness.system.interface import units_agree
 from harness.system.names import Index, Name, grid
+from harness.system.variable import Variable
 
 Names = dict[str, str]
 """Our name of a scalar variable by theirs."""

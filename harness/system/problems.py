@@ -12,11 +12,12 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from harness.files.archive import MAX_UNPACKED
 from harness.spelling import did_you_mean
 from harness.system.conversion import final, is_unconverted, way
-from harness.system.interface import Interface, Variable, units_agree
+from harness.system.interface import Interface, units_agree
 from harness.system.model import Component, Connection, Parameter, Port, System
 from harness.system.schedule import problems as schedule_problems
 from harness.system.units import IDENTITY, UndefinedUnitError, Unit, compose
 from harness.system.values import Scalar
+from harness.system.variable import STRUCTURAL, Variable, structural_problem
 
 _log = logging.getLogger("harness")
 
@@ -116,7 +117,11 @@ def _end(
 
 
 def _mismatch(connection: Connection, source: Variable, target: Variable) -> Iterator[str]:
-    if source.type != target.type or source.type == "String":
+    if binary := [
+        p for p, v in zip(connection[:2], (source, target), strict=True) if v.type == "Binary"
+    ]:
+        yield f"{binary[0]}: Binary variables cannot be connected"
+    elif source.type != target.type or source.type == "String":
         yield (
             f"{connection.target}: is {target.type}, cannot be driven by {connection.source}, a "
             f"{source.type}"
@@ -219,6 +224,8 @@ def _parameter_problem(name: str, parameter: Parameter, interface: Interface) ->
     variable = interface.variables.get(name)
     if variable is None:
         return f"there is no such parameter{did_you_mean(name, interface.settable())}"
+    if variable.causality == STRUCTURAL:
+        return structural_problem(variable)
     if not variable.settable:
         return f"its causality is {variable.causality}, it cannot be set"
     if parameter.value != parameter.value:

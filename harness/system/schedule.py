@@ -20,6 +20,12 @@ MOST = 2**31 - 1
 """Macro steps that an instance can take at once, and the largest latency."""
 
 
+NOT_FINITE, TOO_WIDE, TERMINATION, EARLY_RETURN = -1, -2, -3, -4
+"""What loop.c says beside the statuses of FMI: an output is no finite number, or a whole number
+that is none of the bus; a step asks for the end, or has ended before its time.
+"""
+
+
 class Verb(Enum):
     """SET: bus to inputs; STEP: advance; GET: outputs to bus."""
 
@@ -27,10 +33,12 @@ class Verb(Enum):
     STEP = "step"
     GET = "get"
 
-    @property
-    def call(self) -> str:
-        """The FMI functions that it stands for."""
-        return {"set": "fmi2SetReal", "step": "fmi2DoStep", "get": "fmi2GetReal"}[self.value]
+    def call(self, fmi: int = 2) -> str:
+        """The function that it stands for in a version of FMI."""
+        real = "Real" if fmi == 2 else "Float64"
+        return (
+            f"fmi{fmi}" + {"set": f"Set{real}", "step": "DoStep", "get": f"Get{real}"}[self.value]
+        )
 
 
 class Periodic(Protocol):

@@ -15,9 +15,10 @@ from harness.files import paths
 from harness.spelling import did_you_mean
 from harness.system import mapping
 from harness.system.graph import read_interfaces
-from harness.system.interface import Interface, Variable, read_interface, units_agree
+from harness.system.interface import Interface, read_interface, units_agree
 from harness.system.model import Component, Connection, Parameters, ParameterSet, Port, System
 from harness.system.names import base
+from harness.system.variable import Variable
 from harness.system.wiring import drivers, output_owners
 
 SHOWN = 5

@@ -17,6 +17,7 @@ from harness.system.interface import Interface
 from harness.system.model import Parameter, Parameters
 from harness.system.names import base, elements_of
 from harness.system.values import Value, assign, coerce, leaves, parse, parse_text, too_deep
+from harness.system.variable import STRUCTURAL, structural_problem
 
 SHARED = "shared"
 
@@ -89,12 +90,16 @@ class Assignments:
         whatever can be set).
         """
         interface = self.interfaces[component]
+        found = interface.variables.get(name)
+        if found is not None and found.causality == STRUCTURAL:
+            self.problems.append(f"{component}.{name}: {structural_problem(found)}")
+            return
         try:
             scalars = assign(name, value, interface.settable() if known is None else known)
             for element, scalar in scalars.items():
                 variable = interface.variables[element]
                 self.parameters[component][element] = Parameter(
-                    coerce(scalar, variable.type), variable.unit
+                    coerce(scalar, variable.type, variable.access), variable.unit
                 )
         except ValueError as error:
             self.problems.append(f"{component}.{name}: {error}")

@@ -9,6 +9,7 @@ for `J[1,1]` ... `J[2,2]`; a table `M = {bias = 1.0}` for `M.bias`. Systems in T
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
@@ -154,9 +155,11 @@ def _shape(names: list[str]) -> str:
     return " x ".join(map(str, sizes)) + (" element" if sizes == [1] else " elements")
 
 
-def coerce(value: Scalar, kind: str) -> Scalar:
+def coerce(value: Scalar, kind: str, access: str = "") -> Scalar:
     """A value as an FMI type (Real, Integer, Enumeration, Boolean, String) holds it; ValueError if
     it cannot.
+
+    access: the type of FMI 3.0 (UInt8, Float32, ...), if it is one.
     """
     if kind == "String":
         return _checked_text(_text(value))
@@ -169,18 +172,20 @@ def coerce(value: Scalar, kind: str) -> Scalar:
     if kind == "Boolean" and value in (0, 1):
         return bool(value)
     if kind in INTEGERS and _float(value).is_integer():
-        return _integer(int(value))
+        return _integer(int(value), access)
     raise ValueError(f"{value} is not {'true or false' if kind == 'Boolean' else 'a whole number'}")
 
 
 INTEGERS = ("Integer", "Enumeration")
-LARGEST = 2**31 - 1
-"""Largest value of an fmi2Integer."""
 
 
-def _integer(value: int) -> int:
-    if not -LARGEST - 1 <= value <= LARGEST:
-        raise ValueError(f"{value} is beyond the integers of FMI, {-LARGEST - 1} to {LARGEST}")
+def _integer(value: int, access: str) -> int:
+    bits = int(re.sub(r"\D", "", access) or 32)
+    low = 0 if access.startswith("U") else -(2 ** (bits - 1))
+    high = 2**bits - 1 if access.startswith("U") else 2 ** (bits - 1) - 1
+    if not low <= value <= high:
+        kind = access if access.endswith(str(bits)) else "the integers of FMI"
+        raise ValueError(f"{value} is beyond {kind}, {low} to {high}")
     return value
 
 

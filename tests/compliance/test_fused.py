@@ -98,7 +98,10 @@ def test_no_object_of_clang_holds_one(tmp_path, target, processor):
 
 @pytest.mark.parametrize(
     "build",
-    ["CMakeLists.txt", "fmus/core/build/build_fmu.py", "fmus/core/build/cross_compile.py"],
+    [
+        "CMakeLists.txt",
+        *(f"fmus/core/build/{name}.py" for name in ("build_fmu", "cross_compile", "package_fmi3")),
+    ],
 )
 def test_every_build_has_the_flags(build):
     text = (ROOT / build).read_text(encoding="utf-8")

@@ -22,9 +22,9 @@ from harness.ssp.build import system_of
 from harness.ssp.library import load
 from harness.ssp.writer import write_ssp
 from harness.system.graph import read_interfaces
-from harness.system.interface import Variable
 from harness.system.mapping import by_style, families, guesses, options, told
 from harness.system.problems import problems
+from harness.system.variable import Variable
 from tests.harness.foreign_fmu import Model, build, p, u, y
 
 pytestmark = pytest.mark.usefixtures("crew")

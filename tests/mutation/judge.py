@@ -145,7 +145,7 @@ def _described(describe: Path, archive: zipfile.ZipFile) -> bytes:
     date = re.search(r'generationDateAndTime="([^"]*)"', old)
     files = re.findall(r'<File name="([^"]*)"', old)
     words = [found[1] if found else "0" for found in (version, date)]
-    return subprocess.run([describe, *words, *files], check=True, capture_output=True).stdout
+    return subprocess.run([describe, "2", *words, *files], check=True, capture_output=True).stdout
 
 
 # ---- tests

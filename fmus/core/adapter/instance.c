@@ -116,7 +116,7 @@ static void list_outputs(Instance *instance, bool alarms)
     for (size_t i = 0; (v = judged_row(i)); i++) {
         if (v->causality != OUTPUT_ROW || v->rule == ANY_VALUE) continue;
         for (size_t k = 0; k < v->size && (v->rule == ALARM_VALUE) == alarms; k++)
-            add_to_runs(instance->guarded, &instance->guarded_count, (Scalar){v, k}, v->rule);
+            add_to_runs(instance->guarded, &instance->guarded_count, (Part){{v, k}, 1}, v->rule);
     }
 }
 

@@ -1,6 +1,7 @@
 /* instance.h - one instance of an FMU: the model, its last good state, progress, callbacks, log.
  *
- * It knows no version of FMI: each has its files (fmi2*.c) over this one, life.h and state.h.
+ * It knows no version of FMI: each has its files (fmi2*.c, fmi3*.c) over this one, life.h,
+ * values.h and state.h.
  *
  * States and outputs are kept before a step and put back if one of its results is refused, so an
  * error leaves the last good state in place; parameters and inputs are constant in a step. There

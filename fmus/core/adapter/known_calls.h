@@ -18,7 +18,7 @@ typedef struct {
 } Run;
 
 typedef struct {
-    size_t count, runs; /* count 0: nothing known */
+    size_t count, values, runs; /* count 0: nothing known; values: elements of all references */
     unsigned reference[LONGEST_CALL];
     Run run[MOST_RUNS];
 } KnownCall;
@@ -37,27 +37,41 @@ static inline const KnownCall *known_call(const KnownCalls *known, const unsigne
     return NULL;
 }
 
+/* the elements that a value reference stands for: one in FMI 2.0, a whole row in FMI 3.0 */
+typedef struct {
+    Scalar first; /* row NULL: there is no such variable */
+    size_t size;
+} Part;
+
+static inline Part part_of(const ModelInterface *m, unsigned vr, bool rows)
+{
+    Scalar s = scalar_of(m, vr);
+    if (!s.row || (rows && s.element)) return (Part){{NULL, 0}, 0};
+    return (Part){s, rows ? s.row->size : 1};
+}
+
 /* at the end of run[0 .. *runs-1]: into the last one if it is its neighbour and has its rule; there
  * must be room for one more */
-static inline void add_to_runs(Run run[], size_t *runs, Scalar s, Rule rule)
+static inline void add_to_runs(Run run[], size_t *runs, Part p, Rule rule)
 {
-    size_t at = s.row->offset / sizeof(double) + s.element;
+    size_t at = p.first.row->offset / sizeof(double) + p.first.element;
     Run *last = run + *runs - (*runs > 0);
-    if (*runs && last->first + last->count == at && last->rule == rule) last->count++;
-    else run[(*runs)++] = (Run){at, 1, rule};
+    if (*runs && last->first + last->count == at && last->rule == rule) last->count += p.size;
+    else run[(*runs)++] = (Run){at, p.size, rule};
 }
 
 /* in place of the oldest; a call that is too long or too scattered stays unknown */
 static inline void remember_call(KnownCalls *known, const ModelInterface *m, const unsigned vr[],
-                                 size_t count)
+                                 size_t count, bool rows)
 {
     KnownCall *c = &known->call[known->oldest];
     if (count == 0 || count > LONGEST_CALL) return;
-    c->count = c->runs = 0;
+    c->count = c->values = c->runs = 0;
     for (size_t i = 0; i < count; i++) {
-        Scalar s = scalar_of(m, vr[i]);
+        Part p = part_of(m, vr[i], rows);
         if (c->runs == MOST_RUNS) return;
-        add_to_runs(c->run, &c->runs, s, rule_when_set(s));
+        add_to_runs(c->run, &c->runs, p, rule_when_set(p.first));
+        c->values += p.size;
     }
     memcpy(c->reference, vr, count * sizeof *vr);
     c->count = count;

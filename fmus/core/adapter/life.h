@@ -26,6 +26,20 @@ static inline void free_instance(Instance *instance)
     release(instance, instance);
 }
 
+/* has the caller a name, and the guid of this FMU, which this version of FMI calls `what`? */
+static inline bool is_named_and_meant(const Instance *caller, const char *function,
+                                      const char *what, const char *guid)
+{
+    char buffer[GUID_SIZE], text[200];
+    const char *expected = guid_of(&fmu_model, buffer);
+    if (!caller->name || !*caller->name)
+        return refuse_call(caller, function, "the instance name is empty");
+    if (guid && strcmp(guid, expected) == 0) return true;
+    snprintf(text, sizeof text, "wrong %s '%.60s', expected '%s'", what, guid ? guid : "",
+             expected);
+    return refuse_call(caller, function, text);
+}
+
 /* with the name, callbacks and log categories of the caller; NULL: out of memory */
 static inline Instance *new_instance(const Instance *caller)
 {
@@ -46,6 +60,27 @@ static inline Instance *new_instance(const Instance *caller)
     memcpy(instance->name, caller->name, name_size);
     make_new(instance);
     return instance;
+}
+
+static inline unsigned category_named(const char *name) /* 0: there is none */
+{
+    for (unsigned k = 0; k < COUNT(log_categories); k++)
+        if (name && strcmp(name, log_categories[k]) == 0) return 1u << k;
+    return 0;
+}
+
+/* only the categories named, all if none is named, or none at all; false: one is unknown */
+static inline bool choose_categories(Instance *instance, bool on, size_t count,
+                                     const char *const categories[])
+{
+    unsigned wanted = count ? 0 : LOG_ERRORS | LOG_WARNINGS | LOG_EVENTS;
+    for (size_t i = 0; i < count; i++) {
+        unsigned bit = category_named(categories ? categories[i] : NULL);
+        if (!bit) return false;
+        wanted |= bit;
+    }
+    instance->categories = on ? wanted : 0;
+    return true;
 }
 
 static inline const char *why_no_span(double start, bool stop_defined, double stop)

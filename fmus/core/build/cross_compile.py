@@ -15,6 +15,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import fmpy
+from package_fmi3 import PLATFORMS, listed_sources
 from package_fmu import write_zip
 
 TARGETS = {
@@ -81,10 +82,12 @@ def all_platforms(fmu: Path, compiler: list[str]) -> dict[str, bytes]:
             if not name.startswith("binaries/")
         }
         description = ElementTree.fromstring(files["modelDescription.xml"])
-        sources = [element.attrib["name"] for element in description.iter("File")]
+        build = files.get("sources/buildDescription.xml")
+        sources = listed_sources(description, build)
         for platform, (_, ending, _) in TARGETS.items():
             binary = compile_for(platform, Path(folder), sources, fmu.stem, compiler)
-            files[f"binaries/{platform}/{fmu.stem}{ending}"] = binary
+            place = platform if build is None else PLATFORMS[platform]
+            files[f"binaries/{place}/{fmu.stem}{ending}"] = binary
     return files
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Build one FMU of a whole system from the sources in its FMUs.
 
-Usage: fuse.py SYSTEM.json -o FILE.fmu [--cc COMMAND]
+Usage: fuse.py SYSTEM.json -o FILE.fmu [--fmi 2|3] [--cc COMMAND]
 
 SYSTEM.json: {"name", "text", "start", "stop", "step": [s], "parts": [{"name", "fmu", "values":
 {element: start value}, "driven": {input element: [part, output element, factor, offset]}, "late":
@@ -29,6 +29,7 @@ import build_fmu
 import fmpy
 from fused_layout import Part, Whole, lay_out, read_layout
 from fused_source import system_c
+from package_fmi3 import listed_sources
 
 PART = """/* part_{copy} - the model of {file} under a name of its own, in two pieces. */
 #define FMU_MODEL_SYMBOL {symbol}
@@ -68,8 +69,9 @@ def _unpack(fmu: Path, folder: Path, taken: set[str]) -> str:
             for name in archive.namelist()
             if name.startswith("sources/") and not name.endswith("/")
         }
+        build = files.pop("buildDescription.xml", None)
         model = ElementTree.fromstring(archive.read("modelDescription.xml"))
-    listed = [file.attrib["name"] for file in model.iter("File")]
+        listed = listed_sources(model, build)
     if not listed or not {*listed, "fmu.h"} <= files.keys():
         raise NotFusibleError(f"{fmu.name} holds no sources of a model in C of this project")
     ours = {path.name: path for room in build_fmu.HEADERS for path in room.iterdir()}
@@ -104,8 +106,8 @@ def _names(name: str) -> Iterator[str]:
 class Build:
     """One build in a folder: models, layout, system.c, library, description, archive."""
 
-    def __init__(self, spec: dict[str, Any], folder: Path, compiler: list[str]) -> None:
-        self.spec, self.folder = spec, folder
+    def __init__(self, spec: dict[str, Any], folder: Path, compiler: list[str], fmi: str) -> None:
+        self.spec, self.folder, self.fmi = spec, folder, fmi
         include = [f"-I{f}" for f in (folder, *build_fmu.HEADERS)]
         include += ["-isystem", str(Path(fmpy.__file__).parent / "c-code")]
         self.compile = [*compiler, *build_fmu.FLAGS, *include]
@@ -120,10 +122,11 @@ class Build:
         system = self.folder / "system.c"
         digest = hashlib.sha256(json.dumps(self._structure()).encode()).hexdigest()
         system.write_text(system_c(self.spec, whole, digest), encoding="utf-8")
-        own, *adapter = self._objects([system, *build_fmu.ADAPTER])
+        shared = build_fmu.ADAPTER[self.fmi]
+        own, *adapter = self._objects([system, *shared])
         library = self.folder / f"{self.spec['name']}{fmpy.sharedLibraryExtension}"
         self._link("-shared", own, *parts, *adapter, output=library)
-        self._pack([system, *models, *build_fmu.ADAPTER], [own, *parts], library, output)
+        self._pack([system, *models, *shared], [own, *parts], library, output)
 
     def _objects(self, sources: list[Path]) -> list[Path]:
         with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
@@ -166,18 +169,20 @@ class Build:
         xml = self.folder / "modelDescription.xml"
         with xml.open("wb") as file:
             listed = [path.name for path in sources]
-            subprocess.run([describe, "0", build_fmu.DATE, *listed], check=True, stdout=file)
-        package = [sys.executable, build_fmu.CORE / "build/package_fmu.py", output]
-        files = ["--description", xml, "--license", build_fmu.LICENSE]
+            subprocess.run(
+                [describe, self.fmi, "0", build_fmu.DATE, *listed], check=True, stdout=file
+            )
+        package = [sys.executable, build_fmu.CORE / "build/package_fmu.py"]
+        files = [f"--fmi{self.fmi}", output, xml, "--license", build_fmu.LICENSE]
         binary = ["--binary", f"{fmpy.platform}={library}"]
         texts = ["--source", *sources, "--include", self.folder, *build_fmu.HEADERS]
         subprocess.run([*package, *files, *binary, *texts], check=True)
 
 
-def build(spec: dict[str, Any], output: Path, compiler: list[str]) -> None:
-    """Write the FMU of a system; raises what Build.run() raises."""
+def build(spec: dict[str, Any], output: Path, compiler: list[str], fmi: str) -> None:
+    """Write the FMU of a system in a version of FMI; raises what Build.run() raises."""
     with tempfile.TemporaryDirectory() as folder:
-        Build(spec, Path(folder), compiler).run(output)
+        Build(spec, Path(folder), compiler, fmi).run(output)
 
 
 def main() -> None:
@@ -185,10 +190,13 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("system", type=Path)
     parser.add_argument("-o", "--output", type=Path, required=True)
+    parser.add_argument(
+        "--fmi", choices=tuple(build_fmu.ADAPTER), default="2", help="version of FMI"
+    )
     parser.add_argument("--cc", type=shlex.split, default=["cc"], help="with its arguments")
     a = parser.parse_args()
     try:
-        build(json.loads(a.system.read_text(encoding="utf-8")), a.output, a.cc)
+        build(json.loads(a.system.read_text(encoding="utf-8")), a.output, a.cc, a.fmi)
     except NotFusibleError as reason:
         print(reason)
         sys.exit(3)

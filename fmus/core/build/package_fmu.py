@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Zip one FMU: model description, binaries, sources, documentation, licence, picture. Same inputs,
-same bytes.
+"""Zip one FMU for FMI 2.0, FMI 3.0 or both: model description, binaries, sources, documentation,
+licence, picture. Same inputs, same bytes.
 
-Usage: package_fmu.py OUTPUT --description XML --license FILE --binary PLATFORM=FILE... --source
-FILE... --include DIR... The first source is the file of the model; its opening comment (equations,
-source) becomes the documentation. The headers that the sources include, directly or not, are found
-in the folders given and go into sources/ beside them.
+Usage: package_fmu.py [--fmi2 OUTPUT XML] [--fmi3 OUTPUT XML] --license FILE --binary
+PLATFORM=FILE... --source FILE... --include DIR... The first source is the file of the model; its
+opening comment (equations, source) becomes the documentation. The headers that the sources include,
+directly or not, are found in the folders given and go into sources/ beside them. An archive has the
+sources of its version of FMI only.
 """
 
 import argparse
@@ -17,6 +18,7 @@ import zipfile
 from pathlib import Path
 from xml.etree import ElementTree
 
+from package_fmi3 import PLATFORMS, build_description, terminals
 from PIL import Image, ImageDraw, ImageFont
 from typeset import NotationError, page
 
@@ -32,9 +34,15 @@ SECTIONS = {"input": "Inputs", "output": "Outputs", "parameter": "Parameters"}
 
 def read_rows(description: ElementTree.Element) -> list[dict[str, str]]:
     """One row per variable; the elements of a vector or matrix are gathered: name, shape, unit,
-    start, limits, text.
+    start, limits, text. The independent variable of FMI 3.0 is no row.
     """
     rows: dict[str, dict[str, str]] = {}
+    for variable in description.iter("Float64"):
+        if variable.attrib["causality"] != "independent":
+            shape = [e.attrib["start"] for e in variable.iter("Dimension")]
+            starts = variable.get("start", "")
+            row = {**variable.attrib, "shape": "x".join(shape) or "1", "starts": starts}
+            rows[variable.attrib["name"]] = row
     for variable in description.iter("ScalarVariable"):
         name, _, index = variable.attrib["name"].partition("[")
         real = variable.find("Real")
@@ -189,38 +197,59 @@ def write_zip(output: Path, files: dict[str, bytes]) -> None:
             archive.writestr(entry, files[name])
 
 
+class Files:
+    """What goes into an archive, whatever the version of FMI."""
+
+    def __init__(self, a: argparse.Namespace) -> None:
+        self.sources = list(dict.fromkeys(a.source))
+        self.include, self.license, self.binaries = a.include, a.license.read_bytes(), a.binary
+        self.model = text_of(self.sources[0])
+
+    def archive(self, xml: Path, fmi: str) -> dict[str, bytes]:
+        """Contents by name for one version of FMI; ValueError without an opening comment."""
+        description = ElementTree.parse(xml).getroot()
+        identifier = description.attrib["modelName"]  # and modelIdentifier, see describe.c
+        others = tuple(f"fmi{number}" for number in "23" if number != fmi)
+        sources = [path for path in self.sources if not path.stem.startswith(others)]
+        png = picture(description)
+        headers = headers_of(sources, self.include)
+        files = {
+            "modelDescription.xml": xml.read_bytes(),
+            "documentation/index.html": documentation(description, self.model).encode(),
+            "documentation/model.png": png,
+            **{f"sources/{path.name}": path.read_bytes() for path in [*sources, *headers]},
+        }
+        for binary in self.binaries:
+            platform, _, file = binary.partition("=")
+            place = platform if fmi == "2" else PLATFORMS.get(platform, platform)
+            files[f"binaries/{place}/{identifier}{Path(file).suffix}"] = Path(file).read_bytes()
+        if fmi == "2":
+            return {**files, "model.png": png, "licenses/license.txt": self.license}
+        files["documentation/licenses/license.txt"] = self.license
+        listed = build_description(identifier, [path.name for path in sources])
+        files["sources/buildDescription.xml"] = listed.encode()
+        if plugs := terminals(read_rows(description)):
+            files["terminalsAndIcons/terminalsAndIcons.xml"] = plugs.encode()
+        return files
+
+
 def main() -> None:
     """Command line, see the docstring of the module."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("output", type=Path)
-    parser.add_argument("--description", type=Path, required=True)
+    for fmi in "23":
+        parser.add_argument(f"--fmi{fmi}", type=Path, nargs=2, metavar=("OUTPUT", "XML"))
     parser.add_argument("--license", type=Path, required=True)
     parser.add_argument("--binary", action="append", required=True, metavar="PLATFORM=FILE")
     parser.add_argument("--source", type=Path, nargs="+", required=True)
     parser.add_argument("--include", type=Path, nargs="+", required=True)
     a = parser.parse_args()
-    description = ElementTree.parse(a.description).getroot()
+    files = Files(a)
     try:
-        page = documentation(description, text_of(a.source[0]))
+        for fmi, wanted in (("2", a.fmi2), ("3", a.fmi3)):
+            if wanted:
+                write_zip(wanted[0], files.archive(wanted[1], fmi))
     except ValueError as error:
         sys.exit(f"{a.source[0].name}: {error}")
-    png = picture(description)
-    files = {
-        "modelDescription.xml": a.description.read_bytes(),
-        "model.png": png,
-        "documentation/index.html": page.encode(),
-        "documentation/model.png": png,
-        "licenses/license.txt": a.license.read_bytes(),
-        **{
-            f"sources/{source.name}": source.read_bytes()
-            for source in [*a.source, *headers_of(a.source, a.include)]
-        },
-    }
-    identifier = description.attrib["modelName"]  # and modelIdentifier, see describe.c
-    for binary in a.binary:
-        platform, _, file = binary.partition("=")
-        files[f"binaries/{platform}/{identifier}{Path(file).suffix}"] = Path(file).read_bytes()
-    write_zip(a.output, files)
 
 
 if __name__ == "__main__":

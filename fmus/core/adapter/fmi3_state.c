@@ -1,0 +1,111 @@
+/* fmi3_state.c - the calls of FMI 3.0 for FMU states and directional derivatives. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#include "fmi3_layer.h"
+#include "state.h"
+
+fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *state)
+{
+    Instance *instance = c;
+    if (!allowed(instance, "fmi3GetFMUState", ANY_PHASE)) return fmi3Error;
+    if (!state) return failure(instance, "fmi3GetFMUState", "missing pointer");
+    return take_snapshot(instance, state) ? fmi3OK
+                                          : failure(instance, "fmi3GetFMUState", "out of memory");
+}
+
+fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState state)
+{
+    Instance *instance = c;
+    if (!allowed(instance, "fmi3SetFMUState", ANY_PHASE)) return fmi3Error;
+    if (!state) return failure(instance, "fmi3SetFMUState", "missing state");
+    restore_snapshot(instance, state);
+    return fmi3OK;
+}
+
+fmi3Status fmi3FreeFMUState(fmi3Instance c, fmi3FMUState *state)
+{
+    Instance *instance = c;
+    if (!allowed(instance, "fmi3FreeFMUState", ANY_PHASE)) return fmi3Error;
+    if (!state || !*state) return fmi3OK;
+    release(instance, *state);
+    *state = NULL;
+    return fmi3OK;
+}
+
+fmi3Status fmi3SerializedFMUStateSize(fmi3Instance c, fmi3FMUState state, size_t *size)
+{
+    Instance *instance = c;
+    if (!allowed(instance, "fmi3SerializedFMUStateSize", ANY_PHASE)) return fmi3Error;
+    if (!state || !size)
+        return failure(instance, "fmi3SerializedFMUStateSize", "missing state or pointer");
+    *size = snapshot_size();
+    return fmi3OK;
+}
+
+fmi3Status fmi3SerializeFMUState(fmi3Instance c, fmi3FMUState state, fmi3Byte bytes[], size_t size)
+{
+    Instance *instance = c;
+    if (!allowed(instance, "fmi3SerializeFMUState", ANY_PHASE)) return fmi3Error;
+    if (!state || !bytes)
+        return failure(instance, "fmi3SerializeFMUState", "missing state or array");
+    if (size < snapshot_size())
+        return failure(instance, "fmi3SerializeFMUState", "the array is too small");
+    write_snapshot(state, bytes);
+    return fmi3OK;
+}
+
+fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_t size,
+                                   fmi3FMUState *state)
+{
+    Instance *instance = c;
+    if (!allowed(instance, "fmi3DeserializeFMUState", ANY_PHASE)) return fmi3Error;
+    if (!bytes || !state)
+        return failure(instance, "fmi3DeserializeFMUState", "missing array or pointer");
+    const char *rule = read_snapshot(instance, bytes, size, state);
+    return rule ? failure(instance, "fmi3DeserializeFMUState", rule) : fmi3OK;
+}
+
+/* ---- directional derivatives: rows, whose elements lie one after the other in seed and
+ * sensitivity ---- */
+enum { NO_ELEMENT = VR_STRIDE - 1 + 1000000 * VR_STRIDE }; /* a reference that no model has */
+
+static size_t elements_of(const fmi3ValueReference row[], size_t rows)
+{
+    size_t sum = 0;
+    for (size_t i = 0; i < rows; i++) {
+        Part p = part_of(&fmu_model, row[i], true);
+        sum += p.first.row ? p.size : 1;
+    }
+    return sum;
+}
+
+static void list_elements(const fmi3ValueReference row[], size_t rows, unsigned element[])
+{
+    for (size_t i = 0; i < rows; i++) {
+        Part p = part_of(&fmu_model, row[i], true);
+        if (!p.first.row) *element++ = NO_ELEMENT;
+        for (size_t k = 0; k < p.size; k++) *element++ = row[i] + (unsigned)k;
+    }
+}
+
+fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference unknown[],
+                                        size_t unknowns, const fmi3ValueReference known[],
+                                        size_t knowns, const fmi3Float64 seed[], size_t seeds,
+                                        fmi3Float64 sensitivity[], size_t sensitivities)
+{
+    static const char function[] = "fmi3GetDirectionalDerivative";
+    Instance *instance = c;
+    if (!allowed(instance, function, INITIALIZING | STEPPING | TERMINATED | FAILED))
+        return fmi3Error;
+    if ((unknowns && !unknown) || (knowns && !known))
+        return failure(instance, function, "missing array");
+    if (elements_of(unknown, unknowns) != sensitivities || elements_of(known, knowns) != seeds)
+        return failure(instance, function, "wrong number of elements in seed or sensitivity");
+    unsigned *element = allocate(instance, (sensitivities + seeds + 1) * sizeof *element);
+    if (!element) return failure(instance, function, "out of memory");
+    list_elements(unknown, unknowns, element);
+    list_elements(known, knowns, element + sensitivities);
+    const Direction d = {function, element, element + sensitivities, sensitivities, seeds, seed};
+    const bool good = derive(instance, &d, sensitivity);
+    release(instance, element);
+    return good ? fmi3OK : fmi3Error;
+}

@@ -1,0 +1,196 @@
+/* describe_text.h - what the descriptions of both versions of FMI are made of: units, numbers, texts. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef DESCRIBE_TEXT_H
+#define DESCRIBE_TEXT_H
+
+#include "interface.h"
+
+#include <stdlib.h>
+
+#ifndef EXPERIMENT /* of a whole system */
+#define EXPERIMENT "startTime=\"0\" stopTime=\"100\" stepSize=\"0.1\""
+#endif
+
+static int faults = 0;
+
+static void fault(const char *name, const char *what)
+{
+    fprintf(stderr, "%s: %s: %s\n", fmu_model.name, name, what);
+    faults++;
+}
+
+/* ---- units: products of kg m s rad N J with exponents ("kg.m2", "1/(N.m)"); "1": none ---- */
+typedef struct { int kg, m, s, rad; } Dimension;
+
+static const struct {
+    const char *symbol;
+    Dimension dimension;
+} base_units[] = {
+    {"rad", {0, 0, 0, 1}}, {"kg", {1, 0, 0, 0}}, {"m", {0, 1, 0, 0}}, {"s", {0, 0, 1, 0}},
+    {"N", {1, 1, -2, 0}},  {"J", {1, 2, -2, 0}}, {"1", {0, 0, 0, 0}},
+};
+
+/* one factor such as "s2" at *text, counted `sign` times; 0 if it is unknown */
+static int parse_factor(const char **text, int sign, Dimension *d)
+{
+    for (size_t i = 0; i < COUNT(base_units); i++) {
+        size_t length = strlen(base_units[i].symbol);
+        if (strncmp(*text, base_units[i].symbol, length) != 0) continue;
+        *text += length;
+        int exponent = **text >= '2' && **text <= '9' ? *(*text)++ - '0' : 1;
+        if (**text && !strchr("./)", **text)) return 0;
+        d->kg += sign * exponent * base_units[i].dimension.kg;
+        d->m += sign * exponent * base_units[i].dimension.m;
+        d->s += sign * exponent * base_units[i].dimension.s;
+        d->rad += sign * exponent * base_units[i].dimension.rad;
+        return 1;
+    }
+    return 0;
+}
+
+static int parse_unit(const char *text, Dimension *d)
+{
+    int sign = 1;
+    *d = (Dimension){0, 0, 0, 0};
+    while (parse_factor(&text, sign, d)) {
+        if (*text == ')' && sign < 0) text++;
+        if (!*text) return 1;
+        if (*text++ == '/')
+            sign = -1; /* all that follows is a divisor, in brackets if it is several factors */
+        if (*text == '(' && sign < 0) text++;
+    }
+    return 0;
+}
+
+/* ---- printing ---- */
+static void print_text(const char *text) /* XML attribute value */
+{
+    for (; *text; text++)
+        if (*text == '<') fputs("&lt;", stdout);
+        else if (*text == '>') fputs("&gt;", stdout);
+        else if (*text == '&') fputs("&amp;", stdout);
+        else if (*text == '"') fputs("&quot;", stdout);
+        else putchar(*text);
+}
+
+static const char *number(char buffer[32],
+                          double value) /* shortest text that reads back the same */
+{
+    for (int digits = 1; digits <= 17; digits++) {
+        snprintf(buffer, 32, "%.*g", digits, value);
+        if (strtod(buffer, NULL) == value) break;
+    }
+    return buffer;
+}
+
+static void print_attribute(const char *name, double value)
+{
+    char text[32];
+    printf(" %s=\"%s\"", name, number(text, value));
+}
+
+static void print_exponent(const char *name, int exponent)
+{
+    if (exponent) printf(" %s=\"%d\"", name, exponent);
+}
+
+static int unit_seen_before(size_t row)
+{
+    for (size_t i = 0; i < row; i++)
+        if (strcmp(fmu_model.variables[i].unit, fmu_model.variables[row].unit) == 0) return 1;
+    return 0;
+}
+
+static const char *display_unit(const char *unit)
+{
+    return strcmp(unit, "rad") == 0 ? "deg" : strcmp(unit, "rad/s") == 0 ? "deg/s" : NULL;
+}
+
+static void print_unit(const char *unit)
+{
+    Dimension d;
+    if (!parse_unit(unit, &d)) fault(unit, "unknown unit");
+    printf("    <Unit name=\"%s\">\n      <BaseUnit", unit);
+    print_exponent("kg", d.kg);
+    print_exponent("m", d.m);
+    print_exponent("s", d.s);
+    print_exponent("rad", d.rad);
+    printf("/>\n");
+    if (display_unit(unit))
+        printf("      <DisplayUnit name=\"%s\" factor=\"57.29577951308232\"/>\n",
+               display_unit(unit));
+    printf("    </Unit>\n");
+}
+
+static void print_units(bool seconds) /* seconds: also where no row has them */
+{
+    printf("  <UnitDefinitions>\n");
+    for (size_t i = 0; i < fmu_model.variable_count; i++) {
+        if (!unit_seen_before(i)) print_unit(fmu_model.variables[i].unit);
+        if (strcmp(fmu_model.variables[i].unit, "s") == 0) seconds = false;
+    }
+    if (seconds) print_unit("s");
+    printf("  </UnitDefinitions>\n");
+}
+
+#define ROOT_10 3.1622776601683795
+
+/* the power of ten nearest to the largest start value of a row, where that is far from 1 */
+static double nominal(const Variable *v, const double *values)
+{
+    double largest = 0;
+    for (size_t k = 0; k < v->size; k++) largest = larger(largest, fabs(values[k]));
+    double up = 1, down = 1;
+    while (largest > up * ROOT_10) up *= 10;
+    while (largest > 0 && largest * down * ROOT_10 < 1) down *= 10;
+    return up > 10 || down > 10 ? up / down : 1;
+}
+
+static void print_bounds(Rule rule)
+{
+    if (lowest(rule) > -DBL_MAX) print_attribute("min", lowest(rule));
+    if (highest(rule) < DBL_MAX) print_attribute("max", highest(rule));
+}
+
+/* the program, as both versions of FMI want it */
+typedef struct {
+    const char *version, *date;
+    const char *licenses; /* where licenses/ lies in the archive */
+    int sources;
+    char **source;
+} Build;
+
+static void print_log_categories(void)
+{
+    printf(
+        "  <LogCategories>\n"
+        "    <Category name=\"logStatusError\" description=\"refused calls and failed steps\"/>\n"
+        "    <Category name=\"logStatusWarning\" description=\"questionable calls\"/>\n"
+        "    <Category name=\"logEvents\" description=\"life cycle of the instance\"/>\n  "
+        "</LogCategories>\n");
+    printf("  <DefaultExperiment " EXPERIMENT "/>\n");
+}
+
+/* attributes of the root element after name and guid */
+static void print_origin(const Build *b)
+{
+    printf("\n  description=\"");
+    print_text(fmu_model.text);
+    printf("\" author=\"servicing-fmus\" version=\"%s\" copyright=\"BSD-2-Clause, see "
+           "%slicenses/license.txt\"\n"
+           "  license=\"BSD-2-Clause\" generationTool=\"servicing-fmus %s\" "
+           "generationDateAndTime=\"%s\" "
+           "variableNamingConvention=\"structured\">\n",
+           b->version, b->licenses, b->version, b->date);
+}
+
+/* unit and bounds, start value apart */
+static void print_real_attributes(const Variable *v, const double *values)
+{
+    printf(" unit=\"%s\"", v->unit);
+    if (display_unit(v->unit)) printf(" displayUnit=\"%s\"", display_unit(v->unit));
+    print_bounds(v->rule);
+    if (nominal(v, values) != 1) print_attribute("nominal", nominal(v, values));
+}
+
+#endif

@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Descriptions of FMI 3.0 with one fault each: it is named, and nothing else is."""
+
+from __future__ import annotations
+
+import zipfile
+
+import pytest
+
+from harness.rules.judge import judge
+from harness.system.interface import read_interface
+
+GOOD = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="3.0" modelName="good" instantiationToken="{1}"
+  variableNamingConvention="structured">
+  <CoSimulation modelIdentifier="good" canGetAndSetFMUState="true"/>
+  <UnitDefinitions>
+    <Unit name="m"><BaseUnit m="1"/><DisplayUnit name="km" factor="0.001"/></Unit>
+    <Unit name="s"><BaseUnit s="1"/></Unit>
+  </UnitDefinitions>
+  <TypeDefinitions>
+    <Float64Type name="Length" unit="m" min="-10" max="10"/>
+    <EnumerationType name="Colour"><Item name="red" value="1"/><Item name="blue" value="2"/>
+    </EnumerationType>
+  </TypeDefinitions>
+  <LogCategories><Category name="logEvents"/><Category name="logStatusError"/></LogCategories>
+  <DefaultExperiment startTime="0" stopTime="10" stepSize="0.1" tolerance="1e-6"/>
+  <ModelVariables>
+    <Float64 name="time" valueReference="0" causality="independent" variability="continuous"
+      unit="s"/>
+    <UInt64 name="n" valueReference="1" causality="structuralParameter" variability="fixed"
+      start="3"/>
+    <Float64 name="k" valueReference="2" causality="parameter" variability="fixed"
+      start="2" min="0"/>
+    <Float64 name="u" valueReference="3" causality="input" declaredType="Length" displayUnit="km"
+      nominal="2" start="1 2 3"><Dimension valueReference="1"/><Alias name="other"/></Float64>
+    <Enumeration name="c" valueReference="4" causality="input" declaredType="Colour" start="1"/>
+    <Float64 name="y" valueReference="5" causality="output" unit="m">
+      <Dimension start="3"/></Float64>
+    <Boolean name="ready" valueReference="6" causality="output"/>
+    <Float64 name="x" valueReference="7" unit="m" start="0" initial="exact"/>
+    <Float64 name="der(x)" valueReference="8" derivative="7"/>
+    <Clock name="tick" valueReference="9" causality="local" intervalVariability="triggered"/>
+    <Float64 name="sampled" valueReference="10" variability="discrete" clocks="9"/>
+  </ModelVariables>
+  <ModelStructure>
+    <Output valueReference="5" dependencies="3" dependenciesKind="dependent"/>
+    <Output valueReference="6" dependencies=""/>
+    <ContinuousStateDerivative valueReference="8"/>
+    <InitialUnknown valueReference="5"/>
+    <InitialUnknown valueReference="6"/>
+    <InitialUnknown valueReference="8"/>
+  </ModelStructure>
+</fmiModelDescription>
+"""
+BUILD = """<fmiBuildDescription fmiVersion="3.0"><BuildConfiguration modelIdentifier="good">
+<SourceFileSet language="C99" compiler="gcc" compilerOptions="-O2"><SourceFile name="good.c"/>
+</SourceFileSet></BuildConfiguration></fmiBuildDescription>
+"""
+TERMINALS = """<fmiTerminalsAndIcons fmiVersion="3.0"><Terminals>
+<Terminal name="plug" matchingRule="bus" terminalKind="a.b">
+<TerminalMemberVariable variableName="u" memberName="u" variableKind="signal"/></Terminal>
+<Terminal name="other" matchingRule="bus" terminalKind="a.b"/>
+</Terminals></fmiTerminalsAndIcons>
+"""
+FILES = {
+    "modelDescription.xml": GOOD,
+    "sources/buildDescription.xml": BUILD,
+    "sources/good.c": "",
+    "terminalsAndIcons/terminalsAndIcons.xml": TERMINALS,
+}
+M, B, _, T = FILES
+PLUG = TERMINALS[TERMINALS.index("<Terminal ") : TERMINALS.index("</Terminals>")]
+
+ERRORS = {
+    "no version": (M, ' fmiVersion="3.0"', "", "fmiVersion is missing"),
+    "unknown version": (M, '"3.0"', '"4.0"', "this one is FMI 4.0"),
+    "no token": (M, 'instantiationToken="{1}"', "", "instantiationToken"),
+    "identifier is a path": (M, 'Identifier="good"', 'Identifier="../a"', "no name of a library"),
+    "two variables of a name": (M, 'name="k"', 'name="n"', "two variables of this name"),
+    "empty name": (M, 'name="k"', 'name=" "', "has no name"),
+    "undefined type": (M, '"Length" displ', '"Width" displ', "its type Width is not defined"),
+    "unknown state": (M, 'derivative="7"', 'derivative="70"', "derivative of variable 70"),
+    "unknown output": (M, '<Output valueReference="6"', '<Output valueReference="66"',
+                       "no variable 66"),
+    "unknown dependency": (M, 'dependencies="3"', 'dependencies="33"', "no variable 33"),
+    "item twice": (M, '"blue"', '"red"', "the item red is listed twice"),
+    "no independent": (M, 'causality="independent" variability="continuous"', "",
+                       "no independent variable"),
+    "two independent": (M, '"x" valueReference="7" unit="m" start="0" initial="exact"',
+                        '"x" valueReference="7" causality="independent"', "only one is allowed"),
+    "reference twice": (M, '"k" valueReference="2"', '"k" valueReference="3"',
+                        "share the value reference 3"),
+    "size of nobody": (M, '<Dimension valueReference="1"/>', '<Dimension valueReference="77"/>',
+                       "variable 77, which is no structural parameter"),
+    "size of a parameter": (M, '<Dimension valueReference="1"/>',
+                            '<Dimension valueReference="2"/>', "which is no structural parameter"),
+    "size said twice": (M, '<Dimension start="3"/>', '<Dimension start="3" valueReference="1"/>',
+                        "either a start or a valueReference"),
+    "size 0": (M, '<Dimension start="3"/>', '<Dimension start="0"/>', "has 0 elements"),
+    "too large": (M, '<Dimension start="3"/>', '<Dimension start="3000000"/>', "has 3000000"),
+    "two starts for three": (M, 'start="1 2 3"', 'start="1 2"', "3 elements and 2 start values"),
+    "unknown clock": (M, 'clocks="9"', 'clocks="99"', "its clock is variable 99"),
+    "alias of a name": (M, '<Alias name="other"/>', '<Alias name="k"/>', "the name of an alias"),
+    "start is no number": (M, 'start="1 2 3"', 'start="1 2 x"', "line "),
+    "unknown element": (M, "<LogCategories>", "<Logs/><LogCategories>", "Logs"),
+}  # fmt: skip
+WARNINGS = {
+    "clock is none": (M, 'clocks="9"', 'clocks="7"', "its clock is x, which is Float64"),
+    "clock as unknown": (M, '<InitialUnknown valueReference="8"/>',
+                         '<InitialUnknown valueReference="8"/><InitialUnknown valueReference="9"/>',
+                         "tick is a clock"),
+    "type of another kind": (M, 'declaredType="Length"', 'declaredType="Colour"',
+                             "is Float64, but its type is Enumeration"),
+    "initial of time": (M, 'independent" variability="continuous"',
+                        'independent" variability="continuous" initial="exact"',
+                        "an independent must not"),
+    "nominal 0": (M, 'nominal="2"', 'nominal="0"', "nominal is 0"),
+    "start outside": (M, 'start="1 2 3"', 'start="1 2 30"', "start 30 lies outside"),
+    "start of an output": (M, '"y" valueReference="5" causality="output"',
+                           '"y" valueReference="5" causality="output" start="1"', "is calculated"),
+    "no start": (M, ' start="2" min="0"', ' min="0"', "has no start value"),
+    "start that is no item": (M, '"Colour" start="1"', '"Colour" start="7"', "is not an item"),
+    "limits crossed": (M, 'start="2" min="0"', 'start="2" min="0" max="-1"', "exceeds max"),
+    "undefined unit": (M, 'causality="output" unit="m"', 'causality="output" unit="ft"',
+                       "its unit ft is not defined"),
+    "undefined display unit": (M, 'displayUnit="km"', 'displayUnit="au"', "display unit au"),
+    "discrete parameter": (M, 'causality="parameter" variability="fixed"',
+                           'causality="parameter" variability="discrete"', "cannot be discrete"),
+    "continuous Boolean": (M, '"ready" valueReference="6"',
+                           '"ready" valueReference="6" variability="continuous"',
+                           "which cannot be continuous"),
+    "unstructured name": (M, '"sampled"', '"sampled value"', "no name of the naming convention"),
+    "output not listed": (M, '<Output valueReference="6" dependencies=""/>', "",
+                          "Output: does not list ready"),
+    "input listed": (M, '<Output valueReference="6" dependencies=""/>',
+                     '<Output valueReference="6" dependencies=""/><Output valueReference="4"/>',
+                     "lists, wrongly, c"),
+    "unknown of initialization": (M, '<InitialUnknown valueReference="6"/>', "",
+                                  "InitialUnknown: does not list ready"),
+    "kinds without dependencies": (M, 'dependencies="3" ', "", "without dependencies"),
+    "more kinds": (M, '"dependent"', '"dependent constant"', "1 dependencies, 2 kinds"),
+    "stop before start": (M, 'stopTime="10"', 'stopTime="-1"', "does not lie after"),
+    "step of 0": (M, 'stepSize="0.1"', 'stepSize="0"', "stepSize 0 is not"),
+    "empty token": (M, '"{1}"', '""', "instantiationToken is empty"),
+    "unit twice": (M, '<Unit name="s">', '<Unit name="m">', "the unit m is defined twice"),
+    "category twice": (M, '"logStatusError"', '"logEvents"', "logEvents is listed twice"),
+    "options without compiler": (B, ' compiler="gcc"', "", "compilerOptions without compiler"),
+    "build of another": (B, '"good"', '"bad"', "bad is no modelIdentifier"),
+    "source missing": (B, '"good.c"', '"bad.c"', "sources/bad.c is listed, but not"),
+    "build against the schema": (B, "<SourceFile ", "<File ", "File"),
+    "no terminals": (T, PLUG,
+                     "", "Terminals is empty"),
+    "member that is none": (T, 'variableName="u"', 'variableName="v"', "v is no variable"),
+    "terminal twice": (T, 'name="other"', 'name="plug"', "two terminals plug"),
+}  # fmt: skip
+
+
+def written(folder, files):
+    path = folder / "good.fmu"
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, text in files.items():
+            archive.writestr(name, text)
+    return path
+
+
+def with_fault(folder, file, old, new):
+    assert FILES[file].count(old) == 1, old
+    return written(folder, {**FILES, file: FILES[file].replace(old, new)})
+
+
+def test_a_description_without_a_fault_is_fine(tmp_path):
+    path = written(tmp_path, FILES)
+    verdict = judge(path)
+    assert (verdict.errors, verdict.warnings) == ((), ())
+    assert read_interface(path).variables["u[3]"].start == 3.0
+
+
+def test_there_are_forty():
+    assert len(ERRORS) + len(WARNINGS) >= 40
+
+
+@pytest.mark.parametrize("fault", ERRORS)
+def test_an_error_is_named(tmp_path, fault):
+    *edit, words = ERRORS[fault]
+    verdict = judge(with_fault(tmp_path, *edit))
+    assert any(words in line for line in verdict.errors), verdict
+
+
+@pytest.mark.parametrize("fault", WARNINGS)
+def test_a_warning_is_named(tmp_path, fault):
+    *edit, words = WARNINGS[fault]
+    verdict = judge(with_fault(tmp_path, *edit))
+    assert verdict.errors == ()
+    assert any(words in line for line in verdict.warnings), verdict
+
+
+def test_stray_files_are_those_of_fmi_3(tmp_path):
+    verdict = judge(written(tmp_path, {**FILES, "model.png": "", "licenses/a.txt": ""}))
+    assert [line.split(":")[0] for line in verdict.warnings] == ["model.png", "licenses"]
