@@ -242,10 +242,10 @@ def export(
 ) -> Path:
     """Write a system with all changes to a file and return its path.
 
-    target: NAME.ssp, NAME.fmu (one FMU of the whole system), or a folder for the .ssp; fmi:
-    version of FMI of an .fmu, 2 (default) or 3; changes: as for run(). Running the .ssp gives the bits of running the system with the same changes; the same
-    changes give the same bytes. Raises the exceptions of run() before its first step, or
-    ResultsError.
+    target: NAME.ssp, NAME.fmu (one FMU of the whole system), or a folder for the .ssp; fmi: version
+    of FMI of an .fmu, 2 (default) or 3; changes: as for run(). Running the .ssp gives the bits of
+    running the system with the same changes; the same changes give the same bytes. Raises the
+    exceptions of run() before its first step, or ResultsError.
     """
     from harness.exports import package
 
@@ -258,9 +258,9 @@ def build(
     """Build an FMU from a C or Python file and return its path.
 
     name: the file, or a folder NAME with NAME.c or NAME.py; output: default NAME.fmu beside the
-    file; compiler: command for C with its arguments, quoted as in a shell; fmi: version
-    of FMI, 2 or 3 (3: of a C file). Raises UsageError if the
-    file, the compiler or a package is missing, and FmuError with the message of the compiler.
+    file; compiler: command for C with its arguments, quoted as in a shell; fmi: version of FMI, 2
+    or 3 (3: of a C file). Raises UsageError if the file, the compiler or a package is missing, and
+    FmuError with the message of the compiler.
     """
     from harness.authoring import build as authoring
 

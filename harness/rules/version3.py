@@ -128,7 +128,7 @@ def missing_build_description(d: Description3) -> Iterator[str]:
     """Source files come with a build description."""
     there = any(name.startswith("sources/") and name.endswith(".c") for name in d.files)
     if there and d.build is None:
-        yield "sources/buildDescription.xml is missing, which says how the sources are compiled"
+        yield "sources/buildDescription.xml is missing, which has the compiler and its options"
 
 
 def empty_terminals(d: Description3) -> Iterator[str]:
