@@ -7,8 +7,9 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from harness.spelling import did_you_mean
-from harness.system.interface import Interface, Variable
+from harness.system.interface import Interface
 from harness.system.model import Range
+from harness.system.variable import Variable
 
 
 class Slider(NamedTuple):
