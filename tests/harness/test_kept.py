@@ -206,7 +206,8 @@ def test_a_finished_run_is_not_lost_to_a_format(tmp_path, monkeypatch):
         raise RuntimeError("NetCDF: no")
 
     monkeypatch.setitem(files.WRITERS, ".nc", refuse)
-    with pytest.raises(ResultsError, match=r"x\.nc: cannot be written \(NetCDF: no\).*the results are in"):
+    problem = r"x\.nc: cannot be written \(NetCDF: no\).*the results are in"
+    with pytest.raises(ResultsError, match=problem):
         ResultFile(tmp_path / "x.nc").write(table())
     (kept,) = tmp_path.iterdir()
     assert read(kept)["a.x"].tolist() == list(range(5))
