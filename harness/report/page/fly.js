@@ -99,13 +99,16 @@
   };
 
   /* events, limits and still values of the file are not those of another flight */
-  const fixed = new Set(about.fixed);
+  const fixed = new Set(about.fixed), stays = (curve) => fixed.has(curve.x) || fixed.has(curve.y);
   const dataOf = (flight, constants) => {
     const data = structuredClone(original);
     for (const name of ["events", "phases", "story"]) if (data.scene && data.scene[name]) data.scene[name] = [];
     for (const section_ of data.figures)
       for (const figure of section_.figures)
-        for (const plot of figure.plots) if (plot.curves.some((c) => fixed.has(c.x) || fixed.has(c.y))) plot.title = `${plot.title || figure.title} (of the run in the file)`;
+        for (const plot of figure.plots) {
+          plot.curves = plot.curves.filter((c) => !(c.marker && stays(c))); /* a mark with a number of the file */
+          if (plot.curves.some(stays)) plot.title = `${plot.title || figure.title} (of the run in the file)`;
+        }
     for (const component of data.signals)
       for (const each of component.fixed) each.value = still(flight, `${component.name}.${each.variable}`, each.value);
     return data;
@@ -139,7 +142,7 @@
       verdict.replaceChildren(badge(v.kind, v.verdict));
     });
   };
-  const OF_FILE = "#numbers, #claims, #margins .tiles, .hero .chips, .rules";
+  const OF_FILE = "#numbers, #claims, #margins .tiles, .hero .chips";
   const mark = (changed) => {
     for (const each of document.querySelectorAll(OF_FILE)) each.classList.toggle("of-file", changed);
     const gone = original.scene && fixed.size ? " Arrows, plots or parts of the replay named so are those of the file." : "";
