@@ -38,5 +38,5 @@ def convert(
     if path.suffix in WRITERS:
         return save(result, path)
     own = result.provenance.epoch if result.provenance else ""
-    EXPORTS[path.suffix](result, path, body, epoch or own or EPOCH)
+    EXPORTS[path.suffix](result, path, body, (own or EPOCH) if epoch is None else epoch)
     return path

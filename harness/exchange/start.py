@@ -93,7 +93,8 @@ def start_values(
             _check(component, system, parameters, names)
     sources = {component: _source(component, Path(file)) for component, file in files.items()}
     date = system.experiment.epoch if epoch is None else epoch
-    instant = epoch_of(date) if date or not files else max(s.first for s in sources.values())
+    asked = date or epoch is not None or not files
+    instant = epoch_of(date) if asked else max(s.first for s in sources.values())
     states = {component: _state(component, s, instant) for component, s in sources.items()}
     values = _orbits(parameters, states, names) if names else {}
     sun, told = _sun(parameters, names.sun if names else "", instant)

@@ -418,7 +418,8 @@ def test_an_epoch_that_is_no_date_or_cannot_be_counted_is_refused(epoch):
 def test_an_epoch_is_refused_wherever_it_is_given(out, tmp_path):
     file = tmp_path / "iss.tle"
     file.write_text(ISS, encoding="utf-8")
-    for epoch, ending in (("nat", ".oem"), ("2500-01-01", ".aem"), ("1600-01-01", ".czml")):
+    cases = {"nat": ".oem", "": ".oem", "2500-01-01": ".aem", "1600-01-01": ".czml"}
+    for epoch, ending in cases.items():
         with pytest.raises(UsageError, match=f"--epoch {epoch}: expected a (date|year)"):
             convert(out, tmp_path / f"x{ending}", None, epoch)
         assert not (tmp_path / f"x{ending}").exists()
