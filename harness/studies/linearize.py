@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from harness.errors import FmuError, RefusalError, RunError, UsageError
 from harness.files.archive import unpack
 from harness.files.temporary import PrivateFolder
-from harness.master import calls, messages
+from harness.master import calls, messages, place
 from harness.master.calls import OK, WARNING, Calls
 from harness.master.refusals import as_typed, refusals
 from harness.mission.library import everything
@@ -184,6 +184,7 @@ class _Bench:
             self._do(function, start, *arguments)
         self._do("ExitInitializationMode", start)
         for k in range(steps):
+            place.enter(self.interface.model.modelName, f"{self._calls.prefix}DoStep")
             self._check(self._calls.step(start + k * h, h, 1), "DoStep", start + k * h)
         return self._finite(self._read(start + steps * h), start + steps * h)
 

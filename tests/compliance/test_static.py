@@ -171,7 +171,7 @@ def test_nominal_values_are_of_the_size_of_the_first_values(fmu):
         elements = list(group)
         size = max(abs(outputs[v.name] if v.start is None else v.start) for v in elements)
         assert all(0 < v.nominal < math.inf for v in elements), row
-        if size and not 0.03 < size < 31:
+        if size and not 10**-1.5 < size < 10**1.5:
             assert all(size / 4 <= v.nominal <= 4 * size for v in elements), (
                 row,
                 size,

@@ -405,7 +405,7 @@ def test_result_is_that_of_the_reference_implementation(fmu, rng):
     assert angle_between_attitudes(attitude(unit), dcm_of_quaternion(expected["q_SN"])) < 1e-9
 
 
-def test_half_a_turn_in_an_internal_step_is_refused_in_words(fmu, capfd):
+def test_half_a_turn_in_an_internal_step_is_refused(fmu):
     """The rate grows by 1 rad/s a second: at 15.7 rad/s, pi over a step of 0.2 s, it is over."""
     p = {"J_S": np.diag((100.0, 100, 100)), "A_w": np.eye(3), "max_step": 0.2, "use_J2": 0}
     unit = fmu("servicer", p, {"M_S": (100.0, 0, 0)})
@@ -414,4 +414,3 @@ def test_half_a_turn_in_an_internal_step_is_refused_in_words(fmu, capfd):
         assert unit.get("rate_margin") == pytest.approx(np.pi / 0.2 - k - 1, abs=1e-9)
     with pytest.raises(FMICallException):
         unit.step(1.0)
-    assert "t = 16 s refused: rate_margin = -0.0920" in capfd.readouterr().out

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from matplotlib import rcParams
+from matplotlib import rc_context
 
 from harness.figures import campaign, plots, style
 from harness.system.model import Component, Connection, Experiment, Parameter, Port, System
@@ -74,14 +74,14 @@ def _port(name: str) -> Port:
     return Port(component, variable)
 
 
-@pytest.fixture(scope="session", autouse=True)
+@pytest.fixture(scope="module", autouse=True)
 def _sketches() -> Iterator[None]:
     """Pictures without their layout and of few pixels: how they look is tested elsewhere."""
 
     def save(canvas: Any, path: Path) -> Path:
         canvas.set_layout_engine("none")
-        rcParams["savefig.dpi"] = 20
-        return style.save(canvas, path)
+        with rc_context({"savefig.dpi": 20}):
+            return style.save(canvas, path)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(plots, "save", save)

@@ -140,11 +140,11 @@ NOT_TO_BE_DRAWN = [
     ("uniform", {"low": 1.0, "high": 1.0}, "low must be smaller than high, not 1.0"),
     ("rotation", {"sigma": 0.0}, "sigma must be positive, not 0.0"),
     ("rotation", {"sigma": 1.0, "attitude": [1.0, 0.0, 0.1, 0.0]}, "must be a unit quaternion"),
-    ("inertia", {"principal": [1.0, 2.0], "spread": 0.1}, "principal wants three moments"),
+    ("inertia", {"principal": [1.0, 2.0], "spread": 0.1}, "principal: expected three moments"),
     ("inertia", {"principal": [1.0, 2.0, 3.0], "spread": 0.1}, "must obey the triangle rule"),
     ("inertia", {"principal": [2.0, 2.0, 3.0], "spread": -0.1}, "must not be negative"),
     ("inertia", {"principal": [2.0, 2.0, 3.0], "spread": 0.1, "axes": -0.1}, "not be negative"),
-    ("range", {"first": 0.0, "last": 1.0}, "range: wants first, last and count"),
+    ("range", {"first": 0.0, "last": 1.0}, "range: expected first, last and count"),
     ("range", {"first": 0.0, "last": 1.0, "count": -1}, "must be a whole number, not -1"),
     ("range", {"first": 0.0, "last": 1.0, "count": 6}, "count must be at most 5"),
 ]

@@ -297,7 +297,9 @@ def test_patience_ends_a_run_and_keeps_its_rows(folder, tmp_path):
         vice="endless_sleep", phase="fmi2DoStep", after=STEPS["fmi2DoStep"],
     )  # fmt: skip
     assert (status, out, len(err)) == (1, [], 1)
-    assert err[0].startswith("harness: b: fmi2DoStep has not returned for 1 s (at t = 2 s); 3 rows")
+    assert err[0].startswith(
+        "harness: b: fmi2DoStep has not returned for 1 s (at t = 2 s); 3 recorded"
+    )
     assert len(read(tmp_path / "x.partial.nc").time) == 3
 
 

@@ -80,7 +80,7 @@ def test_an_fmu_for_model_exchange_is_called_that(tmp_path, fmus):
                 text = data.decode().replace('canHandleVariableCommunicationStepSize="true"', "")
                 data = text.replace("<CoSimulation", "<ModelExchange").encode()
             new.writestr(name, data)
-    with pytest.raises(FmuError, match=r"exchange\.fmu: .* FMI 2\.0 model exchange"):
+    with pytest.raises(FmuError, match=r"exchange\.fmu: is for model exchange only"):
         read_interface(path)
 
 

@@ -147,7 +147,9 @@ def reference_flight(case: Case, h: float = STEP) -> closed_loop.History:
     on.
     """
     history = closed_loop.run(reference_system(case), case.stop, h)
-    return history | propulsion(history, h)
+    omega = history["servicer.omega_SN_S"]
+    margin = np.pi / case.changes.get("servicer.max_step", 0.1) - np.linalg.norm(omega, axis=1)
+    return history | propulsion(history, h) | {"servicer.rate_margin": margin}
 
 
 def reference_system(case: Case) -> closed_loop.System:
