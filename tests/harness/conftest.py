@@ -90,11 +90,12 @@ def _sketches() -> Iterator[None]:
 
 
 @pytest.fixture
-def trusted(monkeypatch):
-    """Flights of these small FMUs in this process: a child for each of them costs more than all
-    else where it is not what a test is about.
+def trusted(monkeypatch, tmp_path):
+    """Flights of these small FMUs in this process, in a folder of their own: a child for each of
+    them costs more than all else where it is not what a test is about.
     """
     monkeypatch.setattr("harness.master.isolated.all_ours", lambda _: True)
+    monkeypatch.chdir(tmp_path)
 
 
 class Crew:

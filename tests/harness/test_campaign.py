@@ -357,7 +357,9 @@ def test_no_block_of_runs_repeats_the_warnings_of_its_flights(system, tmp_path, 
 def serial(system, tmp_path_factory):
     """The campaign, run by this process alone."""
     folder = tmp_path_factory.mktemp("serial")
-    return campaign(with_bands(system), folder / "serial.zarr", workers=0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)  # an FMU leaves a file
+        return campaign(with_bands(system), folder / "serial.zarr", workers=0)
 
 
 def with_bands(system):
