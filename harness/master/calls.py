@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
@@ -47,7 +48,7 @@ CTYPES_3: dict[str, Any] = {
 """Types in C of FMI 3.0."""
 
 
-class Calls:
+class Calls(ABC):
     """What both versions have in common; a subclass spells the functions."""
 
     prefix: ClassVar[str]
@@ -82,26 +83,27 @@ class Calls:
         buffer = (self.in_c[access] * len(variables))()
         return self._transfer("Get", variables, buffer), [float(value) for value in buffer]
 
+    @abstractmethod
     def _transfer(self, verb: str, variables: Sequence[Variable], buffer: Any) -> int:
-        raise NotImplementedError
+        """Status of the transfer of a buffer of these values."""
 
+    @abstractmethod
     def listen(self, categories: Sequence[str]) -> None:
         """Let messages of these categories through, and no others, if the FMU can do that."""
-        raise NotImplementedError
 
+    @abstractmethod
     def initialization(
         self, start: float, stop: float | None
     ) -> Iterator[tuple[str, tuple[Any, ...]]]:
         """The functions, without their prefix, that lead to initialization mode."""
-        raise NotImplementedError
 
+    @abstractmethod
     def step(self, time: float, size: float, no_rollback: int) -> int:
         """One step; a status of loop.c if it is complete and more is to be said."""
-        raise NotImplementedError
 
+    @abstractmethod
     def free(self) -> None:
         """Free the instance and unload the library."""
-        raise NotImplementedError
 
 
 class Fmi2(Calls):
