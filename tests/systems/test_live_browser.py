@@ -15,7 +15,7 @@ import pytest
 from harness import run
 from harness.report.html import write
 from harness.results.requirements import findings
-from tests.harness.chromium import browser, opened
+from tests.harness.chromium import opened
 
 pytestmark = pytest.mark.browser
 
@@ -23,12 +23,6 @@ SYSTEM = "sync_approach"
 LARGEST = 6_000_000
 """Bytes of a page."""
 DRAWS = 10
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    with browser() as running:
-        yield running
 
 
 @pytest.fixture(scope="module")

@@ -13,12 +13,10 @@ import pytest
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from harness import run
 from harness.exchange.bodies import instants
 from harness.exchange.sun import shadow, sun_direction
-from harness.report.html import write
 from ssp.shared.safety import RESTING
-from tests.harness.chromium import browser, opened
+from tests.harness.chromium import opened
 
 RUNS = {
     "sync_approach": {"every": 10, "epoch": "2026-03-20T06:00:00"},
@@ -38,27 +36,6 @@ FAR = 8.0
 """Range from which on the sizes of the bodies do not matter [m]."""
 pytestmark = pytest.mark.browser
 each_system = pytest.mark.parametrize("system", RUNS)
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    with browser() as running:
-        yield running
-
-
-@pytest.fixture(scope="module")
-def report_of(tmp_path_factory):
-    """Page and result of a system, written once."""
-    known = {}
-
-    def written(system):
-        if system not in known:
-            result = run(system, **RUNS[system])
-            page = tmp_path_factory.mktemp("replay") / f"{system}.html"
-            known[system] = write(result, page), result
-        return known[system]
-
-    return written
 
 
 def state_at(page, time=None):

@@ -10,7 +10,7 @@ import pytest
 
 from harness import run
 from harness.report.html import write
-from tests.harness.chromium import browser, opened
+from tests.harness.chromium import opened
 
 RUNS = {
     "sync_approach": {"every": 10},
@@ -32,27 +32,6 @@ TANKS = [[0, 0, 0.25], [0, 0, -0.25]]
 """Where the slosh masses of flexible_servicer rest."""
 each_system = pytest.mark.parametrize("system", RUNS)
 pytestmark = pytest.mark.browser
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    with browser() as running:
-        yield running
-
-
-@pytest.fixture(scope="module")
-def report_of(tmp_path_factory):
-    """Page and result of a system, written once."""
-    known = {}
-
-    def written(system):
-        if system not in known:
-            result = run(system, **RUNS[system])
-            page = tmp_path_factory.mktemp("report") / f"{system}.html"
-            known[system] = write(result, page), result
-        return known[system]
-
-    return written
 
 
 def scroll_through(page):
