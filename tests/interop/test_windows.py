@@ -22,7 +22,9 @@ pytestmark = [pytest.mark.interop, pytest.mark.tool("Wine (win64 by Zig)", "zigl
 
 ROOT = Path(__file__).parents[2]
 HEADERS = Path(fmpy.__file__).parent / "c-code"
-WINE = shutil.which("wine64") or shutil.which("wine")
+# the package wine64 of Debian puts the program beside the path
+PLACES = os.pathsep.join((os.environ.get("PATH", ""), "/usr/lib/wine"))
+WINE = shutil.which("wine64", path=PLACES) or shutil.which("wine")
 SYSTEM = "sync_approach"
 
 

@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Add the binaries of all platforms to FMUs, compiled from the sources inside each archive by one
-cross compiler.
+cross compiler, as many FMUs at a time as there are processors.
 
-Usage: cross_compile.py --fmus DIR -o DIR [--cc COMMAND]
+Usage: cross_compile.py --fmus DIR -o DIR [--jobs N] [--cc COMMAND]
 """
 
 import argparse
+import os
 import struct
 import subprocess
 import sys
 import tempfile
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -96,12 +99,16 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--fmus", type=Path, required=True)
     parser.add_argument("-o", "--output", type=Path, required=True)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("--cc", nargs="+", default=[sys.executable, "-m", "ziglang", "cc"])
     a = parser.parse_args()
     a.output.mkdir(parents=True, exist_ok=True)
-    for fmu in sorted(a.fmus.glob("*.fmu")):
-        write_zip(a.output / fmu.name, all_platforms(fmu, a.cc))
-        print(a.output / fmu.name)
+    fmus = sorted(a.fmus.glob("*.fmu"))
+    with ThreadPoolExecutor(a.jobs) as pool:  # the work is done by processes of the compiler
+        found = pool.map(partial(all_platforms, compiler=a.cc), fmus)
+        for fmu, files in zip(fmus, found, strict=True):
+            write_zip(a.output / fmu.name, files)
+            print(a.output / fmu.name, flush=True)
 
 
 if __name__ == "__main__":
