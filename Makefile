@@ -24,12 +24,12 @@ SOURCES := $(shell find fmus ssp harness -name '*.py' -o -name '*.[ch]' -o -name
 CODE    := .ci examples fmus harness tests
 C_FILES := $(shell find $(CODE) -name '*.[ch]')
 
-.PHONY: help build demo test test-browser test-wasm test-long test-interop pil targets validation gallery \
-        sanitize lint warnings format coverage bench wheel dist clean
+.PHONY: help build demo test test-browser test-wasm test-long test-interop pil targets \
+        validation gallery sanitize lint warnings format coverage bench wheel dist clean
 help:
-	@echo "make demo | test | test-browser | test-wasm | test-interop | test-long | pil | validation | gallery |"
-	@echo "     lint | warnings | format | coverage | sanitize | bench | site | wheel | sdist |"
-	@echo "     dist | release | clean"
+	@echo "make demo | test | test-browser | test-wasm | test-interop | test-long | pil |"
+	@echo "     validation | gallery | figures | lint | warnings | format | coverage | sanitize |"
+	@echo "     bench | site | wheel | sdist | dist | release | clean"
 
 $(TOOLS): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and \
@@ -172,7 +172,15 @@ $(SITE): $(TOOLS) pyproject.toml
 build/site-facts/facts.json: $(READY)
 	$(BIN)/python .ci/pages build/site-facts --facts
 
-build/site/index.html: build/site-facts/facts.json $(PAGES) $(SITE)
+# figures in user pages, from the runs that .ci/pages/quoted.py names; make figures writes them
+build/site-facts/quoted.json: $(READY) .ci/pages/quoted.py docs/targets.md
+	$(BIN)/python .ci/pages build/site-facts --quoted
+
+.PHONY: figures
+figures: build/site-facts/quoted.json
+	$(BIN)/python .ci/pages build/site-facts --fill
+
+build/site/index.html: build/site-facts/facts.json build/site-facts/quoted.json $(PAGES) $(SITE)
 	$(BIN)/python .ci/pages build/site-facts build/site-pages
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 

@@ -2,6 +2,8 @@
 """The pages of the documentation site: those of docs/, and those made from the code and from runs.
 
 python .ci/pages build/site-facts --facts   # runs cases and missions: facts.json and figures
+python .ci/pages build/site-facts --quoted  # runs what user pages quote: quoted.json
+python .ci/pages build/site-facts --fill    # writes that into the pages of docs/
 python .ci/pages build/site-facts build/site-pages      # the Markdown that mkdocs reads
 """
 
@@ -20,6 +22,7 @@ import missions
 import models
 import papers
 import python
+import quoted
 import validation
 from text import ROOT, relinked
 
@@ -57,7 +60,8 @@ def pages(facts: Mapping[str, Any]) -> Iterator[tuple[str, str | bytes]]:
         if page.startswith("examples/") and path.suffix != ".md":
             yield page, example(path)
         elif path.suffix == ".md" and source != "README.md":
-            text = relinked(path.read_text(encoding="utf-8"), source, page, known)
+            text = quoted.plain(path.read_text(encoding="utf-8"), facts["quoted"], source)
+            text = relinked(text, source, page, known)
             yield page, missions.typeset(text) if source.startswith("ssp/") else text
         elif source.startswith("docs/"):
             yield page, path.read_bytes()
@@ -89,21 +93,29 @@ def write(folder: Path, facts: Mapping[str, Any]) -> None:
         path.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
-def collect(folder: Path) -> None:
-    """Run what the pages quote."""
+def collect(folder: Path, target: str) -> None:
+    """Run what the pages show, or what they quote."""
     folder.mkdir(parents=True, exist_ok=True)
-    found = {"validation": validation.facts(), "missions": missions.facts(folder)}
-    (folder / "facts.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
+    if target == "--facts":
+        found = {"validation": validation.facts(), "missions": missions.facts(folder)}
+    else:
+        found = quoted.facts()
+    path = folder / f"{target.removeprefix('--')}.json"
+    path.write_text(json.dumps(found, indent=1), encoding="utf-8")
 
 
 def main(facts: Path, target: str) -> None:
     """Collect facts, or write the pages."""
-    if target == "--facts":
-        collect(facts)
+    if target in {"--facts", "--quoted"}:
+        collect(facts, target)
+        return
+    figures = _read(facts / "quoted.json")
+    if target == "--fill":
+        quoted.fill(figures)
         return
     folder = Path(target)
     shutil.rmtree(folder, ignore_errors=True)
-    write(folder, json.loads((facts / "facts.json").read_text(encoding="utf-8")))
+    write(folder, _read(facts / "facts.json") | {"quoted": figures})
     shutil.copytree(facts / "figures", folder / "reference/missions/figures")
     if (facts / missions.LIVE).is_dir():
         shutil.copytree(facts / missions.LIVE, folder / missions.LIVE)
@@ -111,6 +123,11 @@ def main(facts: Path, target: str) -> None:
 
     engine = Path(mathjax.__path__[0]) / "static/mathjax/es5/tex-mml-svg.js"
     shutil.copy(engine, folder / "javascripts/tex-mml-svg.js")
+
+
+def _read(path: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return found
 
 
 if __name__ == "__main__":

@@ -10,7 +10,9 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-MODULES = ("commands", "keys", "missions", "models", "papers", "python", "text", "validation")
+MODULES = (
+    *("commands", "keys", "missions", "models", "papers", "python", "quoted", "text", "validation"),
+)
 
 
 @pytest.fixture(scope="session")
