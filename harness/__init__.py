@@ -14,6 +14,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from harness.ssp import starts
+
 if TYPE_CHECKING:
     from harness.api import (
         Flights,
@@ -73,3 +75,11 @@ def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(_HOMES.get(name, "harness.api")), name)
+
+
+def _started(system: Any) -> Any:
+    """`[start]` of a TOML, by the room above that reads files of other tools."""
+    return import_module("harness.exchange.start").of_system(system)
+
+
+starts.attach(_started)

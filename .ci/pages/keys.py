@@ -25,6 +25,8 @@ SYSTEM: Keys = {
                         "themselves"),
         "open": ("table", "Inputs without a driver and the values they hold"),
         "parameters": ("table", "`[parameters.COMPONENT]`: values in SI units"),
+        "start": ("table", "CCSDS OEM or two-line elements of a body, by path from this file, or "
+                  "the elements themselves"),
         "sets": ("table", "`[sets.NAME]`: parameter sets for `--params`"),
         "alternatives": ("table", "`[alternatives.FMU]`: parameters that come with `--swap`"),
         "requirements": ("table", "Conditions by name: `distance = \"guidance.range >= 4 m\"`"),

@@ -3,7 +3,8 @@
 
 Axes of a file become those of N: EME2000, GCRF and ICRF as they are (23 mas between them), TEME of
 two-line elements by the IAU models with UT1 = UTC, which cancels. A body that starts beside the
-target, and for which no file is given, goes along with it.
+target, and for which no file is given, goes along with it: it gets the elements of the target's
+orbit, and stands where its position in the Hill frame has it.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import UsageError
+from harness.errors import StructureError, UsageError
 from harness.exchange.czml import earth
 from harness.exchange.sun import sun_direction
 from harness.exchange.two_line import problems
@@ -40,6 +41,8 @@ Array = NDArray[np.float64]
 SAME_AXES = ("EME2000", "J2000", "GCRF", "GCRS", "ICRF")
 LONGEST = 256 * 1024**2
 """Bytes of a file of start values."""
+INLINE = "two-line elements"
+"""Name of a source that stands in the TOML itself."""
 EXACT = 1e-6
 """An instant of an ephemeris this close is taken as it is, not interpolated [s]."""
 
@@ -53,9 +56,11 @@ class State(NamedTuple):
 
 @dataclass(frozen=True)
 class Source:
-    """A file: first instant that it knows, axes in words, and the state at an instant."""
+    """A file, or elements as text: its name, first instant that it knows, axes in words, and the
+    state at an instant.
+    """
 
-    path: Path
+    path: Path | str
     first: np.datetime64
     axes: str
     state: Callable[[np.datetime64], State]
@@ -81,17 +86,19 @@ def start_values(
     """Start values of components from files, for the system with these changes, see
     harness.master.changes.Changes.
 
-    files: OEM or two-line elements by component, may be none; epoch: t = 0 in UTC (default: that of
-    the system, else the first instant that all files know). What must know where the Sun is gets
-    its direction at that instant. Raises UsageError (no such component, no such file, an epoch
-    outside), and HarnessError if a library of the extra `exchange` is missing.
+    files: OEM or two-line elements by component, may be none; those of the system's own `[start]`
+    stay under them; epoch: t = 0 in UTC (default: that of the system, else the first instant that
+    all files know). What must know where the Sun is gets its direction at that instant. Raises
+    UsageError (no such component, no such file, an epoch outside), and HarnessError if a library of
+    the extra `exchange` is missing.
     """
     parameters = Simulation(system, **changes).parameters()
+    files = {**system.starts, **files}
     names = _names(system, needed=bool(files))
     if names:
         for component in files:
             _check(component, system, parameters, names)
-    sources = {component: _source(component, Path(file)) for component, file in files.items()}
+    sources = {component: _source(component, file) for component, file in files.items()}
     date = system.experiment.epoch if epoch is None else epoch
     asked = date or epoch is not None or not files
     instant = epoch_of(date) if asked else max(s.first for s in sources.values())
@@ -101,16 +108,28 @@ def start_values(
     return Start(values | sun, (*_notes(sources, instant), *told), written(instant))
 
 
+def of_system(system: System) -> tuple[Mapping[str, Any], str]:
+    """Start values and epoch of the `[start]` of a TOML; what harness.ssp.starts is given. Raises
+    StructureError with the problem.
+    """
+    try:
+        found = start_values(system, {})
+    except UsageError as error:
+        text = str(error).replace("--start ", "[start] ").replace("--start: ", "[start] ")
+        raise StructureError(text.splitlines()) from error
+    return found.values, found.epoch
+
+
 def _orbits(parameters: Result, states: Mapping[str, State], names: Bodies) -> dict[str, Any]:
     """Parameters that start bodies in these states, and beside them those that go along."""
     values: dict[str, Any] = {}
-    for component, state in {**states, **_beside(parameters, states, names)}.items():
+    for component, state in states.items():
         values |= {
             f"{component}.{names.semi_major_axis}": 0.0,  # then position and velocity count
             f"{component}.{names.start[0]}": state.r.tolist(),
             f"{component}.{names.start[1]}": state.v.tolist(),
         }
-    return values
+    return values | _beside(parameters, states, names)
 
 
 def _sun(parameters: Result, name: str, instant: np.datetime64) -> tuple[dict[str, Any], list[str]]:
@@ -148,7 +167,7 @@ def _undated() -> Iterator[None]:
 
 def _notes(sources: Mapping[str, Source], instant: np.datetime64) -> list[str]:
     text = np.datetime_as_string(instant.astype("datetime64[us]"))
-    axes = [f"{component}: {s.path.name}, {s.axes}" for component, s in sources.items()]
+    axes = [f"{component}: {Path(s.path).name}, {s.axes}" for component, s in sources.items()]
     return [f"t = 0 is {text} UTC", *axes]
 
 
@@ -177,42 +196,69 @@ def _check(component: str, system: System, parameters: Result, names: Bodies) ->
             raise UsageError(f"--start {component}: it has no parameter {name}")
 
 
-def _beside(parameters: Result, states: Mapping[str, State], names: Bodies) -> dict[str, State]:
-    """Bodies that start in the Hill frame of a target for which a file is given."""
+def _beside(parameters: Result, states: Mapping[str, State], names: Bodies) -> dict[str, float]:
+    """The orbit of a target for which a file is given, for bodies that start in its Hill frame."""
     target = next((c for c in states if f"{c}.{names.beside[0]}" not in parameters), None)
     if target is None:
         return {}
     ending = f".{names.beside[0]}"
     others = {name.removesuffix(ending) for name in parameters.vectors if name.endswith(ending)}
+    sizes = {c: f"{c}.{names.semi_major_axis}" for c in sorted(others - states.keys())}
+    orbits = {
+        component: elements(states[target], float(parameters[f"{component}.{names.field}"][0]))
+        for component, size in sizes.items()
+        if size in parameters and parameters[size][0] > 0  # else it is an estimate, or in no orbit
+    }
+    for component, orbit in orbits.items():
+        if not orbit[1] < 1:
+            raise UsageError(
+                f"--start {target}: its orbit is open (e = {orbit[1]:.6g}), and {component}, which "
+                f"starts beside it, takes a closed one; name a file for {component}"
+            )
+    rows = (names.semi_major_axis, *names.elements)
     return {
-        component: _in_hill_frame(
-            states[target], *(parameters[f"{component}.{name}"][0] for name in names.beside)
-        )
-        for component in sorted(others - states.keys())
-        if parameters[f"{component}.{names.semi_major_axis}"][0] > 0
+        f"{component}.{name}": value
+        for component, orbit in orbits.items()
+        for name, value in zip(rows, orbit, strict=True)
     }
 
 
-def _in_hill_frame(orbit: State, rho: Array, drho: Array) -> State:
-    """State r = r_o + C_HN^T rho, v = v_o + C_HN^T (drho + w_H x rho); x radial, z normal."""
-    h = np.cross(orbit.r, orbit.v)
-    x, z = orbit.r / np.linalg.norm(orbit.r), h / np.linalg.norm(h)
-    axes = np.stack((x, np.cross(z, x), z))
-    rate = np.array([0, 0, np.linalg.norm(h) / (orbit.r @ orbit.r)])
-    return State(orbit.r + rho @ axes, orbit.v + (drho + np.cross(rate, rho)) @ axes)
+def elements(state: State, mu: float) -> tuple[float, ...]:
+    """Osculating a [m], e, inclination, argument of perigee, right ascension and true anomaly [rad]
+    about a point mass mu [m3/s2]; an equatorial orbit has its node, a circular one its perigee on
+    the axis that is left.
+
+    Vallado, Fundamentals of Astrodynamics, RV2COE: h = r x v, n = z x h, e = v x h / mu - r / |r|.
+    """
+    r, v = state
+    h = np.cross(r, v)
+    node = np.array([-h[1], h[0], 0.0]) if h[:2].any() else np.array([1.0, 0.0, 0.0])
+    towards = np.cross(v, h) / mu - r / np.linalg.norm(r)
+    perigee = towards if towards.any() else node
+    distance = float(np.linalg.norm(r))
+    return (
+        1 / (2 / distance - float(v @ v) / mu),
+        float(np.linalg.norm(towards)),
+        float(np.arctan2(np.hypot(h[0], h[1]), h[2])),
+        _about(h, node, perigee),
+        float(np.arctan2(node[1], node[0])),
+        _about(h, perigee, r),
+    )
+
+
+def _about(axis: Array, begin: Array, end: Array) -> float:
+    """Angle from one vector to another about an axis across both [rad]."""
+    sine = np.cross(begin, end) @ axis / np.linalg.norm(axis)
+    return float(np.arctan2(sine, begin @ end))
 
 
 # ---- files
 
 
-def _source(component: str, path: Path) -> Source:
-    try:
-        text = contents(path, LONGEST).decode()
-    except UnicodeDecodeError as error:
-        raise UsageError(f"--start {component}: {path}: is not a text file") from error
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise UsageError(f"--start {component}: {path}: cannot be read ({reason})") from error
+def _source(component: str, file: str | Path) -> Source:
+    """A file by its path, or elements in so many lines."""
+    inline = "\n" in str(file).strip()
+    path, text = (INLINE, str(file)) if inline else (file, _text(component, Path(file)))
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     elements = [line for line in lines if line[:2] in ("1 ", "2 ") and len(line) >= 68]
     try:
@@ -229,13 +275,23 @@ def _source(component: str, path: Path) -> Source:
     )
 
 
+def _text(component: str, path: Path) -> str:
+    try:
+        return contents(path, LONGEST).decode()
+    except UnicodeDecodeError as error:
+        raise UsageError(f"--start {component}: {path}: is not a text file") from error
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise UsageError(f"--start {component}: {path}: cannot be read ({reason})") from error
+
+
 SYSTEMS = ("GPS", "TAI", "TT", "UT1", "UTC")
 """Time systems of an ephemeris: those of astropy, and GPS = TAI - 19 s."""
 GPS_BEHIND_TAI = 19.0
 _TIME_SYSTEM = re.compile(r"\bTIME_SYSTEM\s*[=>]\s*([^\s<]+)")
 
 
-def _ephemeris(path: Path, text: str) -> Source:
+def _ephemeris(path: Path | str, text: str) -> Source:
     systems = {match[1] for match in _TIME_SYSTEM.finditer(text)}
     if not systems <= {*SYSTEMS}:
         raise ValueError(
@@ -275,7 +331,7 @@ def _interpolated(message: Any, frame: str, late: Any, instant: np.datetime64) -
     return _out_of_teme(found, instant) if frame == "TEME" else found
 
 
-def _elements(path: Path, first: str, second: str) -> Source:
+def _elements(path: Path | str, first: str, second: str) -> Source:
     api = library("sgp4.api", "exchange")
     library("sgp4.io", "exchange").verify_checksum(first, second)
     if wrong := "; ".join(problems(first, second)):

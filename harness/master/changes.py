@@ -19,6 +19,7 @@ from harness.files.paths import is_file
 from harness.remote.places import Place, move, read_place
 from harness.results.requirements import refused
 from harness.spelling import did_you_mean
+from harness.ssp import starts
 from harness.ssp.parameters import read_ssv
 from harness.system.graph import read_interfaces
 from harness.system.instants import epoch_of, written
@@ -68,13 +69,17 @@ def apply(  # noqa: PLR0913 - every one is an option of the command line
 ) -> System:
     """Return the system with everything the user wants otherwise; the arguments are those of run().
 
-    Order: named set, swapped FMUs, file of parameters, single values, other processors. Raises
+    Order: named set, epoch (at which the bodies of `[start]` are elsewhere), swapped FMUs, file of
+    parameters, single values, other processors. Raises
     UsageError for names that do not exist, StructureError for a parameter file with mistakes or a
     swapped FMU that does not fit, FmuError for an FMU that does not build for its processor.
     """
     base, named = system, str(params) in set_names(system)
     if named:
         system = choose_set(system, str(params))
+    date = None if epoch is None else written(epoch_of(epoch))
+    if date is not None and system.starts and date != system.experiment.epoch:
+        system = _elsewhere(system, date)
     system = _swapped(system, list(_once("--swap", swap)), list(_once("--map", map)))
     if params is not None and not named:
         system = _parameter_file(system, Path(params))
@@ -84,7 +89,6 @@ def apply(  # noqa: PLR0913 - every one is an option of the command line
         system = _delayed(system, component, steps)
     if on:
         system = move(system, _places(system, on))
-    date = None if epoch is None else written(epoch_of(epoch))
     given = {"step": step, "stop": stop, "algorithm": algorithm, "epoch": date}
     changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     return replace(
@@ -92,6 +96,15 @@ def apply(  # noqa: PLR0913 - every one is an option of the command line
         experiment=replace(system.experiment, **changes),
         origin=_origin(base.origin, params, named, set, swap, map, on, latency),
     )
+
+
+def _elsewhere(system: System, epoch: str) -> System:
+    """A system whose bodies start from files, at another UTC of t = 0."""
+    moved = replace(system, experiment=replace(system.experiment, epoch=epoch))
+    values = Assignments(read_interfaces(moved))
+    for name, value in starts.read(moved)[0].items():
+        values.set(*split(name, values.interfaces), value)
+    return _with(moved, values)
 
 
 def _required(system: System, given: Sequence[str] | Mapping[str, str]) -> System:

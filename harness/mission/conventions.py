@@ -18,9 +18,10 @@ class Bodies(NamedTuple):
 
     position [m], velocity [m/s], attitude: relative to an inertial frame; components: those that
     are bodies, in their order; start: position [m] and velocity [m/s]; semi_major_axis: 0 where
-    these two count; field: of gravity [m3/s2]; beside: position and velocity relative to another
-    body in its Hill frame; sun: parameter of whatever must know where the Sun is, a unit vector
-    in the inertial frame ("": nothing does).
+    these two count; elements: the other five of an orbit, eccentricity, inclination, argument of
+    perigee, right ascension and true anomaly [rad]; field: of gravity [m3/s2]; beside: position and
+    velocity relative to another body in its Hill frame; sun: parameter of whatever must know where
+    the Sun is, a unit vector in the inertial frame ("": nothing does).
     """
 
     position: str
@@ -29,6 +30,7 @@ class Bodies(NamedTuple):
     components: tuple[str, ...]
     start: tuple[str, str]
     semi_major_axis: str
+    elements: tuple[str, str, str, str, str]
     field: str
     beside: tuple[str, str]
     sun: str = ""

@@ -23,6 +23,7 @@ from harness.errors import HarnessError, StructureError, UsageError
 from harness.mission.library import FILE, SYSTEM, systems, systems_in
 from harness.results import requirements
 from harness.spelling import did_you_mean
+from harness.ssp import starts
 from harness.ssp.writer import write_ssp
 from harness.system import graph, problems, sliders
 from harness.system.instants import moment, written
@@ -53,6 +54,7 @@ KEYS = {
         "connections",
         "open",
         "parameters",
+        "start",
         "sets",
         "alternatives",
         "requirements",
@@ -76,6 +78,7 @@ TABLES = (
     "connections",
     "open",
     "parameters",
+    "start",
     "sets",
     "requirements",
     "consistency",
@@ -83,7 +86,7 @@ TABLES = (
     "fly",
 )
 TABLES_OF_TABLES = ("schedule", "parameters", "sets", "alternatives", "fly")
-TABLES_OF_TEXTS = ("components", "connections", "requirements", "consistency", "compare")
+TABLES_OF_TEXTS = ("components", "connections", "start", "requirements", "consistency", "compare")
 
 
 def system_of(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> System:
@@ -92,7 +95,8 @@ def system_of(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> System:
     """
     if found := _ill_formed(source, fmus):
         raise StructureError(found)
-    return _Builder(source, fmus).system()
+    system = _Builder(source, fmus).system()
+    return _Builder(starts.begun(source, system), fmus).system() if system.starts else system
 
 
 def _ill_formed(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> list[str]:
@@ -196,6 +200,7 @@ class _Builder:
             consistency=self.source.get("consistency", {}),
             compared=self._compared(),
             sliders=self._sliders(),
+            starts=self.source.get("start", {}),
             mission=self.source.get("mission", ""),
         )
         for place, texts in (
@@ -372,22 +377,30 @@ def alternative(
     return found
 
 
-def extended(source: Path) -> dict[str, Any]:
+def extended(source: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
     """Content of a TOML; one that `extends` another system is put over it. The mission of a system
     is its folder's, or that of the system it extends where its own folder has no Python.
+
+    above: the files that extend this one.
     """
-    table = read_toml(source)
-    mission = source.resolve().parent.name
+    table, mission = _read(source), source.resolve().parent.name
     if (base := table.get("extends")) is not None:
         path = _base(source, str(base))
+        if path.resolve() in (chain := (*above, source.resolve())):
+            raise StructureError([f"extends: {base} extends this system itself"])
+        under = extended(path, chain)
         if not source.with_name(FILE).is_file():
-            mission = path.resolve().parent.name
-        under = read_toml(path)
-        if "extends" in under:
-            raise StructureError([f"extends: {base} extends another system itself"])
-        table = _over(under, table)
+            mission = under["mission"]
+        table = _over({k: v for k, v in under.items() if k != "name"}, table)
     table.setdefault("name", _name(source))
     return table | {"mission": mission}
+
+
+def _read(source: Path) -> dict[str, Any]:
+    table = read_toml(source)
+    if "start" in table:
+        table["start"] = starts.placed(table["start"], source)
+    return table
 
 
 def _name(source: Path) -> str:
@@ -408,8 +421,6 @@ def _base(source: Path, name: str) -> Path:
     known = systems() | known
     if name not in known:
         raise StructureError([f"extends: there is no system {name}{did_you_mean(name, known)}"])
-    if known[name].resolve() == source.resolve():
-        raise StructureError(["extends: a system cannot extend itself"])
     return known[name]
 
 

@@ -161,7 +161,8 @@ class System:
     harness.results.requirements; consistency: conditions on parameters by name, with a note
     where one does not hold; compared: the set that a comparison takes unless told otherwise ("":
     none); sliders: names and ranges (None: that of the FMU) of what a page that flies lets its
-    reader change; mission: name of the one it belongs to; origin: where all this comes from.
+    reader change; mission: name of the one it belongs to; starts: file or elements of `[start]` by
+    component, whose values the parameters hold; origin: where all this comes from.
     """
 
     name: str
@@ -178,6 +179,7 @@ class System:
     sliders: Mapping[str, Range] = field(default_factory=dict)
     mission: str = ""
     declared: Mapping[Port, Unit] = field(default_factory=dict, compare=False)
+    starts: Mapping[str, str] = field(default_factory=dict, compare=False)
     origin: Origin = field(default_factory=Origin, compare=False)
 
     def component(self, name: str) -> Component:
@@ -201,4 +203,5 @@ class System:
             consistency={},
             sliders={},
             declared={},
+            starts={},
         )

@@ -118,7 +118,7 @@ def assign(name: str, value: Value, known: Collection[str]) -> dict[str, Scalar]
         if by_place.keys() != {str(Name.read(e)) for e in elements}:
             got = _quoted(value) if isinstance(value, str) else _shape(list(by_place))
             shapes = f"expected {_shape(elements)}, got {got}"
-            raise ValueError(shapes + _as_a_list(value, elements))
+            raise ValueError(shapes + _as_a_list(value, elements, got))
         given = {element: by_place[str(Name.read(element))] for element in elements}
     for element, scalar in given.items():
         if isinstance(scalar, float) and math.isnan(scalar):
@@ -132,8 +132,12 @@ def _single(name: str, value: Value) -> dict[str, Scalar]:
     return {name: value}
 
 
-def _as_a_list(value: Value, elements: Sequence[str]) -> str:
-    """What to write instead of one number or of numbers without brackets, as the end of a line."""
+def _as_a_list(value: Value, elements: Sequence[str], got: str) -> str:
+    """What to write instead of one number or of numbers without brackets, as the end of a line;
+    lists of another length have no place in the FMU.
+    """
+    if got != RAGGED and _depth(value) == len(index(elements[0])):
+        return "; the FMU has so many and no other number"
     if isinstance(value, str) and "," in value:
         return f"; write [{value}]"
     if all(len(index(e)) == 2 for e in elements):
@@ -143,6 +147,15 @@ def _as_a_list(value: Value, elements: Sequence[str]) -> str:
     return ""
 
 
+RAGGED = "a ragged list"
+
+
+def _depth(value: Value) -> int:
+    """Lists within each other."""
+    is_list = isinstance(value, Sequence) and not isinstance(value, str)
+    return 1 + max(map(_depth, value), default=0) if is_list else 0  # type: ignore[arg-type]
+
+
 def _shape(names: list[str]) -> str:
     """Shape of a variable in words: `a number`, `3 elements`, `3 x 3 elements`."""
     indices = [index(name) for name in names]
@@ -150,7 +163,7 @@ def _shape(names: list[str]) -> str:
         return "a number"
     whole = grid(indices)
     if whole is None:
-        return "a ragged list"
+        return RAGGED
     sizes = list(whole.shape)
     return " x ".join(map(str, sizes)) + (" element" if sizes == [1] else " elements")
 

@@ -14,6 +14,7 @@ BODIES = Bodies(
     components=("servicer", "target", "robot"),
     start=("r_0_N", "v_0_N"),
     semi_major_axis="a",
+    elements=("e", "inc", "argp", "raan", "nu"),
     field="mu",
     beside=("rho_0_H", "drho_0_H"),
     sun="sun_N",

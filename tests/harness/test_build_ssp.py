@@ -348,7 +348,7 @@ def test_the_build_command_writes_the_file(fmu_folder, tmp_path, capsys):
         (None, 2, r".*demo\.toml: cannot be read \(No such file or directory\)"),
         (TOML.replace("k = 4", "kk = 4"), 1, r"demo\.toml: \[parameters\] shared\.kk: .*"),
         ('extends = "dem"', 1, r"demo\.toml: extends: there is no system dem \(close: demo\)"),
-        ('extends = "demo"', 1, r"demo\.toml: extends: a system cannot extend itself"),
+        ('extends = "demo"', 1, r"demo\.toml: extends: demo extends this system itself"),
     ],
 )
 def test_the_build_command_says_in_one_line_what_is_wrong(
@@ -362,6 +362,22 @@ def test_the_build_command_says_in_one_line_what_is_wrong(
     )
     assert re.fullmatch(line + "\n", capsys.readouterr().err)
     assert not (tmp_path / "demo.ssp").exists()
+
+
+def test_a_system_extends_one_that_extends_another(fmus, fmu_folder, tmp_path):
+    (tmp_path / "demo.toml").write_text(TOML)
+    middle = 'extends = "demo"\n[parameters.second]\nM.bias = 2\n[parameters.third]\nk = 5\n'
+    (tmp_path / "middle.toml").write_text(middle)
+    last = f'extends = "{tmp_path.name}_middle"\n[parameters.second]\nM.bias = 3\n'
+    (tmp_path / "last.toml").write_text(last)
+    build(tmp_path / "last.toml", fmu_folder, tmp_path / "last.ssp")
+    with ssp.opened(tmp_path / "last.ssp") as system:
+        assert system.component("second").parameters["M.bias"].value == 3
+        assert system.component("third").parameters["k"].value == 5
+        assert system.name == f"{tmp_path.name}_last"
+    (tmp_path / "demo.toml").write_text(f'extends = "{tmp_path.name}_last"\n')
+    with pytest.raises(StructureError, match="extends this system itself"):
+        build(tmp_path / "last.toml", fmu_folder, tmp_path / "last.ssp")
 
 
 def test_a_system_that_extends_another_says_what_is_otherwise(fmus, fmu_folder, tmp_path):

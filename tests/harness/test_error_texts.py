@@ -61,6 +61,37 @@ def test_a_refused_value_is_told_as_it_was_typed(said, value, line):
     assert said("run", *SHORT, "--set", value) == (2, [f"harness: {line}"])
 
 
+@pytest.mark.parametrize(
+    ("base", "place", "values", "sizes"),
+    [
+        ("sync_approach_thrusters", "propulsion.thrust_nominal", [0.5] * 17, ("16", "17")),
+        ("sync_approach_thrusters", "propulsion.thrust_nominal", [0.5] * 12, ("16", "12")),
+        (
+            "sync_approach_thrusters",
+            "allocation.thruster_position",
+            [[1, 0, 0]] * 17,
+            ("16 x 3", "17 x 3"),
+        ),
+        ("sync_approach", "servicer.A_w", [[12, 0, 0, 1]] * 3, ("3 x 3", "3 x 4")),
+        ("sync_approach", "servicer.wheel_speed_0", [0, 0, 0, 0], ("3", "4")),
+    ],
+)
+def test_another_number_of_thrusters_or_wheels_is_one_line_before_the_first_step(
+    said, tmp_path, base, place, values, sizes
+):
+    component, name = place.split(".")
+    (tmp_path / "mine.toml").write_text(
+        f'extends = "{base}"\nname = "mine"\n[parameters.{component}]\n{name} = {values}\n'
+    )
+    line = (
+        f"harness: mine.toml: [parameters] {place}: expected {sizes[0]} elements, got {sizes[1]} "
+        "elements; the FMU has so many and no other number"
+    )
+    for command in (["check"], ["run", "-o", tmp_path / "x.nc"]):
+        assert said(command[0], tmp_path / "mine.toml", *command[1:]) == (1, [line])
+    assert not (tmp_path / "x.nc").exists()
+
+
 def test_two_refused_values_are_two_lines(said):
     status, lines = said(
         "run", *SHORT, "--set", "servicer.mass_0=-5", "--set", "servicer.t_att=-1",
