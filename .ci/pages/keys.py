@@ -33,6 +33,7 @@ SYSTEM: Keys = {
         "consistency": ("table", "Conditions on parameters by name; a note if one does not hold"),
         "compare": ("table", "Defaults of `harness compare`"),
         "fly": ("table", "What the reader of a live page may change: `harness report --fly`"),
+        "scene": ("table", "`[scene.models]`: what the replay shows"),
     },
     "experiment": {
         "start": ("number", "Start time [s]; default 0"),
@@ -56,6 +57,10 @@ SYSTEM: Keys = {
     "fly": {
         "sliders": ("table", "Parameters and their ranges, `\"servicer.mass_0\" = [80, 130]`; "
                     "`[]`: that of the FMU"),
+    },
+    "scene": {
+        "models": ("table", "glTF file of a component, by path from this file: "
+                   "`servicer = \"mine.glb\"`"),
     },
     "set experiment": {
         "stop": ("number", "Stop time [s]"),

@@ -10,7 +10,7 @@ from harness.errors import HarnessError
 
 EXTRAS = {
     "plot": ("matplotlib", "scipy"),
-    "report": ("jinja2", "k3d", "plotly"),
+    "report": ("jinja2", "k3d", "plotly", "trimesh"),
     "campaign": ("cryptography", "dask", "distributed", "zarr"),
     "notebook": ("pandas", "xarray"),
     "exchange": ("astropy", "erfa", "oem", "pyarrow", "sgp4"),

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from harness.errors import UsageError
 from harness.master.changes import Changes, apply
 from harness.master.web import Module, module_of
-from harness.report import conditions, run
+from harness.report import conditions, models, run
 from harness.report.arrays import Arrays, kept_points, kept_rows
 from harness.report.plots import Canvas
 from harness.report.template import render, text_of
@@ -63,7 +63,7 @@ def of_run(result: Result) -> str:
         named = list(sliders(system.sliders, read_interfaces(system)))
     canvas, data = _traced(result, [slider.name for slider in named])
     flight = _flight(result, system, steps, module, canvas)
-    return render(
+    page = render(
         "fly.html",
         canvas.arrays,
         data,
@@ -73,6 +73,7 @@ def of_run(result: Result) -> str:
         module=base64.b64encode(gzip.compress(module.code, 9, mtime=0)).decode(),
         live={name: text_of(name) for name in ("flight.js", "judge.js", "fly.js", "fly.css")},
     )
+    return models.fitting(page, result)
 
 
 # ---- what a flight is told

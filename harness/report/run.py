@@ -10,7 +10,7 @@ import numpy as np
 from harness.figures.choice import figures_of
 from harness.figures.style import SCREEN
 from harness.mission import Drawing, Figure
-from harness.report import facts, painted, phases, plots
+from harness.report import facts, models, painted, phases, plots
 from harness.report.arrays import Arrays
 from harness.report.plots import Canvas
 from harness.report.scene import replay
@@ -45,7 +45,7 @@ def of_run(result: Result) -> str:
     """The page of one run as text."""
     canvas = Canvas(Arrays(), points_of(result))
     data = content(canvas, result)
-    return render("run.html", canvas.arrays, data, **texts(result, canvas))
+    return models.fitting(render("run.html", canvas.arrays, data, **texts(result, canvas)), result)
 
 
 def content(canvas: Canvas, result: Result) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from harness.mission.library import of_result
 from harness.mission.mission import together
-from harness.report import bodies
+from harness.report import bodies, models
 from harness.report.arrays import Arrays
 from harness.report.story import told
 from harness.results.result import Result
@@ -154,7 +154,10 @@ def replay(result: Result, arrays: Arrays) -> Scene | None:
         return None
     for kind in of_result(result).scene:
         if result.holds(*kind.needs, parameters=kind.parameters):
-            return told(result, arrays, kind.build(result, arrays))
+            found = kind.build(result, arrays)
+            if files := models.named(result):
+                found = models.dressed(found, files, arrays)
+            return told(result, arrays, found)
     return None
 
 

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from harness.errors import HarnessError, StructureError, UsageError
+from harness.files.paths import is_file
 from harness.mission.library import FILE, SYSTEM, systems, systems_in
 from harness.results import requirements
 from harness.spelling import did_you_mean
@@ -42,6 +43,8 @@ from harness.system.swap import exchange
 from harness.system.tables import Assignments, read_toml
 from harness.system.wiring import Wiring, split, wire
 
+MODELS = "models"
+"""Key of the table of glTF files by body."""
 KEYS = {
     "": (
         "name",
@@ -61,12 +64,14 @@ KEYS = {
         "consistency",
         "compare",
         "fly",
+        "scene",
     ),
     "experiment": ("start", "stop", "step", "algorithm", "every", "epoch"),
     "schedule": ("every", "latency"),
     "set": ("description", "experiment"),
     "compare": ("set",),
     "fly": ("sliders",),
+    "scene": (MODELS,),
     "set experiment": ("stop", "step"),
 }
 """Keys that the tables of a system may have."""
@@ -84,8 +89,9 @@ TABLES = (
     "consistency",
     "compare",
     "fly",
+    "scene",
 )
-TABLES_OF_TABLES = ("schedule", "parameters", "sets", "alternatives", "fly")
+TABLES_OF_TABLES = ("schedule", "parameters", "sets", "alternatives", "fly", "scene")
 TABLES_OF_TEXTS = ("components", "connections", "start", "requirements", "consistency", "compare")
 
 
@@ -209,6 +215,7 @@ class _Builder:
         ):
             refused = requirements.refused(system, texts, fixed=place == "consistency")
             self.problems += [f"[{place}] {problem}" for problem in refused]
+        self._models()
         self._finish(system, wiring)
         return replace(system, alternatives=tuple(self._alternatives(system)))
 
@@ -239,6 +246,19 @@ class _Builder:
             f"[fly] sliders {problem}" for problem in sliders.problems(found, self.interfaces)
         ]
         return found
+
+    def _models(self) -> None:
+        """Models of bodies: files beside the TOML, which only a report reads."""
+        table = self.source.get("scene", {})
+        self.problems += _unknown_keys("scene", table, KEYS["scene"])
+        for name, given in table.get(MODELS, {}).items():
+            if name not in self.interfaces:
+                hint = did_you_mean(name, self.interfaces)
+                self.problems.append(f"[scene.{MODELS}] {name}: there is no such component{hint}")
+            elif not (isinstance(given, str) and given.endswith((".glb", ".gltf"))):
+                self.problems.append(f"[scene.{MODELS}] {name}: expected a file .glb or .gltf")
+            elif not is_file(given):
+                self.problems.append(f"[scene.{MODELS}] {name}: {given}: no such file")
 
     def _finish(self, system: System, wiring: Wiring) -> None:
         """Raise everything that was found; open inputs that the wiring has already spoken of are
@@ -397,9 +417,11 @@ def extended(source: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
 
 
 def _read(source: Path) -> dict[str, Any]:
-    table = read_toml(source)
+    table, scene = read_toml(source), "scene"
     if "start" in table:
         table["start"] = starts.placed(table["start"], source)
+    if isinstance(table.get(scene), Mapping):
+        table[scene] = {k: starts.placed(v, source) for k, v in table[scene].items()}
     return table
 
 

@@ -45,6 +45,7 @@ ONLY = {
     "jinja2": {"report"},
     "plotly": {"report"},
     "k3d": {"report"},
+    "trimesh": {"report"},
     "rich": {"cli", "master"},
     "netCDF4": {"results"},
     "xarray": {"studies", "results"},

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Models of the user in the replay: `[scene.models]` of a system's TOML names a glTF file per body.
+
+glTF is in metres; its axes are taken as the body axes, its origin as the centre of mass. What the
+page gets are triangles with one colour per material: no textures, no animation. The file is read
+offline, and the page holds all of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import HarnessError, UsageError
+from harness.files import paths
+from harness.files.libraries import library
+from harness.mission.library import SYSTEM, systems
+from harness.report.arrays import Arrays
+from harness.results.result import Result
+from harness.ssp.build import MODELS, extended
+
+Array = NDArray[np.float64]
+Scene = dict[str, Any]
+
+LONGEST = 64 * 1024**2
+"""Bytes of a model file."""
+MOST = 60_000
+"""Triangles of all models together: 48 characters each, half of the page."""
+PAGE = 6_000_000
+"""Bytes of a page."""
+
+
+class Mesh(NamedTuple):
+    """Triangles of one colour: corners (3 triangles, 3) [m], body axes; tint: red, green, blue as
+    the screen has them, None without a material.
+    """
+
+    corners: Array
+    tint: tuple[float, float, float] | None
+
+
+def named(result: Result) -> dict[str, Path]:
+    """Model files by body, of the TOML that the run was made of, if it is at hand."""
+    source = _source(result)
+    if source is None:
+        return {}
+    scene = extended(source).get("scene", {})
+    return {body: Path(file) for body, file in scene.get(MODELS, {}).items()}
+
+
+def _source(result: Result) -> Path | None:
+    known = result.provenance
+    if known is None or not known.source:
+        return None
+    given = Path(known.source)
+    path = given / SYSTEM if paths.is_folder(given) else given
+    if path.suffix == ".toml" and paths.is_file(path):
+        return path
+    return systems().get(result.system)
+
+
+def dressed(scene: Scene, files: Mapping[str, Path], arrays: Arrays) -> Scene:
+    """The scene with models in place of the parts of bodies; what turns on joints stays.
+
+    Raises UsageError: a body that the scene has not, a file that is no glTF, too many triangles.
+    """
+    known = [body["name"] for body in scene["bodies"]]
+    for name in files:
+        if name not in known:
+            raise _refused(name, f"the replay has no such body, only {', '.join(known)}")
+    meshes = {name: meshes_of(name, path) for name, path in files.items()}
+    count = sum(len(mesh.corners) // 3 for found in meshes.values() for mesh in found)
+    if count > MOST:
+        raise _refused(", ".join(files), f"{count} triangles, at most {MOST} fit a page; simplify")
+    bodies = [_dressed(body, meshes.get(body["name"]), arrays) for body in scene["bodies"]]
+    return scene | {"bodies": bodies}
+
+
+def _dressed(body: Scene, meshes: tuple[Mesh, ...] | None, arrays: Arrays) -> Scene:
+    if meshes is None:
+        return body
+    parts = [
+        {"kind": "mesh", "corners": arrays.keep(mesh.corners), "tint": mesh.tint} for mesh in meshes
+    ]
+    radius = max(float(np.linalg.norm(mesh.corners, axis=1).max()) for mesh in meshes)
+    return body | {"parts": parts, "radius": radius, "reach": max(radius, body["reach"])}
+
+
+def meshes_of(body: str, path: Path) -> tuple[Mesh, ...]:
+    """Triangles of a glTF file, every node where its parents have it; UsageError."""
+    try:
+        stamp = paths.stamp(path)
+        if stamp.size > LONGEST:
+            raise _refused(body, f"{path}: longer than the limit of {LONGEST} bytes")
+        found = _read(path, stamp)
+    except OSError as error:
+        raise _refused(body, f"{path}: cannot be read ({error.strerror or error})") from error
+    except HarnessError:
+        raise
+    except Exception as error:  # whatever a reader of a foreign format may meet
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        raise _refused(body, f"{path}: is no glTF file ({reason})") from error
+    if not found:
+        raise _refused(body, f"{path}: holds no triangles")
+    if not all(np.isfinite(mesh.corners).all() for mesh in found):
+        raise _refused(body, f"{path}: holds a corner that is no number")
+    return found
+
+
+@lru_cache(maxsize=8)
+def _read(path: Path, _stamp: Any) -> tuple[Mesh, ...]:
+    scene = library("trimesh", "report").load_scene(str(path), process=False)
+    return tuple(_meshes(scene))
+
+
+def _meshes(scene: Any) -> Iterator[Mesh]:
+    for node in scene.graph.nodes_geometry:
+        turn, name = scene.graph[node]
+        geometry = scene.geometry[name]
+        if (faces := getattr(geometry, "faces", None)) is None or not len(faces):
+            continue  # lines or points
+        corners = np.asarray(geometry.vertices, dtype=float)[np.asarray(faces).ravel()]
+        yield Mesh(corners @ turn[:3, :3].T + turn[:3, 3], _tint(geometry.visual))
+
+
+def _tint(visual: Any) -> tuple[float, float, float] | None:
+    """The base colour, which glTF has linear, as sRGB."""
+    factor = getattr(getattr(visual, "material", None), "baseColorFactor", None)
+    if factor is None:
+        return None
+    whole = 255 if np.asarray(factor).dtype.kind == "u" else 1
+    linear = np.asarray(factor, dtype=float)[:3] / whole
+    shown = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    red, green, blue = (round(float(x), 4) for x in shown)
+    return red, green, blue
+
+
+def fitting(page: str, result: Result) -> str:
+    """The page, if a model has not made it too large; UsageError."""
+    files = named(result)
+    if files and (size := len(page.encode())) > PAGE:
+        raise _refused(
+            ", ".join(files), f"the page has {size / 1e6:.1f} MB, at most 6 MB; simplify the models"
+        )
+    return page
+
+
+def _refused(body: str, problem: str) -> UsageError:
+    return UsageError(f"[scene.models] {body}: {problem}")
