@@ -10,6 +10,7 @@ in build/faults. As a plugin of pytest this module names the tests and takes wha
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import re
@@ -171,8 +172,10 @@ class Reached:
 
     def __init__(self) -> None:
         gathered = coverage.Coverage(data_file=str(DATA))
-        if list(PLACE.glob("reached.*")):
-            gathered.combine([str(PLACE)])
+        with COSTS.open() as lock:  # what one process puts together, another must not at once
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if list(PLACE.glob("reached.*")):
+                gathered.combine([str(PLACE)])
         gathered.load()
         self.data = gathered.get_data()
         self.tests = Tests(**_known())
