@@ -138,6 +138,7 @@ NOT_TO_BE_DRAWN = [
     ("log_normal", {"median": 1.0, "sigma": 0.0}, "sigma must be positive, not 0.0"),
     ("log_normal", {"median": 0.0, "sigma": 1.0}, "median must be positive, not 0.0"),
     ("uniform", {"low": 1.0, "high": 1.0}, "low must be smaller than high, not 1.0"),
+    ("uniform", {"low": [[1.0]], "high": [[2.0]]}, "expected a number or a vector"),
     ("rotation", {"sigma": 0.0}, "sigma must be positive, not 0.0"),
     ("rotation", {"sigma": 1.0, "attitude": [1.0, 0.0, 0.1, 0.0]}, "must be a unit quaternion"),
     ("inertia", {"principal": [1.0, 2.0], "spread": 0.1}, "principal: expected three moments"),

@@ -283,6 +283,14 @@ def test_what_may_be_chance_is_left_out_and_counted():
     )
 
 
+def test_a_metric_is_shown_with_its_mean_deviation_ends_and_percentiles():
+    values = np.random.default_rng(5).normal(size=50)
+    heads, row = summary._table({"end": np.append(values, np.nan)}, {})
+    assert heads.split() == ["mean", "std", "least", "5", "%", "50", "%", "95", "%", "most"]
+    found = [values.mean(), values.std(), values.min(), *np.percentile(values, [5, 50, 95])]
+    assert row.split() == ["end", *(f"{x:.5g}" for x in [*found, values.max()])]
+
+
 def test_factors_that_vary_are_those_with_more_than_one_number():
     known = {
         "still": np.full(3, 2.0),

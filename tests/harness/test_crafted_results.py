@@ -225,6 +225,10 @@ def test_a_mat_is_measured_without_being_kept(result, tmp_path):
     data = zlib.compress(bytes(10**7))
     path.write_bytes(bytes(128) + np.array([15, len(data)], "<u4").tobytes() + data)
     assert matlab.unpacked(path) == 10**7
+    plain = np.array([15, len(data)], "<u4").tobytes() + data
+    plain += np.array([14, 16], "<u4").tobytes() + bytes(16)
+    path.write_bytes(bytes(128) + plain)
+    assert matlab.unpacked(path) == 10**7 + 16, "an element that is not compressed counts too"
 
 
 def test_a_file_of_constants_is_a_result(tmp_path):

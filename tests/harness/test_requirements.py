@@ -80,6 +80,7 @@ def result():
         ("a.x >= 1 and (time < 1 h or a.x > 99)", MISSED, 0.0, "m", 10),
         ("time < 5 or (a.x >= 0 and (time < 1 h or a.x > 99))", IDLE, None, "", None),
         ("time < 5 or a.x >= 0 or (time > 1 h and a.x > 99)", MET, 0.0, "m", 10),
+        ("a.x >= 0 or ((time < 1 h or a.x > 99) and a.x >= -1)", MET, 0.0, "m", 10),
         ("(time < 1 h) | (norm(a.v) > 99)", IDLE, None, "", None),
         ("time <= 10 or a.x > 99", IDLE, None, "", None),
         ("time < 10 or a.x > 99", MISSED, 0.0, "m", 10),

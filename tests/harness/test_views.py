@@ -12,6 +12,7 @@ import xarray
 from harness import Simulation, campaign, load, read, run
 from harness.api import _texts
 from harness.errors import ResultsError, UsageError
+from harness.results.alignment import is_late
 from harness.results.result import Result
 
 
@@ -59,6 +60,13 @@ def test_pandas_has_a_column_per_scalar(result):
     assert frame["servicer.r_SN_N[2]"].tolist() == result["servicer.r_SN_N"][:, 1].tolist()
     assert frame.index.tolist() == result.time.tolist()
     assert frame.attrs["units"]["guidance.range"] == result.unit("guidance.range") == "m"
+
+
+def test_a_sampled_output_is_late_in_rows_as_dense_as_its_samples():
+    dense, sparse = (run("sync_approach", stop=1, every=every) for every in (1, 5))
+    assert is_late(dense, "controller.epsilon")
+    assert not is_late(sparse, "controller.epsilon")
+    assert dense.time[1] == 0.1 and sparse.time[1] == 0.5
 
 
 def test_variables_and_figures_are_drawn(result):
