@@ -18,6 +18,7 @@ from lxml import etree
 from harness.errors import StructureError
 from harness.ssp import reader as ssp
 from harness.ssp.build import build, main, system_of
+from harness.ssp.library import load
 from harness.ssp.writer import write_ssp
 from harness.system.model import Connection, Port
 
@@ -278,7 +279,26 @@ def test_only_connected_ports_have_connectors_each_with_type_unit_and_place(arch
         assert 0 < float(place.get("y")) < 1
     blocks = [e.attrib for e in root.findall(".//ssd:ElementGeometry", ns)]
     assert all(float(a["x2"]) < float(b["x1"]) for a, b in itertools.pairwise(blocks))
+    canvas = root.find(".//ssd:SystemGeometry", ns).attrib
+    for low, high in (("x1", "x2"), ("y1", "y2")):
+        assert all(float(canvas[low]) < float(a[low]) for a in blocks)
+        assert all(float(a[high]) < float(canvas[high]) for a in blocks)
     assert root.find(".//ssd:Units/ssc:Unit[@name='m']/ssc:BaseUnit", ns).get("m") == "1"
+
+
+def test_a_parameter_set_says_what_its_units_are(tmp_path):
+    with load("relay_approach") as system:
+        write_ssp(system, tmp_path / "x.ssp")
+    with zipfile.ZipFile(tmp_path / "x.ssp") as files:
+        sets = [etree.fromstring(files.read(n)) for n in files.namelist() if n.endswith(".ssv")]
+    used = 0
+    for root in sets:
+        ns = {prefix: uri for prefix, uri in root.nsmap.items() if prefix}
+        said = {unit.get("name") for unit in root.iterfind("ssv:Units/ssc:Unit", ns)}
+        units = {real.get("unit") for real in root.iterfind(".//ssv:Real[@unit]", ns)}
+        assert units <= said
+        used += len(units)
+    assert used > 10
 
 
 def test_two_fmus_of_one_file_name_are_kept_apart(fmus, tmp_path):

@@ -67,6 +67,7 @@ def result():
         ("time < 0.1 min or a.x <= 3 m", MISSED, 4.0, "m", 6),
         ("a.x >= 1 and a.angle <= 2 rad", MISSED, 0.0, "m", 10),
         ("not a.x < 2", MISSED, 0.0, "m", 10),
+        ("parameter(a.limit) <= 300 cm", MET, 200.0, "cm", None),
         ("a.x > parameter(a.limit)", MISSED, 0.0, "m", 10),
         ("(time > 4) | (a.on == 1)", MET, 1.0, "1", 0),
         ("time < 1 h or a.x > 99", IDLE, None, "", None),
@@ -192,6 +193,7 @@ def test_what_cannot_be_judged_says_why(result, text, reason):
         (1, "N.m.s", "kg.m2/s", 1.0),
         (50, "%", "1", 0.5),
         (1, "km^2", "m2", 1e6),
+        (1000, "mrad", "rad", 1.0),
     ],
 )
 def test_units_convert_by_their_meaning(value, given, wanted, right):
