@@ -116,7 +116,7 @@ static const Variable variables[] = {
     OUTPUT(m_hat, "kg", "estimated mass"),
     OUTPUT(eta_hat, "kg.m2", "estimated inertias: J11 J12 J13 J22 J23 J33 A11 A12 A13 A22 A23 A33"),
     OUTPUT(e1_H, "m", "position error rho - rho_ref, Hill axes"),
-    OUTPUT(e2_H, "m/s", "its derivative as seen in the Hill frame"),
+    OUTPUT(e2_H, "m/s", "velocity error, derivative of e1_H as seen in the Hill frame"),
     OUTPUT(epsilon, "1", "attitude error, modified Rodrigues parameters of S relative to D"),
     OUTPUT(domega_S, "rad/s", "angular velocity error, servicer axes"),
     OUTPUT(F_cmd_H, "N", "commanded force, Hill axes"),

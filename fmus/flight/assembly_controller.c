@@ -59,8 +59,8 @@ static const Variable variables[] = {
     INPUT(omega_SN_S, "rad/s", "angular velocity of the base relative to N, body axes"),
     INPUT(h_cmg_S, "N.m.s", "momentum of the gyros, body axes"),
     ROW_AS(INPUT_ROW, u, "arm_angle", arm.angle, 1, "rad", "angle of the arm", ANY_VALUE),
-    ROW_AS(INPUT_ROW, u, "arm_rate", arm.rate, 1, "rad/s", "its rate", ANY_VALUE),
-    ROW_AS(INPUT_ROW, u, "arm_accel", arm.accel, 1, "rad/s2", "its acceleration", ANY_VALUE),
+    ROW_AS(INPUT_ROW, u, "arm_rate", arm.rate, 1, "rad/s", "rate of the arm", ANY_VALUE),
+    ROW_AS(INPUT_ROW, u, "arm_accel", arm.accel, 1, "rad/s2", "acceleration of the arm", ANY_VALUE),
     ATTITUDE_REFERENCE_ROWS(INPUT_ROW, u, ref),
 
     OUTPUT(hdot_cmd_S, "N.m", "commanded rate of change of the momentum of the gyros, body axes"),

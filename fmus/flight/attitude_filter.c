@@ -73,10 +73,10 @@ static const Variable variables[] = {
 
     INPUT(dtheta_S, "rad", "rotation vector of the turn over the last period, body axes"),
     INPUT(gyro_time, "s", "time at which the increment ends"),
-    INPUT(gyro_valid, "1", "1: there is an increment of that time"),
+    INPUT(gyro_valid, "1", "1: an increment ends at gyro_time"),
     INPUT(q_AN, "1", "measured attitude of the star tracker relative to N, scalar first"),
-    INPUT(star_time, "s", "time of that measurement"),
-    INPUT(star_valid, "1", "1: there is a measurement of that time"),
+    INPUT(star_time, "s", "time of the measured attitude"),
+    INPUT(star_valid, "1", "1: an attitude was measured at star_time"),
 
     OUTPUT(q_SN, "1", "attitude of the servicer relative to N, scalar first"),
     OUTPUT(omega_SN_S, "rad/s", "angular velocity of the servicer relative to N, body axes"),
@@ -84,7 +84,7 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(sigma_theta_S, "rad", "standard deviation of the attitude, body axes"),
     NONNEGATIVE_OUTPUT(sigma_bias_S, "rad/s", "standard deviation of the bias, body axes"),
     NONNEGATIVE_OUTPUT(star_nis, "1", "normalised innovation squared of the last measurement"),
-    NONNEGATIVE_OUTPUT(star_rejected, "1", "measurements rejected so far"),
+    NONNEGATIVE_OUTPUT(star_rejected, "1", "measurements rejected since the start"),
     OUTPUT(star_age, "s", "time since the last measurement used"),
     FLAG(attitude_valid, "1: acquired, and the last measurement used is young enough"),
 };

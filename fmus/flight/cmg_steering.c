@@ -41,7 +41,7 @@ static const Variable variables[] = {
     NONNEGATIVE(k_null, "rad2/s", "gain of the null motion"),
     SAMPLE_PERIOD,
 
-    INPUT(hdot_cmd_S, "N.m", "wanted rate of change of the momentum, body axes"),
+    INPUT(hdot_cmd_S, "N.m", "commanded rate of change of the momentum, body axes"),
     INPUT(gimbal_angle, "rad", "gimbal angles"),
 
     OUTPUT(gimbal_rate_cmd, "rad/s", "gimbal rates"),

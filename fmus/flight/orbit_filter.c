@@ -76,7 +76,7 @@ static const Variable variables[] = {
     INPUT(r_fix_N, "m", "measured position of the servicer, N axes"),
     INPUT(v_fix_N, "m/s", "measured velocity of the servicer, N axes"),
     INPUT(fix_time, "s", "time of the fix"),
-    INPUT(fix_valid, "1", "1: there is a fix of that time"),
+    INPUT(fix_valid, "1", "1: a fix was taken at fix_time"),
     INPUT(q_SN, "1", "estimated attitude of the servicer relative to N, scalar first"),
     INPUT(F_cmd_S, "N", "force commanded since the last sample, body axes"),
 
@@ -85,7 +85,7 @@ static const Variable variables[] = {
     NONNEGATIVE_OUTPUT(sigma_r_N, "m", "standard deviation of the position, N axes"),
     NONNEGATIVE_OUTPUT(sigma_v_N, "m/s", "standard deviation of the velocity, N axes"),
     NONNEGATIVE_OUTPUT(fix_nis, "1", "normalised innovation squared of the last fix"),
-    NONNEGATIVE_OUTPUT(fix_rejected, "1", "fixes rejected so far"),
+    NONNEGATIVE_OUTPUT(fix_rejected, "1", "fixes rejected since the start"),
     OUTPUT(fix_age, "s", "time since the last fix used"),
     FLAG(orbit_valid, "1: acquired, and the last fix used is young enough"),
 };

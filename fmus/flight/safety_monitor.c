@@ -74,19 +74,20 @@ static const Variable variables[] = {
     MARGIN(PASSIVE, "passive", "m",
            "least margin of the keep-out zone during the drift, as predicted last"),
     MARGIN(PLUME, "plume", "m", "least margin of the plume since the last sample"),
-    MARGIN(NAVIGATION, "navigation", "s", "time left until the target counts as lost"),
+    MARGIN(NAVIGATION, "navigation", "s", "time left until navigation is declared lost"),
     OUTPUT(least_margin, "1", "least margin of this rule since the start, in its unit"),
     OUTPUT(nearest, "1",
            "rule with the least margin over its own size: 1 keep-out, 2 corridor, 3 speed, 4 "
            "passive, 5 plume; 0: none applies"),
-    OUTPUT(passive_entry, "s", "time of that drift until the zone is entered; -1: it is not"),
+    OUTPUT(passive_entry, "s",
+           "time until a drift without thrust enters the zone; -1: it does not"),
     ALARM(abort, "1: a rule that aborts has been violated; stays"),
     FLAG(violated, "1: this rule has been violated; stays"),
     OUTPUT(t_first, "s", "first violation of this rule; -1: none"),
     OUTPUT(t_violation, "s", "first violation of any rule; -1: none"),
     OUTPUT(rule_violated, "1", "rule violated first, 1 to 6; 0: none"),
     OUTPUT(F_safe_S, "N", "force to be passed on, servicer axes: F_cmd_S, or the abort manoeuvre"),
-    OUTPUT(dv_left_N, "m/s", "what is left of the abort manoeuvre, N axes"),
+    OUTPUT(dv_left_N, "m/s", "increment of velocity left of the abort manoeuvre, N axes"),
 };
 
 static void check(const Parameters *p, Problems *problems) { check_safety(p, problems); }

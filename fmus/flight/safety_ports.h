@@ -94,8 +94,8 @@ typedef struct {
               "given up)"),                                                                  \
         INPUT(relative_valid, "1", "1: the states of target and servicer can be relied on"), \
         OPTIONAL_INPUT(range_meas, "m", "independent range, with use_range"),                \
-        OPTIONAL_INPUT(range_time, "s", "its time; -1 = none yet"),                          \
-        OPTIONAL_SWITCH(range_valid, "1: there is a range of that time")
+        OPTIONAL_INPUT(range_time, "s", "time of the range; -1 = none yet"),                 \
+        OPTIONAL_SWITCH(range_valid, "1: a range was measured at range_time")
 
 static inline void check_acute(Problems *problems, const char *name, double angle)
 {

@@ -96,8 +96,8 @@ static const Variable variables[] = {
     BODY_INPUTS("S", S, "servicer"),
     OPTIONAL_SWITCH(active, ACTIVE_TEXT),
     OPTIONAL_INPUT(L_ref, "m", "distance on the grasp axis, with range_input"),
-    OPTIONAL_INPUT(dL_ref, "m/s", "its rate"),
-    OPTIONAL_INPUT(ddL_ref, "m/s2", "its acceleration"),
+    OPTIONAL_INPUT(dL_ref, "m/s", "rate of L_ref, with range_input"),
+    OPTIONAL_INPUT(ddL_ref, "m/s2", "acceleration of L_ref, with range_input"),
 
     REFERENCE_ROWS(OUTPUT_ROW, y, ref),
     OUTPUT(rho_H, "m", "position of the servicer relative to the target, Hill axes"),

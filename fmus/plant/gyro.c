@@ -54,7 +54,7 @@ static const Variable variables[] = {
 
     OUTPUT(dtheta_S, "rad", "measured rotation vector of the turn over the last period, body axes"),
     OUTPUT(gyro_time, "s", "time at which the increment ends; -1 = none yet"),
-    FLAG(gyro_valid, "1: there is an increment of that time"),
+    FLAG(gyro_valid, "1: an increment ends at gyro_time"),
     OUTPUT(bias_S, "rad/s", "true bias, body axes"),
 };
 

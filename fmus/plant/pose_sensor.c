@@ -87,10 +87,10 @@ static const Variable variables[] = {
     NONNEGATIVE(p_flip, "1",
                 "probability that the target is taken for itself turned by half a "
                 "turn"),
-    PARAMETER(flip_axis, "1", "axis of that half turn, unit vector, target axes"),
+    PARAMETER(flip_axis, "1", "axis of the half turn of p_flip, unit vector, target axes"),
     SUN_ROWS(sun),
     OUTAGE_ROWS(outage),
-    PARAMETER(fault_start, "s", "poses are wrong, and look well, from this time on"),
+    PARAMETER(fault_start, "s", "poses are wrong, but marked valid, from this time on"),
     NONNEGATIVE(fault_duration, "s", "duration of the fault"),
     PARAMETER(fault_drift_K, "m/s", "drift of the position during the fault, camera axes"),
     PARAMETER(fault_theta_T, "rad", "turn of the attitude during the fault, target axes"),
@@ -103,7 +103,7 @@ static const Variable variables[] = {
     OUTPUT(r_GK_K, "m", "measured position of the tracked point from the camera, camera axes"),
     OUTPUT(q_TK, "1", "measured attitude of the target relative to the camera, scalar first"),
     OUTPUT(pose_time, "s", "time of the measurement; -1 = none yet"),
-    FLAG(pose_valid, "1: there is a measurement of that time"),
+    FLAG(pose_valid, "1: a measurement was taken at pose_time"),
     NONNEGATIVE_OUTPUT(pose_status, "1",
                        "sum of 1 out of view, 2 out of range, 4 Sun, 8 outage, "
                        "16 dropped, 32 outlier, 64 flip"),

@@ -65,7 +65,7 @@ static const Variable variables[] = {
            "torque on the servicer about its centre of mass at the last call, body axes"),
     NONNEGATIVE_OUTPUT(mdot, "kg/s", "propellant consumption"),
     NONNEGATIVE_OUTPUT(thrust, "N", "thrust, per thruster"),
-    NONNEGATIVE_OUTPUT(impulse, "N.s", "impulse of all calls so far, per thruster"),
+    NONNEGATIVE_OUTPUT(impulse, "N.s", "cumulative impulse, per thruster"),
     NONNEGATIVE_OUTPUT(switches, "1", "how often the command went from off to on, per thruster"),
 };
 

@@ -48,7 +48,7 @@ static const Variable variables[] = {
 
     OUTPUT(range_meas, "m", "measured distance of the centres of mass; 0: no range"),
     OUTPUT(range_time, "s", "time of the measurement; -1 = none yet"),
-    FLAG(range_valid, "1: there is a range of that time"),
+    FLAG(range_valid, "1: a range was measured at range_time"),
 };
 
 static void check(const Parameters *p, Problems *problems)

@@ -80,7 +80,7 @@ static const Variable variables[] = {
     PARAMETER(
         euler_0, "rad",
         "start attitude relative to the orbital frame: turned about x, then z (pitch), then y"),
-    PARAMETER(deuler_0, "rad/s", "start rates of these angles, in the order x, y, z"),
+    PARAMETER(deuler_0, "rad/s", "rates of the angles euler at the start, about x, y, z"),
     PARAMETER(joint_angle_0, "rad",
               "joint angles at the start: link 1 from x of the base, link 2 from link 1"),
     PARAMETER(joint_rate_0, "rad/s", "joint rates at the start"),
@@ -105,7 +105,7 @@ static const Variable variables[] = {
     OUTPUT(euler, "rad",
            "attitude relative to the orbital frame: angles about x, y, z (turned about x, then z, "
            "then y)"),
-    OUTPUT(deuler, "rad/s", "rates of these angles"),
+    OUTPUT(deuler, "rad/s", "rates of the angles euler"),
     OUTPUT(pitch, "rad",
            "angle from the radial direction to x of the base about z, counted through full turns; "
            "planar motion"),

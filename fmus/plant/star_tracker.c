@@ -54,7 +54,7 @@ static const Variable variables[] = {
 
     OUTPUT(q_AN, "1", "measured attitude of the star tracker relative to N, scalar first"),
     OUTPUT(star_time, "s", "time of the measurement; -1 = none yet"),
-    FLAG(star_valid, "1: there is a measurement of that time"),
+    FLAG(star_valid, "1: a measurement was taken at star_time"),
 };
 
 static void check(const Parameters *p, Problems *problems)

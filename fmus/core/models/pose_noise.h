@@ -23,13 +23,16 @@ typedef struct { double range_0, range_2, bearing_0, bearing_1, theta_0, theta_1
      .theta_1 = 4.4e-4}
 #define POSE_NOISE_ROWS(member)                                                                   \
     NONNEGATIVE_AS("sigma_range_0", member.range_0, "m", "noise along the boresight at range 0"), \
-        NONNEGATIVE_AS("sigma_range_2", member.range_2, "1/m", "its growth with range squared"),  \
+        NONNEGATIVE_AS("sigma_range_2", member.range_2, "1/m",                                    \
+                       "growth of sigma_range_0 with range squared"),                             \
         NONNEGATIVE_AS("sigma_bearing_0", member.bearing_0, "m",                                  \
                        "noise across the boresight at range 0"),                                  \
-        NONNEGATIVE_AS("sigma_bearing_1", member.bearing_1, "1", "its growth with range"),        \
+        NONNEGATIVE_AS("sigma_bearing_1", member.bearing_1, "1",                                  \
+                       "growth of sigma_bearing_0 with range"),                                   \
         NONNEGATIVE_AS("sigma_theta_0", member.theta_0, "rad",                                    \
                        "noise of the attitude, per axis, at range 0"),                            \
-        NONNEGATIVE_AS("sigma_theta_1", member.theta_1, "rad/m", "its growth with range")
+        NONNEGATIVE_AS("sigma_theta_1", member.theta_1, "rad/m",                                  \
+                       "growth of sigma_theta_0 with range")
 
 /* camera axes, boresight X */
 static inline vec3 position_noise(const PoseNoise *n, double R)

@@ -93,8 +93,9 @@ typedef struct {
         ATTITUDE_REFERENCE_ROW(causality, part, "h_ref_D", member.h, "N.m.s",                    \
                                "momentum of the gyros that the guidance predicts, reference "    \
                                "body axes"),                                                     \
-        ATTITUDE_REFERENCE_ROW(causality, part, "dh_ref_D", member.dh, "N.m",                    \
-                               "its mean rate of change over the coming sample, reference body " \
-                               "axes")
+        ATTITUDE_REFERENCE_ROW(                                                                  \
+            causality, part, "dh_ref_D", member.dh, "N.m",                                       \
+            "mean rate of change of h_ref_D over the coming sample, reference body "             \
+            "axes")
 
 #endif
