@@ -18,8 +18,8 @@ from harness.authoring import skeleton
 from harness.errors import UsageError
 from harness.files import paths
 from harness.files.output import written
-from harness.mission.conventions import Example
 from harness.mission.library import everything
+from harness.mission.mission import Example
 from harness.ssp.library import load, of_component
 from harness.studies.show import Signal, show
 

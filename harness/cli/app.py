@@ -13,17 +13,31 @@ import shlex
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 from harness.cli import inquiries, look, models, runs, studies
-from harness.cli.once import OnceCommand
 from harness.errors import HarnessError
 from harness.files import signals
-from harness.files.command import commanded
 from harness.files.libraries import missing
+from harness.files.output import commanded
 from harness.spelling import printable
+
+
+class OnceCommand(TyperCommand):
+    """A command of typer that does not silently drop what was given first."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse as usual; wrong use if an option with a single value is given twice."""
+        _, _, order = self.make_parser(ctx).parse_args(args=list(args))
+        for parameter in order:
+            single = parameter.param_type_name == "option" and not parameter.multiple
+            if single and not getattr(parameter, "is_flag", False) and order.count(parameter) > 1:
+                ctx.fail(f"{parameter.opts[0]} is given twice")
+        return super().parse_args(ctx, args)
+
 
 app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None, no_args_is_help=True)
 for group in (runs, studies, inquiries, look, models):

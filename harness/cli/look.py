@@ -303,7 +303,7 @@ def validate_command(
     write: Annotated[Path | None, typer.Option(help="Write the page to this Markdown file")] = None,
 ) -> None:
     """Run the FMUs against published numbers."""
-    from harness.claims.validated import markdown, table, validate
+    from harness.claims.case import markdown, table, validate
     from harness.files.output import written
 
     rows = validate(names or None)

@@ -147,7 +147,7 @@ def target_command(  # noqa: PLR0913, PLR0917 - one argument per option
 
     Prints code, constants, data, stack, instructions of a step, and whether the bits are equal.
     """
-    from harness.studies import target, target_table
+    from harness.studies import target
 
     rows = target.measure(
         fmus,
@@ -157,9 +157,9 @@ def target_command(  # noqa: PLR0913, PLR0917 - one argument per option
         clock=clock,
         said=lambda row: typer.echo(f"{row.fmu} on {row.target}", err=True),
     )
-    typer.echo(target_table.table(rows))
+    typer.echo(target.table(rows))
     if write is not None:
-        target_table.write(write, rows)
+        target.write(write, rows)
     if any(row.difference for row in rows):
         raise typer.Exit(1)
 

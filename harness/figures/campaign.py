@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.figures.style import SCREEN, Style, legend_above, new_canvas, save, time_axis
-from harness.results.quantities import with_unit
+from harness.system.units import with_unit
 
 Array = NDArray[np.float64]
 

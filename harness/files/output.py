@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Files that appear whole or not at all, whatever ends the program meanwhile."""
+"""Files that appear whole or not at all, whatever ends the program meanwhile, and the command line
+that they come of.
+"""
 
 from __future__ import annotations
 
@@ -86,3 +88,30 @@ def naming(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise ResultsError(f"{path}: cannot be written ({error.strerror or error})") from error
+
+
+# ---- the command line that is at work
+
+_command: str | None = None
+
+
+def work_for(text: str | None) -> None:
+    """From now on, what this process writes comes of this command line."""
+    global _command  # noqa: PLW0603 - a process has one
+    _command = text
+
+
+def command_line() -> str | None:
+    """The command line; None in a Python program of the user."""
+    return _command
+
+
+@contextmanager
+def commanded(text: str) -> Iterator[None]:
+    """What is written in the `with` block comes of this command line."""
+    before = _command
+    work_for(text)
+    try:
+        yield
+    finally:
+        work_for(before)

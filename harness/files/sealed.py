@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Folders whose damage shows: the content of an entry, and beside it the hash of all its files.
+Below, the hash of one file, and a file that one process at a time may hold.
 
     entry/content/...   what is kept
     entry/sha256        over the names and bytes of all files of it
@@ -9,11 +10,13 @@ An entry gets its name when it is on the disk, so a power failure leaves it whol
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from pathlib import Path
 from tempfile import mkdtemp
 
@@ -99,3 +102,48 @@ def _sync(path: str | Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+# ---- one process at a time
+
+try:
+    import fcntl
+except ImportError:  # Windows: nobody is kept out there
+    fcntl = None  # type: ignore[assignment]
+
+
+class Taken(Exception):  # noqa: N818 - what has happened, not a mistake
+    """Somebody else holds the file."""
+
+
+@contextmanager
+def locked(file: Path) -> Iterator[None]:
+    """Hold a file that is there; Taken if somebody else does. OSError.
+
+    It is opened for writing, without which network file systems lock nothing.
+    """
+    with file.open("r+b") as held:
+        if fcntl is not None:
+            try:
+                fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                if error.errno in (errno.EWOULDBLOCK, errno.EACCES):
+                    raise Taken from error
+                if error.errno not in (errno.ENOLCK, errno.EOPNOTSUPP):  # a disk without locks
+                    raise
+        yield
+
+
+# ---- one file
+
+
+def sha256(path: str | Path) -> str:
+    """SHA-256 of a file, 64 hexadecimal digits; OSError if it cannot be read."""
+    stamp = Path(path).stat()
+    return _sha256(Path(path).absolute(), stamp.st_mtime_ns, stamp.st_size)
+
+
+@lru_cache(maxsize=256)
+def _sha256(path: Path, _modified: int, _size: int) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -23,8 +23,7 @@ from harness.errors import FmuError
 from harness.master import messages, place
 from harness.system.interface import Interface
 from harness.system.schedule import EARLY_RETURN, TERMINATION
-from harness.system.values import Scalar
-from harness.system.variable import Variable
+from harness.system.values import Scalar, Variable
 
 OK, WARNING, FATAL = 0, 1, 4
 NAMES = {2: "Discard", 3: "Error", 4: "Fatal", 5: "Pending"}

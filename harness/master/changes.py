@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any, TypedDict
 
 from harness.errors import HarnessError, StructureError, UsageError
-from harness.files.digest import sha256
 from harness.files.paths import is_file
+from harness.files.sealed import sha256
 from harness.remote.places import Place, move, read_place
 from harness.results.requirements import refused
 from harness.spelling import did_you_mean

@@ -9,6 +9,7 @@ its own, hears no Ctrl-C, and ends with us, whatever ends us.
 from __future__ import annotations
 
 import logging
+import mmap
 import multiprocessing
 import os
 import signal
@@ -20,14 +21,46 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from multiprocessing.connection import Connection, wait
+from multiprocessing.sharedctypes import RawArray
 from pathlib import Path
 from typing import Any, Self
 
-from harness.errors import HarnessError
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from harness.errors import HarnessError, UsageError
 from harness.files.signals import held
-from harness.master import memory, place
+from harness.master import place
 
 _log = logging.getLogger("harness")
+
+FORK = sys.platform == "linux"
+"""Whether children are forks, which begin at once; elsewhere they are fresh interpreters."""
+
+Block = Any
+"""Shared bytes that can be handed to a child."""
+
+
+def context() -> Any:
+    """How children are made."""
+    return multiprocessing.get_context("fork" if FORK else "spawn")
+
+
+def block(size: int) -> Block:
+    """So many zero bytes; UsageError if there is no room."""
+    try:
+        return mmap.mmap(-1, max(size, 1)) if FORK else RawArray("b", size)
+    except (OSError, ValueError, OverflowError, MemoryError) as error:
+        raise UsageError(
+            f"{size} bytes of results do not fit into memory: record fewer with --every"
+        ) from error
+
+
+def array(shared: Block, shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
+    """The bytes as an array."""
+    count = int(np.prod(shape))
+    return np.frombuffer(shared, dtype=dtype, count=count).reshape(shape)
+
 
 LOOK_SECONDS = 0.2
 """Time between two looks at the child."""
@@ -48,13 +81,13 @@ class Child:
     """A process that calls function(send, *arguments); a context manager that ends it."""
 
     def __init__(self, function: Callable[..., Any], *arguments: Any) -> None:
-        note = memory.block(place.SIZE)
-        self._note = memory.array(note, (place.SIZE,), "uint8")
+        note = block(place.SIZE)
+        self._note = array(note, (place.SIZE,), "uint8")
         self._code: int | None = None
         self._messages, theirs = multiprocessing.Pipe(duplex=False)
         self._terminal, terminal = multiprocessing.Pipe(duplex=False)
         self._lines, self._words = 0, deque[str](maxlen=LAST_WORDS)
-        self.process = memory.context().Process(
+        self.process = context().Process(
             target=_work,
             args=(theirs, terminal, _open_files(), note, function, arguments),
             daemon=True,
@@ -167,14 +200,14 @@ def _work(  # noqa: PLR0913, PLR0917 - what joins the two processes
     messages: Connection,
     terminal: Connection,
     inherited: frozenset[int],
-    note: memory.Block,
+    note: Block,
     function: Callable[..., Any],
     arguments: tuple[Any, ...],
 ) -> None:
     _stand_alone()
     _redirect(terminal)
     _let_go_of_files(inherited, {messages.fileno(), terminal.fileno()})
-    place.keep_in(memory.array(note, (place.SIZE,), "uint8"))
+    place.keep_in(array(note, (place.SIZE,), "uint8"))
 
     def send(kind: str, content: Any) -> None:
         messages.send((kind, content))
@@ -230,7 +263,7 @@ def _wait_for_parent() -> None:
 def _open_files() -> frozenset[int]:
     """Numbers of the files that a fork would inherit now."""
     folder = Path("/proc/self/fd")
-    if not memory.FORK or not folder.is_dir():
+    if not FORK or not folder.is_dir():
         return frozenset()
     return frozenset(filter(_is_open, [int(file.name) for file in folder.iterdir()]))
 

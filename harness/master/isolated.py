@@ -20,9 +20,8 @@ import numpy as np
 from harness.errors import FmuError, HarnessError, InterruptionError, RunError
 from harness.files import signals
 from harness.files.paths import is_ours
-from harness.master import memory
 from harness.master import simulation as here
-from harness.master.child import GRACE_SECONDS, OUTCOME, Child, Send
+from harness.master.child import GRACE_SECONDS, OUTCOME, Block, Child, Send, array, block, context
 from harness.master.pacer import Pacer
 from harness.master.progress import Watch, shown
 from harness.master.simulation import Simulation
@@ -118,9 +117,10 @@ class _Run:
     ) -> None:
         self.simulation = Simulation(system, executor=executor, every=every, pacer=pacer)
         recorder = self.simulation.recorder
-        table, marks = memory.block(recorder.table.nbytes), memory.block(recorder.marks.nbytes)
+        table, marks = block(recorder.table.nbytes), block(recorder.marks.nbytes)
         _share(self.simulation, table, marks)
-        ready = self.simulation if memory.FORK else None  # a fork needs no second one
+        forked = context().get_start_method() == "fork"
+        ready = self.simulation if forked else None  # a fork needs no second one
         self._arguments = (ready, system, executor, every, pacer, table, marks)
         self.calls: list[tuple[str, str]] | None = None
         self.error: Exception | None = None
@@ -224,11 +224,11 @@ class _Watch:
         return bool(self.verdict)
 
 
-def _share(simulation: Simulation, table: memory.Block, marks: memory.Block) -> None:
+def _share(simulation: Simulation, table: Block, marks: Block) -> None:
     recorder = simulation.recorder
     recorder.keep_in(
-        memory.array(table, recorder.table.shape, np.float64),
-        memory.array(marks, recorder.marks.shape, np.int64),
+        array(table, recorder.table.shape, np.float64),
+        array(marks, recorder.marks.shape, np.int64),
     )
 
 
@@ -242,8 +242,8 @@ def _run(  # noqa: PLR0913, PLR0917 - two blocks of memory
     executor: str,
     every: int | None,
     pacer: Pacer | None,
-    table: memory.Block,
-    marks: memory.Block,
+    table: Block,
+    marks: Block,
 ) -> None:
     """Run the system into shared memory; the outcome is sent before the FMUs are freed."""
     if simulation is None:

@@ -20,8 +20,7 @@ from harness.master.calls import CTYPES_3, Calls
 from harness.system.graph import Wire
 from harness.system.interface import Interface
 from harness.system.units import IDENTITY
-from harness.system.values import Scalar
-from harness.system.variable import EXACT, Variable, resting
+from harness.system.values import EXACT, Scalar, Variable, resting
 
 CFunction = Any
 """A function of a loaded library (ctypes has no public type for it)."""

@@ -20,8 +20,7 @@ from harness.mission.claim import (
 )
 from harness.mission.figure import Curve, Drawing, Figure, Level, Overlay, Panel, Phase
 from harness.mission.library import inherit
-from harness.mission.measure import Gauge, Limits, Measure
-from harness.mission.mission import Mission, Plan, Scene
+from harness.mission.mission import Gauge, Limits, Measure, Mission, Plan, Scene
 from harness.results.verdict import Verdict
 
 __all__ = [

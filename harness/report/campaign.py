@@ -17,11 +17,11 @@ from harness.report import comparison, study
 from harness.report.arrays import Arrays
 from harness.report.plots import Canvas, Plot, number
 from harness.report.template import render
-from harness.results.quantities import with_unit
 from harness.results.verdict import Judged, Verdict
 from harness.studies.campaign import summary
 from harness.studies.campaign.store import Store
 from harness.studies.campaign.worker import COMPLETE, FAILED, PENDING
+from harness.system.units import with_unit
 
 Array = NDArray[np.float64]
 

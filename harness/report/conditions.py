@@ -13,9 +13,9 @@ from typing import Any
 from harness.results.evaluation import resolved, unit_in, unit_of
 from harness.results.expressions import FUNCTIONS, WINDOWED, Quantity, index_of, path_of, window_of
 from harness.results.margins import has_window, is_timing, parts_of, unit_of_margin
-from harness.results.quantities import convert
 from harness.results.requirements import condition
 from harness.results.result import Result
+from harness.system.units import convert
 
 Tree = dict[str, Any]
 OPERATORS: dict[type[ast.AST], str] = {

@@ -13,7 +13,7 @@ from typing import Any
 
 from harness.claims.case import listed
 from harness.claims.report import OTHER, PaperJudged, judged, rule_findings
-from harness.exchange.sun import eclipses
+from harness.exchange.bodies import eclipses
 from harness.mission import Limits
 from harness.mission.library import missing, notes_of, of_result
 from harness.report.plots import number

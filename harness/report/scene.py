@@ -20,8 +20,8 @@ from harness.mission.mission import together
 from harness.report import bodies, models
 from harness.report.arrays import Arrays
 from harness.report.story import told
+from harness.results.alignment import rotation_angle
 from harness.results.result import Result
-from harness.results.rotations import rotation_angle
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]

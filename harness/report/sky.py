@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import HarnessError
-from harness.exchange.bodies import instants, names_of
-from harness.exchange.sun import shadow, sun_direction
+from harness.exchange.bodies import instants, names_of, shadow, sun_direction
 from harness.files.libraries import library
 from harness.report.arrays import Arrays
 from harness.results.result import Result

@@ -18,7 +18,7 @@ from harness.results.files import read
 from harness.results.result import Result
 from harness.studies.campaign.store import Store
 from harness.studies.inquiry import summary
-from harness.studies.inquiry.study import confirmed
+from harness.studies.inquiry.worst import confirmed
 
 Array = NDArray[np.float64]
 

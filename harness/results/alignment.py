@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Which rows of a sampled component belong to which rows of the plants.
+"""Histories side by side: the rotation between two attitudes, quaternions (rows, 4), scalar first,
+v_N = q v_B q*, and which rows of a sampled component belong to which rows of the plants.
 
 A row holds the states of the plants at its time, and what a sampled component made of the states at
 its last sample, one sample earlier. Where every sample was recorded, what belongs to a state
@@ -19,6 +20,30 @@ from harness.results.result import Result
 Array = NDArray[np.float64]
 PERIOD = "sample_period"
 """Parameter of sampled components [s]; 0: at every step."""
+
+
+def rotation_angle(a: Array, b: Array) -> Array:
+    """Angle of the rotation between attitudes given by quaternions (rows, 4), scalar first; 0 to
+    pi, (rows,) [rad].
+    """
+    scalar = np.abs(np.sum(a * b, axis=1))
+    vector = a[:, :1] * b[:, 1:] - b[:, :1] * a[:, 1:] + np.cross(a[:, 1:], b[:, 1:])
+    return np.asarray(2 * np.arctan2(np.linalg.norm(vector, axis=1), scalar))
+
+
+def relative_mrp(actual: Array, reference: Array) -> Array:
+    """MRP of the rotation reference -> actual from quaternions (rows, 4), the shorter way round."""
+    scalar = np.sum(actual * reference, axis=1)
+    vector = reference[:, :1] * actual[:, 1:] - actual[:, :1] * reference[:, 1:]
+    vector -= np.cross(reference[:, 1:], actual[:, 1:])
+    sign = np.where(scalar < 0, -1.0, 1.0)
+    return np.asarray((sign / (1 + np.abs(scalar)))[:, None] * vector)
+
+
+def turned(q: Array, v: Array) -> Array:
+    """v_N = q v_B q* for quaternions (rows, 4), scalar first, and vectors (rows, 3)."""
+    t = 2 * np.cross(q[:, 1:], v)
+    return np.asarray(v + q[:, :1] * t + np.cross(q[:, 1:], t))
 
 
 def is_late(result: Result, name: str) -> bool:

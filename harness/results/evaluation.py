@@ -19,8 +19,8 @@ from harness.results.expressions import (
     path_of,
     variables,
 )
-from harness.results.quantities import convert
 from harness.results.result import Result
+from harness.system.units import convert
 
 
 def evaluate(node: ast.expr, look_up: Callable[[str], Any]) -> Any:  # noqa: PLR0911, PLR0912 - one per kind

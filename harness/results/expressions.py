@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.results.quantities import convert
 from harness.spelling import did_you_mean
+from harness.system.units import convert
 
 Array = NDArray[np.float64]
 

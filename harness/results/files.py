@@ -23,8 +23,8 @@ from harness.files.output import new_beside, written
 from harness.files.signals import held
 from harness.results import sidecar
 from harness.results.formats import comma_separated, matlab, netcdf, parquet
+from harness.results.formats.columns import sound
 from harness.results.result import Result
-from harness.results.soundness import sound
 from harness.system.graph import read_interfaces
 from harness.system.model import Port, System
 

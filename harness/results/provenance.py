@@ -20,7 +20,7 @@ from importlib.metadata import version
 from typing import Any, NamedTuple
 
 from harness.errors import UsageError
-from harness.files.command import command_line
+from harness.files.output import command_line
 from harness.system.model import Swap, System
 from harness.system.values import parse, too_deep
 

@@ -30,13 +30,13 @@ from harness.results.margins import (
     unit_of_margin,
 )
 from harness.results.provenance import Provenance
-from harness.results.quantities import unit
 from harness.results.result import Result
 from harness.results.verdict import Judged, Kind, Verdict
 from harness.spelling import did_you_mean
 from harness.system.graph import build_graph, columns, constants, read_interfaces
 from harness.system.model import Port, System
 from harness.system.names import base
+from harness.system.units import unit
 
 _log = logging.getLogger("harness")
 

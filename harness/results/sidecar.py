@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from harness.files.digest import sha256
 from harness.files.output import written
+from harness.files.sealed import sha256
 from harness.results import provenance
 from harness.results.result import Result
 

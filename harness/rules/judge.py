@@ -16,7 +16,7 @@ from lxml import etree
 from harness.errors import ArchiveError
 from harness.files.archive import inspect, read_entry
 from harness.files.safe_xml import UnsafeXmlError, XmlElement, parsed
-from harness.rules import definitions, header, structure, variables, version3
+from harness.rules import header, variables, version3
 from harness.rules.description import TYPES, Description, Rule
 from harness.rules.description3 import Description3
 
@@ -30,8 +30,8 @@ ERRORS: tuple[Rule, ...] = (
     variables.empty_names,
     variables.undefined_types,
     variables.unknown_states,
-    structure.unknown_indices,
-    definitions.repeated_items,
+    header.unknown_indices,
+    variables.repeated_items,
 )
 """Broken, they leave open what would be run."""
 
@@ -48,14 +48,14 @@ WARNINGS: tuple[Rule, ...] = (
     header.time_not_finite,
     header.repeated_log_categories,
     header.repeated_vendor_tools,
-    definitions.repeated_units,
-    definitions.repeated_display_units,
-    definitions.zero_factors,
-    definitions.repeated_types,
-    definitions.types_called_like_variables,
-    definitions.equal_items,
-    definitions.limits_of_types,
-    definitions.undefined_units_of_types,
+    variables.repeated_units,
+    variables.repeated_display_units,
+    variables.zero_factors,
+    variables.repeated_types,
+    variables.types_called_like_variables,
+    variables.equal_items,
+    variables.limits_of_types,
+    variables.undefined_units_of_types,
     variables.other_types,
     variables.derivatives_not_continuous,
     variables.unstructured_names,
@@ -79,13 +79,13 @@ WARNINGS: tuple[Rule, ...] = (
     variables.several_sets_in_co_simulation,
     variables.shared_references,
     variables.mixed_aliases,
-    structure.repeated_entries,
-    structure.kinds_without_dependencies,
-    structure.kinds_and_dependencies,
-    structure.initial_kinds,
-    structure.outputs,
-    structure.derivatives,
-    structure.initial_unknowns,
+    header.repeated_entries,
+    header.kinds_without_dependencies,
+    header.kinds_and_dependencies,
+    header.initial_kinds,
+    header.outputs,
+    header.derivatives,
+    header.initial_unknowns,
 )
 """Broken, they may puzzle another tool; the FMU can be run."""
 
@@ -95,8 +95,8 @@ ERRORS_3: tuple[Callable[[Description3], Iterator[str]], ...] = (
     variables.empty_names,
     variables.undefined_types,
     variables.unknown_states,
-    structure.unknown_indices,
-    definitions.repeated_items,
+    header.unknown_indices,
+    variables.repeated_items,
     version3.independent_variable,
     version3.repeated_references,
     version3.unknown_dimensions,
@@ -116,7 +116,7 @@ _ONLY_2 = {
     variables.several_sets_in_co_simulation,
     variables.shared_references,
     variables.mixed_aliases,
-    structure.initial_kinds,
+    header.initial_kinds,
 }
 
 WARNINGS_3: tuple[Callable[[Description3], Iterator[str]], ...] = (

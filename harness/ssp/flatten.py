@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 
-from harness.ssp.tree import INWARD, Connector, Edge, Element, Group, Leaf, Place, Point
+from harness.ssp.elements import INWARD, Connector, Edge, Element, Group, Leaf, Place, Point
 from harness.system.model import Connection, Parameter, Port
 from harness.system.units import PLAIN, Hop, Unit
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from harness.errors import UsageError
 from harness.files import paths
-from harness.files.digest import sha256
+from harness.files.sealed import sha256
 from harness.mission.library import FILE, SYSTEM, systems, use
 from harness.spelling import did_you_mean
 from harness.ssp import build, reader

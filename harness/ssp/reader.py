@@ -20,10 +20,9 @@ from harness.files.archive import MAX_UNPACKED, unpack, unpacked_size
 from harness.files.paths import is_file
 from harness.files.temporary import PrivateFolder
 from harness.ssp import xml
-from harness.ssp.elements import ElementReader
+from harness.ssp.elements import ElementReader, Leaf
 from harness.ssp.flatten import Flat
 from harness.ssp.parameters import read_ssv
-from harness.ssp.tree import Leaf
 from harness.system.instants import moment, written
 from harness.system.model import (
     Alternative,

@@ -13,7 +13,7 @@ from harness.ssp.xml import NS, TOOL, XmlElement, attributes, child, serialized,
 from harness.system.conversion import final
 from harness.system.interface import Interface
 from harness.system.model import Parameter, Parameters
-from harness.system.variable import Variable
+from harness.system.values import Variable
 
 BaseUnits = Mapping[str, Mapping[str, float]]
 """Base units (exponents, factor, offset) by name."""

@@ -36,7 +36,7 @@ from harness.system.graph import read_interfaces
 from harness.system.interface import Interface
 from harness.system.model import DEFAULT_SET, Component, System
 from harness.system.units import IDENTITY, Affine
-from harness.system.variable import Variable
+from harness.system.values import Variable
 
 WIDTH, GAP, PITCH = 80, 60, 5
 """Block diagram: width of a component, distance between components, distance between connectors."""

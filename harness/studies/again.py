@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import UsageError
-from harness.files.digest import sha256
 from harness.files.paths import is_file
+from harness.files.sealed import sha256
 from harness.master.changes import Changes, pairs
 from harness.results.files import read
 from harness.results.provenance import Provenance, differences

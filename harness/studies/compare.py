@@ -25,7 +25,7 @@ from pathlib import Path
 from queue import SimpleQueue
 
 from harness.errors import HarnessError, RunError, UsageError
-from harness.files.command import command_line, work_for
+from harness.files.output import command_line, work_for
 from harness.master.changes import apply
 from harness.master.child import end_with_parent
 from harness.master.isolated import PATIENCE
@@ -33,8 +33,7 @@ from harness.master.refusals import as_typed, without
 from harness.master.trial import refused
 from harness.mission import Limits
 from harness.mission.library import of_result
-from harness.mission.measure import apart, measured
-from harness.mission.mission import Mission, together
+from harness.mission.mission import Mission, apart, measured, together
 from harness.results.files import ResultFile, read
 from harness.results.requirements import findings, say_inconsistencies
 from harness.results.result import Result

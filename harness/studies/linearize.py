@@ -31,8 +31,7 @@ from harness.master.refusals import as_typed, refusals
 from harness.mission.library import everything
 from harness.system.interface import Interface, binaries, read_interface
 from harness.system.names import base, index
-from harness.system.values import assign, coerce, parse
-from harness.system.variable import Variable
+from harness.system.values import Variable, assign, coerce, parse
 
 Array = NDArray[np.float64]
 RELATIVE_STATE, RELATIVE_INPUT = 1e-4, 1e-2

@@ -11,8 +11,7 @@ from harness.spelling import did_you_mean
 from harness.system.interface import Interface
 from harness.system.model import Connection, Parameter
 from harness.system.units import IDENTITY, Affine, UndefinedUnitError, Unit, compose
-from harness.system.values import Scalar, coerce
-from harness.system.variable import Variable
+from harness.system.values import Scalar, Variable, coerce
 
 
 def way(

@@ -22,8 +22,7 @@ from harness.system.model import Component, Port, System
 from harness.system.problems import problems, size_problems, value_problems
 from harness.system.schedule import macro_steps
 from harness.system.units import IDENTITY, Affine
-from harness.system.values import Scalar
-from harness.system.variable import Variable
+from harness.system.values import Scalar, Variable
 
 _log = logging.getLogger("harness")
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Set
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -20,11 +20,10 @@ from harness.files import machine
 from harness.files.archive import head, inspect, unpacked_size
 from harness.files.paths import Stamp, is_file, stamp
 from harness.rules.description import Description, readable
-from harness.rules.description3 import Description3
+from harness.rules.description3 import NUMBERS, Declared3, Description3
 from harness.rules.judge import judge
-from harness.system.interface3 import read_variables
 from harness.system.units import Unit
-from harness.system.variable import Variable
+from harness.system.values import Variable
 
 FmpyObject = Any
 """Something of FMPy's model description, which is not typed."""
@@ -140,7 +139,7 @@ def _read(path: Path, _: Stamp) -> Interface:
 
 def _description(path: Path, description: Description) -> FmpyObject:
     """FMPy's reading of modelDescription.xml, from the very bytes that were judged; of FMI 3.0
-    without its variables, which interface3.py reads.
+    without its variables.
     """
     mended = io.BytesIO()
     with zipfile.ZipFile(mended, "w") as archive:
@@ -214,3 +213,75 @@ def units_agree(a: str | None, b: str | None) -> bool:
     tools need not.
     """
     return a is None or b is None or a == b
+
+
+# ---- FMI 3.0: every element of an array is a variable of its own, `r[2]` or `J[1,3]`, as in 2.0
+
+
+def read_variables(
+    path: Path, description: Description3, optional: Set[str]
+) -> tuple[list[Variable], tuple[str, ...]]:
+    """Variables in the order of the file, and a line for each that is left out; optional: names of
+    inputs that need not be driven. FmuError if an input or output has a clock.
+    """
+    found: list[Variable] = []
+    left_out: list[str] = []
+    for v in description.variables:
+        if v.type == "Clock":
+            left_out.append(f"{v.name}: clocks are not supported, it is left out")
+            continue
+        if v.clocks and v.causality in ("input", "output"):
+            clock = description.by_reference[v.clocks[0]].name
+            raise FmuError(f"{path.name}: {clock}: clocks are not supported, and {v.name} has it")
+        elements = list(_elements(description, v, v.name in optional))
+        found += elements
+        for alias in v.element.iterfind("Alias"):
+            found += _renamed(elements, v.name, str(alias.get("name")))
+    return found, tuple(left_out)
+
+
+def _renamed(elements: list[Variable], name: str, alias: str) -> Iterator[Variable]:
+    """The same variable under another name: it can be read and nothing else."""
+    for each in elements:
+        called = alias + each.name.removeprefix(name)
+        yield replace(each, name=called, causality="local", settable=False, optional=False)
+
+
+def _elements(d: Description3, v: Declared3, optional: bool) -> Iterator[Variable]:
+    indices = d.elements(v)
+    kind, tag = v.type, str(v.element.tag)
+    items = dict(d.enumerations).get(v.element.get("declaredType"), [])
+    starts = v.starts * len(indices) if len(v.starts) == 1 else v.starts
+    text = str(v.element.get("description", ""))
+    settable = (
+        bool(starts)
+        and kind != "Binary"
+        and v.variability != "constant"
+        and v.causality not in ("structuralParameter", "independent")
+    )
+    whole = Variable(
+        v.name, v.reference, kind, v.causality, v.attribute("unit"), text, settable,
+        {str(item.get("name")): int(item.get("value")) for item in items},
+        str(v.element.get("declaredType", "")), low=v.number("min") if _has_limits(kind) else None,
+        high=v.number("max") if _has_limits(kind) else None,
+        optional=kind == "Binary" or (optional and v.causality == "input" and bool(starts)),
+        access="Int64" if tag == "Enumeration" else tag, size=len(indices),
+    )  # fmt: skip
+    for place, index in enumerate(indices):
+        begin = _begin(kind, starts[place]) if starts else None
+        name = v.name + (f"[{','.join(map(str, index))}]" if index else "")
+        start = float(begin) if begin is not None and kind in NUMBERS.values() else None
+        yield replace(whole, name=name, element=place, begin=begin, start=start)
+
+
+def _has_limits(kind: str) -> bool:
+    return kind in ("Real", "Integer")
+
+
+def _begin(kind: str, text: str) -> float | str | None:
+    """A start value in the type of the variable."""
+    if kind == "Boolean":
+        return float(text in ("true", "1"))
+    if kind in ("Integer", "Enumeration"):
+        return int(text)
+    return float(text) if kind == "Real" else text

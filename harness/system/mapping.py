@@ -17,7 +17,7 @@ from typing import NamedTuple
 from harness.spelling import did_you_mean
 from harness.system.interface import units_agree
 from harness.system.names import Index, Name, grid
-from harness.system.variable import Variable
+from harness.system.values import Variable
 
 Names = dict[str, str]
 """Our name of a scalar variable by theirs."""

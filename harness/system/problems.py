@@ -16,8 +16,7 @@ from harness.system.interface import Interface, units_agree
 from harness.system.model import Component, Connection, Parameter, Port, System
 from harness.system.schedule import problems as schedule_problems
 from harness.system.units import IDENTITY, UndefinedUnitError, Unit, compose
-from harness.system.values import Scalar
-from harness.system.variable import STRUCTURAL, Variable, structural_problem
+from harness.system.values import STRUCTURAL, Scalar, Variable, structural_problem
 
 _log = logging.getLogger("harness")
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from harness.spelling import did_you_mean
 from harness.system.interface import Interface
 from harness.system.model import Range
-from harness.system.variable import Variable
+from harness.system.values import Variable
 
 
 class Slider(NamedTuple):

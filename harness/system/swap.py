@@ -18,7 +18,7 @@ from harness.system.graph import read_interfaces
 from harness.system.interface import Interface, read_interface, units_agree
 from harness.system.model import Component, Connection, Parameters, ParameterSet, Port, System
 from harness.system.names import base
-from harness.system.variable import Variable
+from harness.system.values import Variable
 from harness.system.wiring import drivers, output_owners
 
 SHOWN = 5

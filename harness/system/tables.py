@@ -16,8 +16,17 @@ from harness.spelling import did_you_mean
 from harness.system.interface import Interface
 from harness.system.model import Parameter, Parameters
 from harness.system.names import base, elements_of
-from harness.system.values import Value, assign, coerce, leaves, parse, parse_text, too_deep
-from harness.system.variable import STRUCTURAL, structural_problem
+from harness.system.values import (
+    STRUCTURAL,
+    Value,
+    assign,
+    coerce,
+    leaves,
+    parse,
+    parse_text,
+    structural_problem,
+    too_deep,
+)
 
 SHARED = "shared"
 

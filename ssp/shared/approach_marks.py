@@ -12,8 +12,8 @@ import numpy as np
 
 from harness.report.arrays import Arrays
 from harness.report.scene import Array, Rows, Scene
+from harness.results.alignment import turned
 from harness.results.result import Result
-from harness.results.rotations import turned
 
 from .relative_motion import REFERENCE, SERVICER, TARGET
 from .safety import FIRST, RESTING, RULES, Rule, findings, limit

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from harness.mission.conventions import Bodies, Example
+from harness.mission.mission import Bodies, Example
 
 BODIES = Bodies(
     position="r_{}N_N",

@@ -11,8 +11,8 @@ import numpy as np
 
 from harness.report import bodies
 from harness.report.scene import Array
+from harness.results.alignment import turned
 from harness.results.result import Result
-from harness.results.rotations import turned
 
 DOCKING = tuple(
     f"mechanism.{name}"

@@ -10,9 +10,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.results.alignment import aligned, is_late
+from harness.results.alignment import aligned, is_late, relative_mrp, rotation_angle, turned
 from harness.results.result import Result
-from harness.results.rotations import relative_mrp, rotation_angle, turned
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import json
 
 import pytest
 
-from harness.claims.validated import markdown, table, validate
+from harness.claims.case import markdown, table, validate
 from harness.cli import main
 from harness.errors import UsageError
 from ssp.validation.case import FOLDER, cases

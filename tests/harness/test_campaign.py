@@ -27,16 +27,16 @@ from harness.cli.runs import _draw
 from harness.errors import HarnessError, ResultsError, StructureError, UsageError
 from harness.mission.library import campaigns
 from harness.results.files import read
-from harness.results.quantities import with_unit
 from harness.results.result import Result
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
-from harness.studies.campaign import draws, engine, factors, metrics, summary
+from harness.studies.campaign import engine, factors, metrics, summary
 from harness.studies.campaign.campaign import like
 from harness.studies.campaign.draft import read_plan
 from harness.studies.campaign.engine import Block
 from harness.studies.campaign.factors import factor
 from harness.studies.campaign.store import Store
+from harness.system.units import with_unit
 from tests.each import some
 from tests.harness.foreign_fmu import Model, build, p, u, y
 from tests.harness.interrupts import LONGEST, start, until
@@ -101,7 +101,7 @@ def same(a, b):
 
 def sample(kind, n=4000, **given):
     made = factor("x", {kind: given})
-    numbers = draws.numbers("random", n, made.draw.numbers, 7)
+    numbers = factors.numbers("random", n, made.draw.numbers, 7)
     return np.array([made.draw.value(row) for row in numbers])
 
 
@@ -186,7 +186,7 @@ def test_inertias_are_positive_definite_and_obey_the_triangle_rule_however_wide_
 
 @pytest.mark.parametrize("sampler", ["latin-hypercube", "sobol"])
 def test_samples_fill_every_stratum(sampler):
-    numbers = draws.numbers(sampler, 64, 3, 1)
+    numbers = factors.numbers(sampler, 64, 3, 1)
     for column in numbers.T:
         assert sorted((column * 64).astype(int)) == list(range(64))
 

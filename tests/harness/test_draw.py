@@ -12,8 +12,7 @@ from lxml import etree
 
 from harness.cli.app import main
 from harness.errors import UsageError
-from harness.exports.diagram import CHARACTER, Net, lay_out, nets
-from harness.exports.draw import draw, svg
+from harness.exports.draw import CHARACTER, Net, draw, lay_out, nets, svg
 
 LOOP = (
     {"a": "ladder", "b": "ladder", "c": "ladder"},

@@ -24,11 +24,11 @@ from scipy.spatial.transform import Rotation
 from harness import read, run
 from harness.cli import main
 from harness.errors import HarnessError, ResultsError, UsageError
+from harness.exchange.bodies import AU, EARTH, SUN, shadow, sun_direction
 from harness.exchange.ccsds import write_oem
 from harness.exchange.convert import convert
 from harness.exchange.czml import ROWS, earth
 from harness.exchange.start import _source, start_values
-from harness.exchange.sun import AU, EARTH, SUN, shadow, sun_direction
 from harness.report.facts import head
 from harness.results.result import Result
 from harness.ssp.library import load

@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 
 from harness.files import paths
+from harness.master import child
 from harness.results.files import read
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
@@ -504,9 +505,8 @@ def test_our_own_fmus_stay_in_this_process(monkeypatch):
 @pytest.mark.parametrize("method", [True, False], ids=["fork", "spawn"])
 def test_children_are_made_either_way(folder, monkeypatch, method):
     from harness import run
-    from harness.master import memory
 
-    monkeypatch.setattr(memory, "FORK", method)
+    monkeypatch.setattr(child, "FORK", method)
     assert run(folder / "two.ssp")["b.y"].tolist() == list(np.arange(7.0))
     assert Path.cwd() != folder
 

@@ -24,7 +24,7 @@ from harness.ssp.writer import write_ssp
 from harness.system.graph import read_interfaces
 from harness.system.mapping import by_style, families, guesses, options, told
 from harness.system.problems import problems
-from harness.system.variable import Variable
+from harness.system.values import Variable
 from tests.harness.foreign_fmu import Model, build, p, u, y
 
 pytestmark = pytest.mark.usefixtures("crew")

@@ -17,7 +17,6 @@ from harness.cli import main
 from harness.errors import StructureError, UsageError
 from harness.files import paths
 from harness.results.expressions import FUNCTIONS
-from harness.results.quantities import convert, unit
 from harness.results.requirements import finding, findings
 from harness.results.result import Result
 from harness.results.verdict import Verdict
@@ -25,6 +24,7 @@ from harness.ssp.build import system_of
 from harness.ssp.library import load
 from harness.ssp.writer import write_ssp
 from harness.studies.check import check
+from harness.system.units import convert, unit
 from tests.harness.demo import TOML
 
 ROWS = 11

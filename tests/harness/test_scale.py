@@ -15,7 +15,7 @@ from harness.system import graph
 from harness.system.interface import Interface
 from harness.system.model import Component, Connection, Experiment, Port, System
 from harness.system.problems import problems
-from harness.system.variable import Variable
+from harness.system.values import Variable
 from harness.system.wiring import wire
 
 MOST = 2.5

@@ -15,7 +15,7 @@ from harness import read, run
 from harness.cli import watch
 from harness.cli.app import main
 from harness.master.simulation import Simulation
-from harness.mission import measure
+from harness.mission import mission
 from harness.ssp.library import load
 from harness.ssp.writer import write_ssp
 from ssp.shared.relative_motion import attitude_error, position_error, range_
@@ -47,7 +47,7 @@ def test_modes_have_the_names_of_their_description():
     look, result = looked("relay_approach", 20, stop=10.0)
     names = ("coast", "align", "burn")
     assert dict(look.values)["mode"] == names[int(result["guidance.mode"][20])]
-    assert measure._name("phase: 1 to 3 with thrust, 4 passive", 3.0) == ""
+    assert mission._name("phase: 1 to 3 with thrust, 4 passive", 3.0) == ""
 
 
 def test_a_system_without_gauges_shows_its_first_variables(make):

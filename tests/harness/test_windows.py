@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from harness.results.margins import always, eventually, until, windows
 from harness.results.requirements import finding, has_slope, margin
 from harness.results.result import Result
 from harness.results.verdict import Verdict
-from harness.results.windows import always, eventually, until, windows
 
 T = np.arange(6.0)
 X = np.array([3, 1, -2, 4, 0.5, 2])

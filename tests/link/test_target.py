@@ -14,8 +14,7 @@ from harness.master.links import Cost
 from harness.remote.firmware import Sizes, _sizes, sizes
 from harness.remote.targets import TARGETS
 from harness.studies import target
-from harness.studies.target import measure
-from harness.studies.target_table import HEAD, Row, markdown, table
+from harness.studies.target import HEAD, Row, markdown, measure, table
 from tests.link.test_processor import needs
 
 MAP = """

@@ -43,7 +43,7 @@ const Judge = (() => {
     steady, total: (x) => reduce(UFUNCS.add, x, -1),
   };
 
-  /* ---- conditions over windows of time (harness/results/windows.py) ---- */
+  /* ---- conditions over windows of time (harness/results/margins.py) ---- */
   const lower = (values, x, from = 0) => { let a = from, b = values.length; while (a < b) { const m = (a + b) >> 1; if (values[m] < x) a = m + 1; else b = m; } return a; };
   const upper = (values, x) => { let a = 0, b = values.length; while (a < b) { const m = (a + b) >> 1; if (values[m] <= x) a = m + 1; else b = m; } return a; };
   const windows = (time, begin, end, complete) => {

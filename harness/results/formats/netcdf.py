@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.results.formats.columns import flat_columns, numbers, refuse_nul
+from harness.results.formats.columns import flat_columns, numbers, refuse_nul, refuse_size
 from harness.results.provenance import Provenance, from_flat
 from harness.results.result import Result
-from harness.results.soundness import refuse_size
 from harness.results.variables import PROVENANCE, attributes, time_labels, variables
 
 PACKED = 1000

@@ -11,9 +11,8 @@ import numpy as np
 
 from harness.files.libraries import library
 from harness.results import sidecar
-from harness.results.formats.columns import numbers
+from harness.results.formats.columns import numbers, refuse_size
 from harness.results.result import Result
-from harness.results.soundness import refuse_size
 
 ABOUT = b"servicing-fmus"
 """Key of the metadata of a .parquet with what is no column."""

@@ -22,8 +22,8 @@ from harness.results.requirements import say_inconsistencies
 from harness.results.result import Result
 from harness.spelling import did_you_mean
 from harness.ssp.library import load, take_mission
-from harness.studies.campaign import draws, metrics
-from harness.studies.campaign.factors import Factor, factor
+from harness.studies.campaign import metrics
+from harness.studies.campaign.factors import SAMPLERS, Factor, factor
 from harness.studies.campaign.kinds import (
     CHANGES,
     KEPT,
@@ -113,8 +113,8 @@ class _Draft:
             known = ", ".join(EXECUTORS)
             self.problems.append(f"executor: there is no {self.plan.executor}{close}, only {known}")
         sampler = self.plan.sampler
-        if sampler not in draws.SAMPLERS:
-            close = did_you_mean(sampler, draws.SAMPLERS)
+        if sampler not in SAMPLERS:
+            close = did_you_mean(sampler, SAMPLERS)
             self.problems.append(f"sampler: there is no {sampler}{close}, only {_all_samplers()}")
         take_mission(self.plan.system)
         made = self._each("factors", factor)
@@ -306,7 +306,7 @@ def _shape(choice: Any) -> tuple[bool, tuple[int, ...]]:
 
 
 def _all_samplers() -> str:
-    return ", ".join(draws.SAMPLERS)
+    return ", ".join(SAMPLERS)
 
 
 def _layout(system: System, structures: Sequence[Checked]) -> Layout:

@@ -93,7 +93,7 @@ def _range(given: Any) -> Sequence[float]:
 
 CHOICES: dict[str, Callable[[Any], Sequence[Any]]] = {"list": _list, "range": _range}
 
-# ---- draws
+# ---- numbers for all draws of a campaign, and the seeds of its runs
 
 
 def normal_quantile(p: Array) -> Array:
@@ -264,3 +264,48 @@ def _demand(holds: NDArray[np.bool_], name: str, rule: str, given: Any) -> None:
 def _shaped(values: Array, *given: Any) -> Any:
     """A number where numbers were given, else a list."""
     return values.tolist() if any(np.ndim(g) for g in given) else float(values[0])
+
+
+# ---- numbers for all draws of a campaign, and the seeds of its runs
+
+LARGEST_SEED = 2**31
+"""Seeds lie below, so that every FMU holds them exactly."""
+
+
+def _random(n: int, d: int, seed: int) -> Array:
+    """Row k depends on seed and k alone: a longer campaign begins with the runs of a shorter
+    one.
+    """
+    rows = (np.random.default_rng([seed, k]).random(d) for k in range(n))
+    return np.array(list(rows)).reshape(n, d)
+
+
+def _latin_hypercube(n: int, d: int, seed: int) -> Array:
+    from scipy.stats.qmc import LatinHypercube
+
+    return np.asarray(LatinHypercube(d, rng=seed).random(n))
+
+
+def _sobol(n: int, d: int, seed: int) -> Array:
+    from scipy.stats.qmc import Sobol
+
+    return np.asarray(Sobol(d, rng=seed).random_base2(max(n - 1, 0).bit_length())[:n])
+
+
+SAMPLERS: dict[str, Callable[[int, int, int], Array]] = {
+    "random": _random,
+    "latin-hypercube": _latin_hypercube,
+    "sobol": _sobol,
+}
+
+
+def numbers(sampler: str, n: int, d: int, seed: int) -> Array:
+    """Numbers between 0 and 1, (n, d), never 0 or 1."""
+    if d == 0:
+        return np.empty((n, 0))
+    return np.clip(SAMPLERS[sampler](n, d, seed), SMALLEST, 1 - SMALLEST)
+
+
+def run_seed(seed: int, k: int, place: int) -> int:
+    """Seed of draw k for the parameter in this place of the list."""
+    return int(np.random.default_rng([seed, k, place + 1]).integers(LARGEST_SEED))

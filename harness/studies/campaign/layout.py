@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Which arrays the dataset of a campaign has, and which names it can hold."""
+"""Which arrays the dataset of a campaign has, their CF attributes `units` and `long_name`, and
+which names it can hold.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +11,73 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from harness.studies.campaign import labels
+from harness.results.requirements import margin_unit
+from harness.results.result import Result
+from harness.studies.campaign import metrics
 from harness.studies.campaign.plan import Layout, Plan
-from harness.studies.campaign.worker import PENDING, SUCCESS, Task, metrics_of
+from harness.studies.campaign.worker import PENDING, SUCCESS, VERDICTS, Task, metrics_of
+
+Labels = Mapping[str, Any]
+
+STATUS: Labels = {
+    "long_name": "what became of the run",
+    "flag_values": [0, 1, 2],
+    "flag_meanings": "pending complete failed",
+}
+VERDICT: Labels = {
+    "long_name": "what became of a requirement",
+    "flag_values": [*range(len(VERDICTS))],
+    "flag_meanings": " ".join(v.name.lower() for v in VERDICTS),
+}
+MARGIN: Labels = {"long_name": "distance of a requirement to failing, negative where it fails"}
+NUMBERS: Labels = {"units": "1", "long_name": "independent normal numbers that were asked for"}
+GENERATION: Labels = {"long_name": "generation of flights that were asked for together"}
+TIME: Labels = {"units": "s", "long_name": "time"}
+END: Labels = {"units": "s", "long_name": "time of the last row"}
+EXPERIMENT = {
+    "step": {"units": "s", "long_name": "macro step"},
+    "stop": {"units": "s", "long_name": "stop time"},
+}
+
+
+def of_factor(name: str, kinds: Result) -> Labels:
+    """Those of a parameter or start value; kinds: what names, units and texts are taken from."""
+    if name in EXPERIMENT:
+        return EXPERIMENT[name]
+    if kinds.parameters is not None and name in kinds.parameters:
+        return of_variable(name, kinds.parameters)
+    return of_variable(name, kinds)
+
+
+def of_variable(name: str, kinds: Result) -> Labels:
+    """Those of a variable of a result, none if it has no such variable."""
+    if name not in kinds:
+        return {}
+    return _known({"units": kinds.unit(name), "long_name": kinds.description(name)})
+
+
+def of_metric(name: str, plan: Plan, kinds: Result) -> Labels:
+    """The unit that follows from its text, and the text itself."""
+    if name == "success":
+        return {"units": "1", "long_name": plan.success or "all requirements are met"}
+    text = str(plan.definition["metrics"][name])
+    return _known({"units": metrics.unit(text, kinds), "long_name": text})
+
+
+def of_margin(text: str, kinds: Result) -> str:
+    """Unit of the margin of a requirement, "" if it is not known."""
+
+    def unit(name: str) -> str:
+        table = kinds.parameters if name.startswith("parameter ") else kinds
+        plain = name.removeprefix("parameter ")
+        return table.unit(plain) if table is not None and plain in table else ""
+
+    return margin_unit(text, unit)
+
+
+def _known(labels: Mapping[str, str]) -> Labels:
+    return {name: text for name, text in labels.items() if text}
+
 
 SCRATCH = "history_of_"
 """Histories that are kept only until their bands are known."""
@@ -40,42 +106,42 @@ class Field(NamedTuple):
 def fields(plan: Plan, task: Task, found: Layout) -> Iterator[Field]:
     """All arrays of a campaign, those of every run first; its bands come at the end."""
     n, kinds = plan.runs, found.kinds
-    yield Field("status", np.int8, (n,), ("run",), PENDING, labels.STATUS)
+    yield Field("status", np.int8, (n,), ("run",), PENDING, STATUS)
     yield Field("message", str, (n,), ("run",), "")
-    yield Field("end_time", np.float64, (n,), ("run",), about=labels.END)
+    yield Field("end_time", np.float64, (n,), ("run",), about=END)
     yield Field("last", np.float64, (n, len(task.columns)), ("run", "column"))
     for name, value in plan.values(0).items():
         text, shape = isinstance(value, str), np.shape(value)
         axes = tuple(f"{name}_{k + 1}" for k in range(len(shape)))
-        about = {"role": "factor", "whole": plan.whole(name), **labels.of_factor(name, kinds)}
+        about = {"role": "factor", "whole": plan.whole(name), **of_factor(name, kinds)}
         kind, fill = (str, "") if text else (np.float64, np.nan)
         yield Field(name, kind, (n, *shape), ("run", *axes), fill, about)
     if task.requirements:
         shape = (n, len(task.requirements))
-        yield Field("verdict", np.int8, shape, ("run", "requirement"), 0, labels.VERDICT)
-        units = [labels.of_margin(text, kinds) for text in task.requirements.values()]
-        yield Field("margin", np.float64, shape, ("run", "requirement"), about=labels.MARGIN)
+        yield Field("verdict", np.int8, shape, ("run", "requirement"), 0, VERDICT)
+        units = [of_margin(text, kinds) for text in task.requirements.values()]
+        yield Field("margin", np.float64, shape, ("run", "requirement"), about=MARGIN)
         yield _texts("margin_units", units, "requirement")
         yield _texts("requirement", [*task.requirements], "requirement")
         yield _texts("requirement_text", [*task.requirements.values()], "requirement")
     for name in metrics_of(task):
-        about = {"role": "metric", **labels.of_metric(name, plan, kinds)}
+        about = {"role": "metric", **of_metric(name, plan, kinds)}
         yield Field(name, np.float64, (n,), ("run",), about=about)
     for name in task.kept:
         label = name if name in plan.keep.get("histories", ()) else SCRATCH + name
         width = len([c for c in task.columns if c == name or c.startswith(f"{name}[")])
-        about = {"role": "history", **labels.of_variable(name, kinds)}
+        about = {"role": "history", **of_variable(name, kinds)}
         axes = ("run", "time", f"{name}_element")
         yield Field(label, np.float64, (n, len(task.rows), width), axes, about=about)
     if plan.asked:
         axes = ("run", "number")
-        yield Field("numbers", np.float64, (n, plan.asked), axes, about=labels.NUMBERS)
-        yield Field("generation", np.int32, (n,), ("run",), 0, labels.GENERATION)
+        yield Field("numbers", np.float64, (n, plan.asked), axes, about=NUMBERS)
+        yield Field("generation", np.int32, (n,), ("run",), 0, GENERATION)
     yield _texts("column", task.columns, "column")
     yield _texts("column_units", kinds.units, "column")
     if task.kept:
         time = found.start + np.array(task.steps, dtype=np.float64) * found.step
-        yield Field("time", np.float64, time.shape, ("time",), about=labels.TIME, values=time)
+        yield Field("time", np.float64, time.shape, ("time",), about=TIME, values=time)
 
 
 def _texts(name: str, values: Sequence[str], axis: str) -> Field:

@@ -24,8 +24,8 @@ from harness.master.changes import Changes, pairs
 from harness.master.isolated import PATIENCE
 from harness.results.result import Result
 from harness.ssp.library import find_system
-from harness.studies.campaign import draws, metrics
-from harness.studies.campaign.factors import Factor
+from harness.studies.campaign import factors, metrics
+from harness.studies.campaign.factors import Factor, run_seed
 from harness.studies.campaign.kinds import CHANGES, NAMED
 from harness.studies.inquiry.stopping import Until
 
@@ -164,7 +164,7 @@ class Plan:
     @cached_property
     def _numbers(self) -> NDArray[np.float64]:
         width = sum(map(len, self.groups.values()))
-        return draws.numbers(self.sampler, self.draws, width, self.seed)
+        return factors.numbers(self.sampler, self.draws, width, self.seed)
 
     def values(self, run: int) -> Values:
         """Values of all factors of a run, the seeds among them."""
@@ -191,7 +191,7 @@ class Plan:
 
     def seeds_of(self, draw: int) -> Values:
         """The seeds of a draw."""
-        return {name: draws.run_seed(self.seed, draw, k) for k, name in enumerate(self.seeds)}
+        return {name: run_seed(self.seed, draw, k) for k, name in enumerate(self.seeds)}
 
     def structures(self) -> list[int]:
         """Runs of the first draw, one for every combination of what changes more than values."""

@@ -21,9 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import ResultsError, UsageError
-from harness.files.lock import Taken, locked
 from harness.files.output import naming, new_beside
-from harness.files.sealed import on_the_disk
+from harness.files.sealed import Taken, locked, on_the_disk
 from harness.ssp.library import name_of
 from harness.studies.campaign.layout import SCRATCH, Field, fields
 from harness.studies.campaign.plan import Layout, Plan, Values

@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.results.quantities import with_unit
 from harness.results.verdict import OPEN, Judged, Kind, Verdict
 from harness.spelling import one_line
 from harness.studies.campaign.plan import Plan
 from harness.studies.campaign.store import Store
 from harness.studies.campaign.worker import COMPLETE, FAILED, SUCCESS, VERDICTS
+from harness.system.units import with_unit
 
 Array = NDArray[np.float64]
 

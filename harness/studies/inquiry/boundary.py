@@ -4,11 +4,16 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.errors import UsageError
 from harness.studies.campaign.factors import normal_quantile
+from harness.studies.inquiry.flights import asked, column
+from harness.studies.inquiry.study import Study, begun, prepared
 
 Array = NDArray[np.float64]
 
@@ -57,3 +62,35 @@ def _worthwhile(places: Array, margins: Array, edges: NDArray[np.intp]) -> Array
         if length[k] > 1e-4 and all(np.linalg.norm(middle - t) > length[k] / 4 for t in taken):
             taken.append(middle)
     return np.array(taken).reshape(-1, 2)
+
+
+# ---- the study
+
+
+def boundary_map(definition: Any, output: str | Path, **how: Any) -> Study:
+    """Where a requirement fails, over two factors of one number each; all others are nominal."""
+    entry, flights = prepared("map", definition, how)
+    name = next(asked(entry["of"], flights))
+    k, chosen = column(flights, name, slope=False), entry["factors"]
+    small = [f for f, places in flights.groups.items() if len(places) == 1]
+    chosen = chosen or small
+    if len(chosen) != 2 or any(f not in small for f in chosen):
+        raise UsageError(f"map.factors: expected two of one number each, of {', '.join(small)}")
+    if entry["flights"] < COARSE**2:
+        raise UsageError(f"map.flights: at least {COARSE**2}, a coarse grid")
+    places = [flights.groups[f][0] for f in chosen]
+
+    def whole(method: Generator[Array, Array, Any]) -> Generator[Array, Array, Any]:
+        z = next(method)
+        try:
+            while True:
+                numbers = np.zeros((len(z), flights.d))
+                numbers[:, places] = z
+                z = method.send((yield numbers))
+        except StopIteration as end:
+            return end.value
+
+    with begun("map", flights, int(entry["flights"]), output, how) as driver:
+        driver.answer(whole(boundary(int(entry["flights"]))), k)
+        store = driver.finish({"of": {name: {"factors": chosen}}})
+    return Study(Path(output), store)

@@ -7,12 +7,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator, Sequence
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.errors import UsageError
+from harness.studies.campaign.store import Store
+from harness.studies.inquiry.flights import asked, column
 from harness.studies.inquiry.stopping import clopper_pearson
+from harness.studies.inquiry.study import Study, begun, plain, prepared, say_nominal
 
 Array = NDArray[np.float64]
 
@@ -266,3 +271,55 @@ def centred(d: int, seed: int, flights: int, repeats: int = REPEATS) -> Ask:
         return estimate
     doubt = f"the subset simulations before it say {before.p:.2g}, do not trust this"
     return estimate._replace(warning=doubt)
+
+
+# ---- the study
+
+
+def probability(definition: Any, output: str | Path, **how: Any) -> Study:
+    """How probable is a failure of one requirement; how: as of sensitivity()."""
+    entry, flights = prepared("probability", definition, how)
+    budget, d, seed = int(entry["flights"]), flights.d, flights.plan.seed
+    name = next(asked(entry["of"], flights))
+    method: Any
+    k = column(flights, name, slope=entry["method"] != "random")
+    if entry["method"] == "random":
+        method = random(d, seed, budget)
+    elif entry["method"] == "subset":
+        if per_level(budget) < 50:
+            raise UsageError("probability.flights: at least 1400, five repeats of 50 per level")
+        method = subset(d, seed, budget)
+    elif entry["centres"]:
+        centres = _centres(Path(entry["centres"]), name, d)
+        method = importance(d, seed, budget, centres)
+    else:
+        if per_level(budget // 2) < 50:
+            raise UsageError("probability.flights: at least 2800, half of them to find the centres")
+        method = centred(d, seed, budget)
+    with begun("probability", flights, budget, output, how) as driver:
+        say_nominal(driver, {name: k}, how.get("said", print))
+        if driver.nominal[k] <= 0 and entry["method"] != "random":
+            raise UsageError(
+                f"{name}: the nominal flight fails, with a margin of {driver.nominal[k]:.4g}"
+            )
+        estimate = driver.answer(method, k)
+        found = plain(estimate._asdict()) | {"method": entry["method"]}
+        if below := entry["below"]:
+            met, missed = estimate.high < below, estimate.low > below
+            word = "met" if met and not estimate.warning else "NOT MET" if missed else "undecided"
+            found |= {"below": below, "verdict": word}
+        store = driver.finish({"of": {name: found}})
+    return Study(Path(output), store)
+
+
+def _centres(path: Path, name: str, d: int) -> Array:
+    """Means of the failures that the dataset of another study of the same factors has."""
+    store = Store.open(path)
+    names = [str(n) for n in store.array("requirement")]
+    if "numbers" not in store.group or name not in names:
+        raise UsageError(f"probability.centres: {path} is of no study of {name}")
+    numbers, margins = store.array("numbers"), store.array("margin")[:, names.index(name)]
+    failed = numbers[margins <= 0]
+    if not len(failed) or numbers.shape[1] != d:
+        raise UsageError(f"probability.centres: {path} has no failure of {name} in {d} numbers")
+    return regions(failed)

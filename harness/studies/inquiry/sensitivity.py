@@ -7,13 +7,21 @@ A factor is a group of numbers that move together, so that a vector or an inerti
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
-from typing import NamedTuple
+import json
+from collections.abc import Generator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.errors import UsageError
 from harness.studies.campaign.factors import normal_quantile
+from harness.studies.campaign.store import Store
+from harness.studies.campaign.worker import PENDING
+from harness.studies.inquiry.flights import asked, column
+from harness.studies.inquiry.study import Study, begun, plain, prepared, say_nominal
 
 Array = NDArray[np.float64]
 Ask = Generator[Array, Array, "Effects"]
@@ -143,8 +151,118 @@ def _ranks(y: Array) -> Array:
 def _kernel(x: Array) -> Array:
     """Centred Gaussian kernel matrix of rows."""
     squares = np.zeros((len(x), len(x)))
-    for column in x.T:
-        squares += np.subtract.outer(column, column) ** 2
+    for each in x.T:
+        squares += np.subtract.outer(each, each) ** 2
     between = squares[np.triu_indices(len(x), 1)]
     k = np.exp(-squares / (np.median(between[between > 0]) if between.any() else 1.0))
     return np.asarray(k - k.mean(axis=0) - k.mean(axis=1)[:, None] + k.mean())
+
+
+# ---- the study
+
+
+def sensitivity(definition: Any, output: str | Path | None = None, **how: Any) -> Study:
+    """What matters: by Morris or Sobol from the file of a campaign, into the dataset `output`; or,
+    where definition is the dataset of a campaign that has flown, by HSIC without a further flight.
+
+    how: workers, resume, progress, said as of campaign(). Raises UsageError, StructureError.
+    """
+    if not isinstance(definition, Mapping) and Path(definition).suffix == ".zarr":
+        return Study(Path(definition), of_dataset(Path(definition)))
+    entry, flights = prepared("sensitivity", definition, how)
+    of = {name: column(flights, name, slope=False) for name in asked(entry["of"], flights)}
+    groups, seed, said = [*flights.groups.values()], flights.plan.seed, how.get("said", print)
+    per = len(groups) + (1 if entry["method"] == "morris" else 2)
+    count = max(1, int(entry["flights"]) // per)
+    if entry["method"] == "sobol":
+        count = 1 << (count - 1).bit_length()
+    elif count < 2:
+        raise UsageError(f"sensitivity.flights: at least {2 * per}, two paths of {per} flights")
+    method: Any = partial(METHODS[entry["method"]], groups, flights.d, count, seed)
+    if count * per != entry["flights"]:
+        said(f"{entry['method']}: {count} x {per} = {count * per} flights")
+    if output is None:
+        raise UsageError("-o OUT.zarr is missing")
+    with begun("sensitivity", flights, count * per, output, how) as driver:
+        say_nominal(driver, of, said)
+        numbers = next(method())
+        margins = driver.ask(numbers)
+        found = {}
+        for name, k in of.items():
+            effects = _told(method(), margins[:, k])
+            signs = _signs(groups, numbers, margins[:, k])
+            found[name] = plain(effects._asdict()) | {"signs": signs}
+        factors = [*flights.groups]
+        store = driver.finish({"of": found, "factors": factors, "method": entry["method"]})
+    return Study(Path(output), store)
+
+
+METHODS = {"morris": morris, "sobol": sobol}
+"""Methods that ask once, by name."""
+
+
+def _told(method: Any, y: Array) -> Effects:
+    """What a method makes of the answer."""
+    next(method)
+    try:
+        method.send(y)
+    except StopIteration as end:
+        return cast(Effects, end.value)
+    raise AssertionError("asks once")
+
+
+def _signs(groups: list[list[int]], numbers: Array, y: Array) -> list[float]:
+    """Rank correlation of a margin with the number of each factor that it hangs on most."""
+    from harness.studies.campaign.summary import rank_correlation
+
+    signs = []
+    for group in groups:
+        each = np.nan_to_num([rank_correlation(numbers[:, k], y) for k in group])
+        signs.append(float(each[np.argmax(np.abs(each))]))
+    return signs
+
+
+# ---- of a campaign that has flown
+
+LEAST = 50
+"""Runs below which nothing can be said."""
+
+
+def of_dataset(path: Path) -> Store:
+    """The dataset with the dependence of every margin on every factor as its estimate."""
+    store = Store.open(path)
+    if "margin" not in store.group:
+        raise UsageError(f"{path}: has no margins; [requirements] of the campaign makes them")
+    flown = store.array("status") != PENDING
+    if flown.sum() < LEAST:
+        raise UsageError(
+            f"{path}: the dataset holds {flown.sum()} completed runs; at least {LEAST} are needed"
+        )
+    seeds = store.definition()[0].get("seeds", ())
+    names = [n for n in store.names("factor") if n not in seeds]
+    columns: list[NDArray[np.float64]] = []
+    groups: list[list[int]] = []
+    width = 0
+    for name in names:
+        values = store.array(name)
+        if values.dtype.kind not in "fiu":
+            values = np.unique(values, return_inverse=True)[1]
+        flat = values.reshape(len(values), -1)[flown].astype(np.float64)
+        flat = (flat - flat.mean(axis=0)) / np.where(np.ptp(flat, axis=0) > 0, flat.std(axis=0), 1)
+        groups.append([*range(width, width + flat.shape[1])])
+        width += flat.shape[1]
+        columns.append(flat)
+    x, margins = np.concatenate(columns, axis=1), store.array("margin")[flown]
+    found = {}
+    for k, name in enumerate(store.array("requirement")):
+        if np.isfinite(margins[:, k]).any():
+            effects = hsic(groups, x, np.nan_to_num(margins[:, k], nan=np.inf, neginf=-np.inf))
+            found[str(name)] = {
+                "method": "given",
+                "value": effects.value.tolist(),
+                "p": effects.p.tolist() if effects.p is not None else [],
+                "died": effects.died,
+            }
+    store.group.attrs["estimate"] = json.dumps({"of": found, "factors": names, "method": "given"})
+    store.group.attrs["kind"] = "given"
+    return store

@@ -6,15 +6,18 @@ archive.
 from __future__ import annotations
 
 from collections.abc import Generator, Mapping
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import UsageError
+from harness.studies.campaign.draft import table_of
 from harness.studies.campaign.store import Store
-from harness.studies.inquiry.flights import Flights
-from harness.studies.inquiry.worst import generation, search
+from harness.studies.inquiry.flights import Flights, asked, column
+from harness.studies.inquiry.study import Study, begun, entries, plain
+from harness.studies.inquiry.worst import generation, needs_cma, search
 
 Array = NDArray[np.float64]
 
@@ -108,3 +111,37 @@ def _finite(y: Array) -> Array:
     finite = np.abs(y[np.isfinite(y)])
     bad = -10 * float(finite.max()) if len(finite) else -1.0
     return np.nan_to_num(y, nan=0.0, neginf=bad)
+
+
+# ---- the study
+
+
+def tune(definition: Any, output: str | Path, **how: Any) -> Study:
+    """Gains with the best worst margin over draws and over the worst flights of an archive."""
+    needs_cma()
+    table = dict(table_of(definition if isinstance(definition, Mapping) else Path(definition)))
+    entry = entries("tune", table)
+    if not entry["gains"]:
+        raise UsageError("tune.gains: expected a draw per gain, as in [factors]")
+    folder = Path.cwd() if isinstance(definition, Mapping) else Path(definition).parent
+    factors = {**table.get("factors", {}), **entry["gains"]}
+    flights = Flights(
+        {**table, "factors": factors}, workers=how.get("workers"), folder=folder.resolve()
+    )
+    of = {n: column(flights, n, slope=True) for n in asked(entry["of"], flights)}
+    gains = [p for n in entry["gains"] for p in flights.groups[n]]
+    archive = Store.open(folder / entry["archive"]) if entry["archive"] else None
+    method, runs = tuned(flights, gains, entry, archive, list(of))
+    with begun("tune", flights, runs, output, how) as driver:
+        found = driver.answer(method, list(of.values()))
+        chosen = flights.plan.of_numbers(_uniform(found.numbers))
+        gained = {n: chosen[n] for n in entry["gains"]}
+        numbers = plain(found._asdict()) | {"gains": plain(gained)}
+        store = driver.finish({"of": {", ".join(of): numbers}})
+    return Study(Path(output), store)
+
+
+def _uniform(z: Array) -> Array:
+    from scipy.special import ndtr
+
+    return np.asarray(ndtr(z))

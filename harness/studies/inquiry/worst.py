@@ -7,19 +7,30 @@ nothing worse.
 from __future__ import annotations
 
 import math
-from collections.abc import Generator
+from collections.abc import Generator, Iterable
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import UsageError
+from harness.errors import RunError, UsageError
+from harness.results.files import save
+from harness.results.requirements import margin
+from harness.studies.inquiry.driver import Driver
+from harness.studies.inquiry.flights import asked, column
+from harness.studies.inquiry.study import Study, begun, plain, prepared, say_nominal
+from harness.studies.warm import Warm
 
 Array = NDArray[np.float64]
 Ask = Generator[Array, Array, "Found"]
 
 LEAST_GENERATION = 12
+SEEDS = 10
+"""Further seeds of sensors that the worst flight is flown with."""
+CLOSE = 0.1
+"""Part of the distance to the nominal margin by which the own macro step may change the worst."""
 
 
 class Found(NamedTuple):
@@ -97,3 +108,118 @@ def _ranked(y: Array) -> list[float]:
     high = float(finite.max() + 1) if len(finite) else 1.0
     ranked: list[float] = np.nan_to_num(y, nan=high, neginf=low, posinf=high).tolist()
     return ranked
+
+
+# ---- the study
+
+
+def worst(definition: Any, output: str | Path, **how: Any) -> Study:
+    """What is the worst: a search for the least margin of each requirement, one after the other.
+
+    The worst flights and the nominal one fly once more with the system's own macro step and all
+    rows, to OUT_worst/NAME.nc. how: as of sensitivity().
+    """
+    needs_cma()
+    entry, flights = prepared("worst", definition, how)
+    of = {name: column(flights, name, slope=True) for name in asked(entry["of"], flights)}
+    searches = int(entry["searches"])
+    each, least = int(entry["flights"]) // searches, generation(flights.d)
+    if each < least:
+        raise UsageError(f"worst.flights: at least {least}, one generation, for each search")
+    seeds = SEEDS if flights.plan.seeds else 0
+    runs = len(of) * (each * searches + seeds)
+    found: dict[str, Any] = {}
+    with begun("worst", flights, runs, output, how) as driver:
+        say_nominal(driver, of, how.get("said", print))
+        for name, k in of.items():
+            first = driver.flown
+            seen = _Best(driver, k)
+            results = [
+                driver.answer(search(flights.d, seed, each, entry["box"]), k)
+                for seed in range(flights.plan.seed, flights.plan.seed + 1000 * searches, 1000)
+            ]
+            found[name] = seen.summary(first) | {"nominal": driver.nominal[k]}
+            found[name]["converged"] = [r.margin for r in results]
+            if seeds:
+                z = np.repeat(np.array([found[name]["numbers"]]), seeds, axis=0)
+                found[name]["other seeds"] = driver.ask(z)[:, k]
+        _confirm(driver, found, Path(output))
+        store = driver.finish({"of": plain(found), "box": entry["box"]})
+    return Study(Path(output), store)
+
+
+class _Best:
+    """What was asked for one requirement, as it comes in."""
+
+    def __init__(self, driver: Driver, column: int) -> None:
+        self.rows: list[tuple[Array, Array]] = []
+        self.column = column
+        self.driver = driver
+        driver.heard = self._hear
+
+    def _hear(self, numbers: Array, margins: Array) -> None:
+        self.rows.append((numbers, margins[:, self.column]))
+
+    def summary(self, first: int) -> dict[str, Any]:
+        self.driver.heard = lambda *_: None
+        numbers = np.concatenate([z for z, _ in self.rows])
+        y = np.nan_to_num(np.concatenate([y for _, y in self.rows]), nan=np.inf)
+        place, failed = int(np.argmin(y)), np.flatnonzero(y < 0)
+        return {
+            "margin": y[place],
+            "run": first + place,
+            "first": int(failed[0]) + 1 if len(failed) else None,
+            "flights": len(y),
+            "place": place,
+            "numbers": numbers[place],
+            "distance": np.linalg.norm(numbers[place]),
+        }
+
+
+def _confirm(driver: Driver, found: dict[str, Any], output: Path) -> None:
+    """The worst flights and the nominal one with the own macro step of the system, to files."""
+    flights, folder = driver.flights, _folder(output)
+    folder.mkdir(parents=True, exist_ok=True)
+    warm = Warm(flights.plan.system)
+    try:
+        rows = {"nominal": (np.zeros(flights.d), 0)}
+        rows |= {n: (np.array(each["numbers"]), each["run"]) for n, each in found.items()}
+        for name, (z, run) in rows.items():
+            changes: Any = {k: v for k, v in flights.changes(z, run).items() if k != "step"}
+            result = _flown(warm, changes, flights.plan.patience)
+            if result is None:
+                continue
+            save(result, folder / f"{_file(name)}.nc")
+            if name in found:
+                own = margin(result, flights.found.requirements[name])
+                found[name]["own step"] = own
+                limit = CLOSE * abs(found[name]["margin"] - found[name]["nominal"])
+                found[name]["differs"] = not abs(own - found[name]["margin"]) <= limit
+    finally:
+        warm.close()
+
+
+def _folder(output: Path) -> Path:
+    """Where the flights of _confirm are."""
+    return output.with_name(f"{output.stem}_worst")
+
+
+def confirmed(path: Path, requirements: Iterable[str]) -> dict[str, Path]:
+    """Files of the nominal flight and of the worst one of each requirement, beside the dataset of a
+    search, as far as they are there.
+    """
+    files = {"nominal": "nominal"} | {f"worst {n}": _file(n) for n in requirements}
+    found = {label: _folder(path) / f"{name}.nc" for label, name in files.items()}
+    return {label: file for label, file in found.items() if file.is_file()}
+
+
+def _file(name: str) -> str:
+    return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
+
+
+def _flown(warm: Warm, changes: Any, patience: float) -> Any:
+    """The result of a flight, what there is of one that died, None if it left nothing."""
+    try:
+        return warm.fly(changes, 1, patience)
+    except RunError as error:
+        return error.partial
