@@ -141,6 +141,7 @@ MISSED = (
     f"lower(small) >= {LOWER_3_OF_4 + 1e-12}",
     "lower( success ) >= 25 %",
     "end <= 23",  # in every run
+    "max(end) <= 23",
 )
 
 
@@ -158,6 +159,8 @@ def test_conditions_on_shares_and_metrics_that_are_missed_decide(system, tmp_pat
     told = [x for x in capsys.readouterr().err.splitlines() if "requirement NOT MET: " in x]
     said = [line.partition("NOT MET: ")[2].partition("; ")[0] for line in told]
     assert said == list(MISSED)
+    assert told[-2].endswith(": end <= 23")
+    assert told[-1].endswith(": max(end) <= 23; max(end) is 24")
 
 
 def test_one_condition_that_is_missed_decides(system, tmp_path):

@@ -417,12 +417,14 @@ def test_campaigns_keep_margins_with_their_units(system, tmp_path):
     assert json.loads(store.group.attrs["definition"])["requirements"] == given["requirements"]
 
 
-def test_a_campaign_ends_when_it_is_decided(system, tmp_path):
-    given = table(system, until={"success": 0.9, "confidence": 0.9}, success="twice.y <= 20")
+@pytest.mark.parametrize("limit", [20, 17])
+def test_a_campaign_ends_when_it_is_decided(system, tmp_path, limit):
+    given = table(system, until={"success": 0.9, "confidence": 0.9}, success=f"twice.y <= {limit}")
     found = campaign(given, tmp_path / "c.zarr", workers=0)
     log = np.log([0.2, (1 - 0.02) / (1 - 0.1)])
     failed = np.cumsum(found.store.array("success") != 1)
     ratio = failed * log[0] + (np.arange(1, len(failed) + 1) - failed) * log[1]
+    assert (failed[-1] > 0) == (limit < 20)
     assert ratio[-1] >= np.log(10)
     assert (ratio[:-1] < np.log(10)).all()
     assert "success above 90 % at 90 %: shown by" in found.summary()

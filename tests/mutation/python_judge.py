@@ -109,7 +109,9 @@ def judged(tree: PythonTree, fault: Fault) -> tuple[str, str]:
         compile(faulty := fault.applied(source), fault.file, "exec")
     except SyntaxError:
         return UNREAD, ""
-    names = tree.reached.by(fault.file, _lines(source, fault))
+    names = tree.reached.by(
+        fault.file, _lines(source, fault) if _in_function(source, fault) else ()
+    )
     before = tree.found[fault.file]
     while True:
         sound = {name for name in names if tree.sound.get(name, True)}
@@ -122,6 +124,18 @@ def judged(tree: PythonTree, fault: Fault) -> tuple[str, str]:
         if tree.sound[name]:
             before[name] += 1
             return CAUGHT, name + how
+
+
+def _in_function(source: str, fault: Fault) -> bool:
+    """Whether its lines run when somebody calls; others run while the module is read, in whichever
+    test reads it first.
+    """
+    line = source.count("\n", 0, fault.first) + 1
+    return any(
+        node.body[0].lineno <= line <= (node.end_lineno or line)
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.FunctionDef)
+    )
 
 
 def _lines(source: str, fault: Fault) -> range:

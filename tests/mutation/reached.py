@@ -180,9 +180,9 @@ class Reached:
         self.data = gathered.get_data()
         self.tests = Tests(**_known())
 
-    def by(self, file: str, lines: range) -> set[str]:
-        """Names of tests that reach one of the lines, also through a fixture; for lines that are
-        run while the module is read, those that reach any line of the file.
+    def by(self, file: str, lines: Iterable[int]) -> set[str]:
+        """Names of tests that reach one of the lines, also through a fixture; without lines, or for
+        lines that nobody has run, those that reach any line of the file.
         """
         contexts = self.data.contexts_by_lineno(str(ROOT / "harness" / file))
         found = _names(c for line in lines for c in contexts.get(line, ()))

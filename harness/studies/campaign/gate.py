@@ -94,7 +94,8 @@ def _held(store: Store, texts: Sequence[str]) -> Iterator[Judged]:
 
 def _judged(text: str, verdict: Verdict, detail: str) -> Judged:
     word = Kind.REQUIREMENT.word(verdict)
-    return Judged(Kind.REQUIREMENT, text, verdict, f"{word.upper()}: {text}; {detail}")
+    line = "; ".join(part for part in (f"{word.upper()}: {text}", detail) if part)
+    return Judged(Kind.REQUIREMENT, text, verdict, line)
 
 
 def _compared(tree: ast.expr, value: Any, units: Mapping[str, str]) -> Iterator[str]:
