@@ -210,10 +210,10 @@ flight-rules: build
 	mv build/flight_code.md docs/flight_code.md
 	$(BIN)/pytest -q -rs -n 0 -m "" tests/compliance/test_flight_code.py
 
-# FMUs with binaries for linux64, win64, darwin64 and aarch64-darwin in one file
+# FMUs of FMI 2.0 and FMI 3.0 with binaries for linux64, win64, darwin64 and aarch64-darwin in one file
 dist: build
 	$(PIP) ziglang==0.13.0
-	$(BIN)/python fmus/core/build/cross_compile.py --fmus build/fmus -o dist/fmus
+	$(BIN)/python fmus/core/build/cross_compile.py --fmus build/fmus build/fmus3 -o dist
 
 wheel: build site
 	$(RUN) $(BIN)/pip wheel --quiet --no-build-isolation --no-deps --wheel-dir dist .
@@ -225,7 +225,7 @@ sdist: $(TOOLS)
 # FMUs of all platforms; built in a folder of its own
 .PHONY: sdist release
 release: build site dist sdist
-	$(RUN) SERVICING_FMUS_PACKED=$(CURDIR)/dist/fmus $(BIN)/pip wheel --quiet --no-build-isolation \
+	$(RUN) SERVICING_FMUS_PACKED=$(CURDIR)/dist $(BIN)/pip wheel --quiet --no-build-isolation \
 	  --no-deps --wheel-dir dist -C build-dir=build/release .
 	mkdir -p dist/ssp && cp build/release/ssp/*.ssp dist/ssp
 	$(BIN)/python .ci/release.py dist

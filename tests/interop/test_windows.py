@@ -100,7 +100,7 @@ def record(path, node, inputs, step):
 
 def replay(folder, name, recorded, columns):
     """Outputs of the win64 library for recorded inputs, a row per communication point."""
-    with zipfile.ZipFile(folder / "dist" / f"{name}.fmu") as archive:
+    with zipfile.ZipFile(folder / "dist" / folder.name / f"{name}.fmu") as archive:
         (folder / f"{name}.dll").write_bytes(archive.read(f"binaries/win64/{name}.dll"))
     command = [WINE, "replay.exe", f"{name}.dll", recorded.name, "out.bin"]
     quiet = {**os.environ, "WINEDEBUG": "-all"}

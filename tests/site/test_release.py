@@ -7,7 +7,9 @@ import importlib.util
 import re
 import shutil
 import subprocess
+import sys
 import tomllib
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -69,6 +71,50 @@ def test_the_page_lists_every_artefact_with_its_checksum(folder, release):
         assert release.digest(path) in page
     assert "Tumbling non-cooperative target" in page
     assert "linux64" in page
+
+
+COMPILER = """import sys
+name, sources = sys.argv[sys.argv.index("-o") + 1], [a for a in sys.argv if a.endswith(".c")]
+open(name, "w").write(128 * "0" + sys.argv[2] + " " + " ".join(sources))
+"""
+"""A compiler whose libraries say what they are made of."""
+
+
+def test_one_library_of_a_platform_serves_both_versions_of_fmi(tmp_path):
+    (tmp_path / "cc.py").write_text(COMPILER, encoding="utf-8")
+    for folder in ("fmus", "fmus3"):
+        (tmp_path / folder).mkdir()
+        shutil.copy(paths.fmus()["target"].parents[1] / folder / "target.fmu", tmp_path / folder)
+    script, folders = ROOT / "fmus/core/build/cross_compile.py", ["fmus", "fmus3"]
+    compiler = [sys.executable, str(tmp_path / "cc.py")]
+    subprocess.run(
+        [sys.executable, script, "--fmus", *folders, "-o", "dist", "--cc", *compiler],
+        cwd=tmp_path, check=True, capture_output=True,
+    )  # fmt: skip
+    made = {folder: _contents(tmp_path / "dist" / folder / "target.fmu") for folder in folders}
+    for two, three in PLATFORMS.items():
+        library = made["fmus"][two]
+        assert made["fmus3"][three] == library
+        assert {"target.c", "fmi2.c", "fmi3.c", "state.c"} <= set(library.decode().split())
+    for folder in folders:
+        old = _contents(tmp_path / folder / "target.fmu")
+        new = {name: data for name, data in made[folder].items() if "binaries" not in name}
+        assert new == {name: data for name, data in old.items() if "binaries" not in name}
+        assert len(made[folder]) == len(new) + len(PLATFORMS)
+
+
+PLATFORMS = {
+    "binaries/linux64/target.so": "binaries/x86_64-linux/target.so",
+    "binaries/win64/target.dll": "binaries/x86_64-windows/target.dll",
+    "binaries/darwin64/target.dylib": "binaries/x86_64-darwin/target.dylib",
+    "binaries/aarch64-darwin/target.dylib": "binaries/aarch64-darwin/target.dylib",
+}
+"""The same library in an archive of FMI 2.0 and in one of FMI 3.0."""
+
+
+def _contents(path):
+    with zipfile.ZipFile(path) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
 
 
 def test_the_changelog_has_a_part_for_what_is_not_released():

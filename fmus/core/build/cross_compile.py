@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Add the binaries of all platforms to FMUs, compiled from the sources inside each archive by one
-cross compiler, as many FMUs at a time as there are processors.
+"""Add the binaries of all platforms to FMUs, compiled from the sources inside the archives by one
+cross compiler, as many models at a time as there are processors.
 
-Usage: cross_compile.py --fmus DIR -o DIR [--jobs N] [--cc COMMAND]
+Usage: cross_compile.py --fmus DIR... -o DIR [--jobs N] [--cc COMMAND]
+
+Archives of one name in several folders, those of FMI 2.0 and FMI 3.0, get the same library, which
+speaks all their versions. What comes from DIR goes to a folder of its name in the output.
 """
 
 import argparse
@@ -12,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import zipfile
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -75,40 +79,54 @@ def without_link_time(dll: bytes) -> bytes:
     return dll[: header + 8] + bytes(4) + dll[header + 12 :]
 
 
-def all_platforms(fmu: Path, compiler: list[str]) -> dict[str, bytes]:
-    """Files of an FMU with the binaries of every platform in TARGETS in place of its own."""
-    with zipfile.ZipFile(fmu) as archive, tempfile.TemporaryDirectory() as folder:
-        archive.extractall(folder)
-        files = {
-            name: archive.read(name)
-            for name in archive.namelist()
-            if not name.startswith("binaries/")
-        }
-        description = ElementTree.fromstring(files["modelDescription.xml"])
-        build = files.get("sources/buildDescription.xml")
-        sources = listed_sources(description, build)
+def all_platforms(fmus: Sequence[Path], compiler: list[str]) -> list[dict[str, bytes]]:
+    """Files of every archive of a model, with the binaries of every platform in TARGETS in place of
+    its own.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        archives = [_without_binaries(fmu, Path(folder)) for fmu in fmus]
+        builds = [files.get("sources/buildDescription.xml") for files in archives]
+        sources = dict.fromkeys(
+            name
+            for files, build in zip(archives, builds, strict=True)
+            for name in listed_sources(ElementTree.fromstring(files["modelDescription.xml"]), build)
+        )
+        name = fmus[0].stem
         for platform, (_, ending, _) in TARGETS.items():
-            binary = compile_for(platform, Path(folder), sources, fmu.stem, compiler)
-            place = platform if build is None else PLATFORMS[platform]
-            files[f"binaries/{place}/{fmu.stem}{ending}"] = binary
-    return files
+            binary = compile_for(platform, Path(folder), list(sources), name, compiler)
+            for files, build in zip(archives, builds, strict=True):
+                place = platform if build is None else PLATFORMS[platform]
+                files[f"binaries/{place}/{name}{ending}"] = binary
+    return archives
+
+
+def _without_binaries(fmu: Path, folder: Path) -> dict[str, bytes]:
+    """The files of an archive but for its binaries; its sources are unpacked into the folder."""
+    with zipfile.ZipFile(fmu) as archive:
+        names = [name for name in archive.namelist() if not name.startswith("binaries/")]
+        archive.extractall(folder, [name for name in names if name.startswith("sources/")])
+        return {name: archive.read(name) for name in names}
 
 
 def main() -> None:
     """Command line, see the docstring of the module."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--fmus", type=Path, required=True)
+    parser.add_argument("--fmus", type=Path, nargs="+", required=True)
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("--cc", nargs="+", default=[sys.executable, "-m", "ziglang", "cc"])
     a = parser.parse_args()
-    a.output.mkdir(parents=True, exist_ok=True)
-    fmus = sorted(a.fmus.glob("*.fmu"))
+    models: dict[str, list[Path]] = {}
+    for fmu in sorted(fmu for folder in a.fmus for fmu in folder.glob("*.fmu")):
+        models.setdefault(fmu.name, []).append(fmu)
     with ThreadPoolExecutor(a.jobs) as pool:  # the work is done by processes of the compiler
-        found = pool.map(partial(all_platforms, compiler=a.cc), fmus)
-        for fmu, files in zip(fmus, found, strict=True):
-            write_zip(a.output / fmu.name, files)
-            print(a.output / fmu.name, flush=True)
+        found = pool.map(partial(all_platforms, compiler=a.cc), models.values())
+        for fmus, archives in zip(models.values(), found, strict=True):
+            for fmu, files in zip(fmus, archives, strict=True):
+                made = a.output / fmu.parent.name / fmu.name
+                made.parent.mkdir(parents=True, exist_ok=True)
+                write_zip(made, files)
+                print(made, flush=True)
 
 
 if __name__ == "__main__":
