@@ -238,18 +238,20 @@ def export(
     system: str | Path | System,
     target: str | Path,
     fmi: int | None = None,
+    ssp: int | None = None,
     **changes: Unpack[Changes],
 ) -> Path:
     """Write a system with all changes to a file and return its path.
 
     target: NAME.ssp, NAME.fmu (one FMU of the whole system), or a folder for the .ssp; fmi: version
-    of FMI of an .fmu, 2 (default) or 3; changes: as for run(). Running the .ssp gives the bits of
-    running the system with the same changes; the same changes give the same bytes. Raises the
-    exceptions of run() before its first step, or ResultsError.
+    of FMI of an .fmu, 2 (default) or 3; ssp: version of SSP of an .ssp, 1 or 2 (default 1, with
+    FMUs of FMI 3.0 2); changes: as for run(). Running the .ssp gives the bits of running the system
+    with the same changes; the same changes give the same bytes. Raises the exceptions of run()
+    before its first step, or ResultsError.
     """
     from harness.exports import package
 
-    return package.export(system, Path(target), fmi, **changes)
+    return package.export(system, Path(target), fmi, ssp, **changes)
 
 
 def build(

@@ -87,6 +87,12 @@ def export_command(
         int | None,
         typer.Option("--fmi", help="Version of FMI of NAME.fmu: 2 (default) or 3", min=2, max=3),
     ] = None,
+    ssp: Annotated[
+        int | None,
+        typer.Option(
+            "--ssp", help="Version of SSP of NAME.ssp: 1, or 2 (default: 1 if it can)", min=1, max=2
+        ),
+    ] = None,
     changes: Any = None,
 ) -> None:
     """Write a system as one .ssp or one .fmu.
@@ -95,7 +101,7 @@ def export_command(
     """
     from harness.exports.package import export
 
-    typer.echo(export(system, target, fmi, **changes))
+    typer.echo(export(system, target, fmi, ssp, **changes))
 
 
 @app.command("linearize")

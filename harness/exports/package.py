@@ -26,12 +26,17 @@ _log = logging.getLogger("harness")
 
 
 def export(
-    system: str | Path | System, target: Path, fmi: int | None = None, **changes: Unpack[Changes]
+    system: str | Path | System,
+    target: Path,
+    fmi: int | None = None,
+    ssp: int | None = None,
+    **changes: Unpack[Changes],
 ) -> Path:
     """Write a system with all changes to an .ssp or .fmu file, or as .ssp into a folder; returns
     the file.
 
-    fmi: version of FMI of an .fmu, 2 or 3 (default 2); changes: as for run(). Flying the .ssp gives
+    fmi: version of FMI of an .fmu, 2 or 3 (default 2); ssp: version of SSP of an .ssp, 1 or 2
+    (default 1, with FMUs of FMI 3.0 2); changes: as for run(). Flying the .ssp gives
     the bits of flying the system with the same options; the same options give the same bytes.
     Raises what run() raises before its first step, or ResultsError.
     """
@@ -42,11 +47,13 @@ def export(
         file = _file(target, changed.name)
         if fmi is not None and file.suffix != ".fmu":
             raise UsageError(f"{file}: is no .fmu, which alone can be of FMI {fmi}.0")
+        if ssp is not None and file.suffix != ".ssp":
+            raise UsageError(f"{file}: is no .ssp, which alone can be of SSP {ssp}.0")
         try:
             if file.suffix == ".fmu":
                 _write_fmu(changed, graph, file, fmi or 2)
             else:
-                write_ssp(changed, file)
+                write_ssp(changed, file, ssp)
         except ValueError as error:  # lxml: control characters, which XML has no way to write
             raise ResultsError(f"{file}: cannot be written ({error})") from error
     return file

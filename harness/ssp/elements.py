@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import zip_longest
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import unquote, urlsplit
@@ -16,7 +17,9 @@ from harness.errors import ArchiveError, StructureError
 from harness.files.archive import inspect, read_entry
 from harness.files.paths import is_file
 from harness.spelling import did_you_mean
+from harness.ssp import schema as schemas
 from harness.ssp import xml
+from harness.ssp.arrays import array, array_of, dimensions, indices, names_of, one_of, size_text
 from harness.ssp.parameters import (
     UnitsByName,
     hop_of,
@@ -27,14 +30,20 @@ from harness.ssp.parameters import (
     units_of,
 )
 from harness.system.model import Parameter, Parameters
+from harness.system.names import Grid
 from harness.system.units import Hop, Unit
 
 Place = tuple[str, ...]
 """Names of the elements from the top system down to one; the top system itself is ()."""
 
-INWARD = ("input", "parameter")
-OUTWARD = ("output", "calculatedParameter")
-"""Kinds of connectors by the way a value goes through them, seen from outside of their element."""
+INWARD = ("input", "parameter", "structuralParameter")
+"""Kinds of connectors that a value goes into, seen from outside of their element."""
+
+EITHER = ("inout", "unspecified")
+"""Kinds of connectors whose other end says which way a value goes."""
+
+FIXED = ("calculatedParameter", "constant")
+"""Kinds of connectors that give a value once."""
 
 
 class Connector(NamedTuple):
@@ -66,11 +75,14 @@ class Edge(NamedTuple):
 
 @dataclass(frozen=True)
 class Element:
-    """What components and systems have in common; parameters: bound to it, names relative to it."""
+    """What components and systems have in common; parameters: bound to it, names relative to it;
+    arrays: connectors that stand in `connectors` element by element, `r` as `r[1]`, `r[2]`.
+    """
 
     place: Place
     connectors: Mapping[str, Connector] = field(default_factory=dict)
     parameters: Parameters = field(default_factory=dict)
+    arrays: Mapping[str, Grid] = field(default_factory=dict)
 
     def __str__(self) -> str:
         return ".".join(self.place)
@@ -96,20 +108,35 @@ class Group(Element):
 
 _log = logging.getLogger("harness")
 
+CONNECTORS = "ssd:Connectors/ssd:Connector"
+CONNECTIONS = "ssd:Connections/ssd:Connection"
 SSV_TYPE = "application/x-ssp-parameter-set"
 SSM_TYPE = "application/x-ssp-parameter-mapping"
+
+
+class End(NamedTuple):
+    """One end of a connection: its scalars, which a whole array has several of, and whether they
+    give a value to the connection (None: not said).
+    """
+
+    name: Point
+    points: tuple[Point, ...]
+    array: Grid | None
+    gives: bool | None
 
 
 class ElementReader:
     """One pass over the elements of a file that collects problems instead of stopping at the first.
 
-    own: whether the file is ours; then a parameter that its component does not have is an error.
+    own: whether the file is ours; then a parameter that its component does not have is an error;
+    arrays: whether connectors may be arrays, from SSP 2.0 on.
     """
 
-    def __init__(self, folder: Path, root: xml.XmlElement, own: bool) -> None:
+    def __init__(self, folder: Path, root: xml.XmlElement, own: bool, arrays: bool) -> None:
         self.folder = folder
         self.units: UnitsByName = units_of(root, "ssd:Units")
         self.own = own
+        self.arrays = arrays
         self.problems: list[str] = []
 
     # ---- elements
@@ -117,8 +144,10 @@ class ElementReader:
     def group(self, element: xml.XmlElement, place: Place = ()) -> Group:
         """A system with all that is in it."""
         children = self._children(element, place)
-        connectors = self._connectors(element, place)
-        group = Group(place, connectors, self._bindings(element, _label(place)), children)
+        parameters = self._bindings(element, _label(place))
+        arrays = dict(self._arrays_of_group(element, place, children, parameters))
+        connectors = self._connectors(element, place, arrays)
+        group = Group(place, connectors, parameters, arrays, children)
         return replace(group, edges=tuple(self._edges(element, group)))
 
     def _children(self, element: xml.XmlElement, place: Place) -> dict[str, Element]:
@@ -138,15 +167,18 @@ class ElementReader:
         return children
 
     def _leaf(self, element: xml.XmlElement, place: Place) -> Leaf:
-        label = _label(place)
-        fmu = self.file(element.get("source"), label)
+        label, source = _label(place), element.get("source")
+        fmu = self.folder if source is None else self.file(source, label)
+        if source is None:
+            self.problems.append(f"{label}: names no FMU, there is nothing to run")
         self._judge_kind(element, label, fmu)
         hint = element.find("ssd:Annotations/ssc:Annotation/osp:StepSizeHint", xml.NS)
-        bindings = self._bindings(element, label, fmu)
+        arrays = dict(self._arrays_of_fmu(element, place, fmu))
         return Leaf(
             place,
-            self._connectors(element, place),
-            bindings,
+            self._connectors(element, place, arrays),
+            self._bindings(element, label, fmu),
+            arrays,
             fmu,
             xml.number(hint, "value", self.problems),
         )
@@ -159,47 +191,94 @@ class ElementReader:
                 _log.warning("%s: %s is an FMU, not %s", label, fmu.name, kind)
             else:
                 self.problems.append(f"{label}: only FMUs can be run, not {kind}")
+        if element.get("implementation") == "ScheduledExecution":
+            self.problems.append(f"{label}: scheduled execution is not supported")
         if element.get("implementation") == "ModelExchange":
             _log.warning("%s: model exchange is not supported, run by co-simulation", label)
 
-    def _connectors(self, element: xml.XmlElement, place: Place) -> dict[str, Connector]:
+    def _connectors(
+        self, element: xml.XmlElement, place: Place, arrays: Mapping[str, Grid]
+    ) -> dict[str, Connector]:
         connectors = {}
-        for e in element.iterfind("ssd:Connectors/ssd:Connector", xml.NS):
-            unit = e.find("ssc:Real", xml.NS)
+        for e in element.iterfind(CONNECTORS, xml.NS):
+            point, unit = Point(place, e.get("name")), e.find("ssc:Real", xml.NS)
             unit = None if unit is None else unit.get("unit")
             if unit is not None and unit not in self.units:
-                point = Point(place, e.get("name"))
                 _log.warning("%s: the file does not define its unit %s, ignored", point, unit)
-            connectors[e.get("name")] = Connector(e.get("kind"), self.units.get(unit))
+            if e.find("ssc:Clock", xml.NS) is not None or e.find("ssd:Clock", xml.NS) is not None:
+                self.problems.append(f"connector {point}: clocks are not supported")
+            for name in names_of(point.connector, arrays.get(point.connector)):
+                connectors[name] = Connector(e.get("kind"), self.units.get(unit))
         return connectors
+
+    # ---- arrays
+
+    def _arrays_of_fmu(
+        self, element: xml.XmlElement, place: Place, fmu: Path
+    ) -> Iterator[tuple[str, Grid]]:
+        """Connectors that are arrays; their sizes are those of the FMU, which may differ, with a
+        note.
+        """
+        for e in element.iterfind(CONNECTORS, xml.NS) if self.arrays and is_file(fmu) else ():
+            name = e.get("name")
+            found = array_of(fmu, name)
+            sizes = () if found is None else found.shape
+            told = [d.get("size") for d in dimensions(e)]
+            likely = [b if a is None else int(a) for a, b in zip_longest(told, sizes)]
+            if likely != list(sizes):
+                _log.warning("%s: is %s in the FMU, taken so", Point(place, name), size_text(found))
+            if found is not None:
+                yield name, found
+
+    def _arrays_of_group(
+        self,
+        element: xml.XmlElement,
+        place: Place,
+        children: Mapping[str, Element],
+        parameters: Parameters,
+    ) -> Iterator[tuple[str, Grid]]:
+        """Connectors of a system that are arrays: of the size in the file, else of what they are
+        connected to inside.
+        """
+        for e in element.iterfind(CONNECTORS, xml.NS):
+            if not (dims := dimensions(e)):
+                continue
+            sizes = [_size(d, parameters) for d in dims]
+            known = tuple(size for size in sizes if size)
+            inside = None if len(known) == len(sizes) else _joined(element, e, children)
+            if found := inside or (array(known) if len(known) == len(sizes) else None):
+                yield e.get("name"), found
+            else:
+                self.problems.append(f"{Point(place, e.get('name'))}: its size is not known")
 
     # ---- connections
 
     def _edges(self, element: xml.XmlElement, group: Group) -> Iterator[Edge]:
-        for e in element.iterfind("ssd:Connections/ssd:Connection", xml.NS):
-            ends = [self._end(e, side, group) for side in ("start", "end")]
-            if None in ends:
+        for e in element.iterfind(CONNECTIONS, xml.NS):
+            start, end = (self._end(e, side, group) for side in ("start", "end"))
+            if start is None or end is None:
                 continue
-            (start, start_gives), (end, end_gives) = ends  # type: ignore[misc]
-            if start_gives is None:
-                start_gives = end_gives is None or not end_gives
-            if end_gives is None:
-                end_gives = not start_gives
-            if start_gives == end_gives:
-                both = "give" if start_gives else "take"
+            gives = (end.gives is None or not end.gives) if start.gives is None else start.gives
+            takes = gives if end.gives is None else not end.gives
+            if gives != takes:
+                both = "give" if gives else "take"
                 self.problems.append(
-                    f"{start} to {end}: is a connection between two that {both} a value"
+                    f"{start.name} to {end.name}: is a connection between two that {both} a value"
                 )
-            elif start_gives:
-                yield Edge(start, end, self._hop(e, end, group))
+            elif (start.array and start.array.shape) != (end.array and end.array.shape):
+                self.problems.append(
+                    f"{start.name} to {end.name}: joins {size_text(start.array)} with "
+                    f"{size_text(end.array)}; one element has its startIndices or endIndices"
+                )
             else:
-                yield Edge(end, start, self._hop(e, start, group))
+                source, target = (start, end) if gives else (end, start)
+                hop = self._hop(e, target.points[0], group)
+                for one, other in zip(source.points, target.points, strict=True):
+                    yield Edge(one, other, hop)
 
-    def _end(
-        self, element: xml.XmlElement, side: str, group: Group
-    ) -> tuple[Point, bool | None] | None:
-        """A connector and whether it gives a value to the connection (None: not said); None if it
-        is not there.
+    def _end(self, element: xml.XmlElement, side: str, group: Group) -> End | None:
+        """A connector, or the element of it that a connection is restricted to; None if it is not
+        there.
         """
         name, connector = element.get(f"{side}Element"), element.get(f"{side}Connector")
         if name is not None and name not in group.children:
@@ -209,15 +288,24 @@ class ElementReader:
             )
             return None
         owner = group if name is None else group.children[name]
-        point = Point(owner.place, connector)
-        known = owner.connectors.get(connector)
+        point, whole, place = Point(owner.place, connector), None, indices(element, side)
+        if self.arrays:
+            whole = _array(owner, connector)
+        try:
+            names = [one_of(connector, whole, place)] if place else names_of(connector, whole)
+        except ValueError as error:
+            self.problems.append(f"{point}: {error}")
+            return None
+        known = owner.connectors.get(names[0])
         if known is None and isinstance(owner, Group):
             close = did_you_mean(connector, owner.connectors)
             self.problems.append(f"{point}: the system has no such connector{close}")
             return None
-        if known is None or known.kind == "inout":
-            return point, None
-        return point, (known.kind in INWARD) == (owner is group)
+        points = tuple(Point(owner.place, name) for name in names)
+        gives = None
+        if known is not None and known.kind not in EITHER:
+            gives = (known.kind in INWARD) == (owner is group)
+        return End(point, points, None if place else whole, gives)
 
     def _hop(self, element: xml.XmlElement, target: Point, group: Group) -> Hop:
         for kind in ("a Boolean", "an Integer", "an Enumeration"):
@@ -255,13 +343,15 @@ class ElementReader:
     ) -> Mapping[str, Parameter]:
         if self._ignored(binding, "ssd:ParameterValues/*", label):
             return {}
-        root = self._part(binding, "ssd:ParameterValues/*", (SSV_TYPE, xml.SSV_SCHEMA), label, fmu)
+        root = self._part(
+            binding, "ssd:ParameterValues/*", (SSV_TYPE, schemas.SSV_SCHEMA), label, fmu
+        )
         parameters = dict(prefixed(parameter_set(root, self.units), binding.get("prefix", "")))
         found = binding.find("ssd:ParameterMapping", xml.NS)
         if found is None or self._ignored(found, "*", label):
             return parameters
         return mapped(
-            parameters, mapping(self._part(found, "*", (SSM_TYPE, xml.SSM_SCHEMA), label, fmu))
+            parameters, mapping(self._part(found, "*", (SSM_TYPE, schemas.SSM_SCHEMA), label, fmu))
         )
 
     def _ignored(self, element: xml.XmlElement, inline: str, label: str) -> bool:
@@ -292,13 +382,13 @@ class ElementReader:
                 raise StructureError(
                     [f"a {element.tag.rpartition('}')[2]} is empty and names no file"]
                 )
-            return xml.embedded(found, schema)
+            return schemas.embedded(found, schema)
         if element.get("sourceBase") == "component":
             return self._inside(fmu, source, schema)
         path = self.file(source, label)
         if not is_file(path):
             raise StructureError([])
-        return xml.parse(path, schema)
+        return schemas.parse(path, schema)
 
     def _inside(self, fmu: Path | None, source: str, schema: str) -> xml.XmlElement:
         if fmu is None:
@@ -307,7 +397,7 @@ class ElementReader:
             data = read_entry(fmu, unquote(source))
         except ArchiveError as error:
             raise StructureError([f"{fmu.name}: {source} cannot be read ({error})"]) from error
-        return xml.parse(data, schema, name=source)
+        return schemas.parse(data, schema, name=source)
 
     def file(self, source: str | None, label: str) -> Path:
         """A file inside the archive; a problem is noted if it is not there."""
@@ -329,6 +419,36 @@ def is_fmu(path: Path) -> bool:
         return "modelDescription.xml" in inspect(path)
     except ArchiveError:
         return False
+
+
+def _size(dimension: xml.XmlElement, parameters: Parameters) -> int | None:
+    """The size that the file gives, itself or by a parameter of the system; None if it does not."""
+    if (size := dimension.get("size")) is not None:
+        return int(size)
+    given = parameters.get(dimension.get("sizeConnector", ""))
+    return given.value if given is not None and isinstance(given.value, int) else None
+
+
+def _joined(
+    element: xml.XmlElement, connector: xml.XmlElement, children: Mapping[str, Element]
+) -> Grid | None:
+    """The array inside a system that a connector of it is joined to as a whole."""
+    for e in element.iterfind(CONNECTIONS, xml.NS):
+        for mine, other in (("start", "end"), ("end", "start")):
+            child = children.get(e.get(f"{other}Element", ""))
+            is_here = e.get(f"{mine}Connector") == connector.get("name")
+            if e.get(f"{mine}Element") is None and is_here and child is not None:
+                found = _array(child, e.get(f"{other}Connector"))
+                if found and not indices(e, mine) and not indices(e, other):
+                    return found
+    return None
+
+
+def _array(owner: Element, connector: str) -> Grid | None:
+    """The array that a connector is, of a component also one that the file does not list."""
+    if isinstance(owner, Leaf) and connector not in owner.connectors:
+        return owner.arrays.get(connector) or array_of(owner.fmu, connector)
+    return owner.arrays.get(connector)
 
 
 def _label(place: Place) -> str:

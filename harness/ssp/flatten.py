@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 
-from harness.ssp.elements import INWARD, Connector, Edge, Element, Group, Leaf, Place, Point
+from harness.ssp.elements import FIXED, INWARD, Connector, Edge, Element, Group, Leaf, Place, Point
 from harness.system.model import Connection, Parameter, Port
 from harness.system.units import PLAIN, Hop, Unit
 
@@ -75,7 +75,7 @@ class Flat:
         source = edge.source
         if source.place not in self.leaves:
             return [(origin, (*hops, edge.hop)) for origin, hops in self._behind(source)]
-        if self._kind(source) == "calculatedParameter":
+        if self._kind(source) in FIXED:
             self.problems.append(f"{source}: connections between parameters are not supported")
         return [(source, (edge.hop,))]
 
@@ -146,7 +146,7 @@ class Flat:
         reached = list(self._ends(point))
         for end, hops in reached:
             self.parameters[end.place][end.connector] = _sent(parameter, hops)
-        if not reached:
+        if not reached and connector.kind != "structuralParameter":  # which may be a mere size
             _log.warning("%s: the connector is not connected, its value is ignored", point)
 
     def _ends(self, start: Point) -> Iterator[Way]:

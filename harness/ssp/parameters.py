@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from harness.errors import StructureError
-from harness.ssp import xml
+from harness.ssp import arrays, schema, xml
 from harness.system.interface import BASE_UNITS
 from harness.system.model import Parameter
+from harness.system.names import elements_of
 from harness.system.units import Affine, Hop, Unit
 from harness.system.values import Scalar
 
@@ -37,25 +38,30 @@ class Entry(NamedTuple):
 
 def read_ssv(path: Path) -> dict[str, Parameter]:
     """Parameters of an .ssv file by name; StructureError if it is not one or holds NaN."""
-    return parameter_set(xml.parse(path, xml.SSV_SCHEMA))
+    return parameter_set(schema.parse(path, schema.SSV_SCHEMA))
 
 
 def parameter_set(root: xml.XmlElement, further: UnitsByName | None = None) -> dict[str, Parameter]:
-    """Parameters of an ssv:ParameterSet element by name; further: units known beside its own.
+    """Parameters of an ssv:ParameterSet element by name, arrays element by element; further: units
+    known beside its own.
 
     Raises StructureError if a value is NaN or binary, or a parameter is given twice.
     """
     units = {**(further or {}), **units_of(root, "ssv:Units")}
-    parameters, problems = {}, []
+    parameters, problems = dict[str, Parameter](), list[str]()
     for element in root.iterfind("ssv:Parameters/ssv:Parameter", xml.NS):
         name, value = element.get("name"), element[0]
         unit = value.get("unit")
-        if name in parameters:
-            problems.append(f"parameter {name}: is given twice")
         try:
-            parameters[name] = Parameter(_scalar(value), unit, units.get(unit))
+            scalars = [_scalar(value, text) for text in arrays.values(value)]
+            names = arrays.parameter_names(element, len(scalars))
         except ValueError as error:
             problems.append(f"parameter {name}: {error}")
+            continue
+        if not parameters.keys().isdisjoint(names):
+            problems.append(f"parameter {name}: is given twice")
+        for each, scalar in zip(names, scalars, strict=True):
+            parameters[each] = Parameter(scalar, unit, units.get(unit))
     if problems:
         raise StructureError(problems)
     return parameters
@@ -73,9 +79,8 @@ def _base(element: xml.XmlElement) -> dict[str, float]:
     return {name: float(element.get(name, "1" if name == "factor" else "0")) for name in BASE_UNITS}
 
 
-def _scalar(element: xml.XmlElement) -> Scalar:
-    """Value of ssv:Real, ssv:Integer, ... as Python has it."""
-    text: str = element.get("value", "")
+def _scalar(element: xml.XmlElement, text: str) -> Scalar:
+    """A value of ssv:Real, ssv:Integer, ... as Python has it."""
     match element.tag.rpartition("}")[2]:
         case "Real":
             number = float(text)
@@ -152,6 +157,7 @@ def mapped(parameters: Mapping[str, Parameter], entries: list[Entry]) -> dict[st
     What a mapping does not mention is not set; the log says so.
     """
     problems, result = [], {}
+    entries = [each for entry in entries for each in _elementwise(entry, parameters)]
     for entry in entries:
         try:
             result[entry.target] = _transformed(parameters, entry)
@@ -164,6 +170,13 @@ def mapped(parameters: Mapping[str, Parameter], entries: list[Entry]) -> dict[st
             "parameters that their mapping does not mention are not set: %s", ", ".join(unused)
         )
     return result
+
+
+def _elementwise(entry: Entry, parameters: Mapping[str, Parameter]) -> Iterator[Entry]:
+    """An entry for every element of an array; of a scalar the entry as it is."""
+    for name in elements_of(entry.source, parameters) or [entry.source]:
+        place = name.removeprefix(entry.source)
+        yield entry._replace(source=name, target=entry.target + place)
 
 
 def _transformed(parameters: Mapping[str, Parameter], entry: Entry) -> Parameter:

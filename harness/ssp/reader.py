@@ -19,7 +19,7 @@ from harness.files import cache
 from harness.files.archive import MAX_UNPACKED, unpack, unpacked_size
 from harness.files.paths import is_file
 from harness.files.temporary import PrivateFolder
-from harness.ssp import xml
+from harness.ssp import schema, xml
 from harness.ssp.elements import ElementReader, Leaf
 from harness.ssp.flatten import Flat
 from harness.ssp.parameters import read_ssv
@@ -96,7 +96,7 @@ def _read(folder: Path) -> tuple[System, list[str]]:
     """The system in an unpacked .ssp and its problems; StructureError if it cannot be read."""
     if not (folder / xml.SSD_FILE).is_file():
         raise StructureError([f"it holds no {xml.SSD_FILE}"])
-    root = xml.parse(folder / xml.SSD_FILE, xml.SSD_SCHEMA)
+    root = schema.parse(folder / xml.SSD_FILE, schema.SSD_SCHEMA)
     if (count := sum(1 for _ in root.iter(xml.tag("ssd:Component")))) > MAX_COMPONENTS:
         raise StructureError(
             [f"it has {count} components, more than the limit of {MAX_COMPONENTS}"]
@@ -117,7 +117,9 @@ class _Reader:
             f"ssd:Annotations/ssc:Annotation[@type='{xml.RUN_ANNOTATION}']/run:Run", xml.NS
         )
         self.schedule = {e.get("name"): e for e in self._own("run:Component")}
-        self.elements = ElementReader(folder, root, own=self.run is not None)
+        self.elements = ElementReader(
+            folder, root, own=self.run is not None, arrays=schema.is_version_2(root)
+        )
         self.problems = self.elements.problems
 
     def system(self) -> System:

@@ -4,7 +4,8 @@ accept.
 
 Literal prefixes, OSP's namespace on the root, every connector with its type, one .ssv per component
 with the same name of the set everywhere, nothing nested. The same system always gives the same
-bytes.
+bytes. It is SSP 1.0 where all FMUs are of FMI 2.0, else SSP 2.0, which knows the types and arrays
+of FMI 3.0.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from lxml import etree
 
 from harness.errors import StructureError
 from harness.files.archive import pack
+from harness.ssp.arrays import connector_name, joined, shape, type_name
 from harness.ssp.ssv import BaseUnits, bare_ssv, ssv, unit_table
 from harness.ssp.xml import (
     FMU_TYPE,
@@ -42,24 +44,26 @@ WIDTH, GAP, PITCH = 80, 60, 5
 """Block diagram: width of a component, distance between components, distance between connectors."""
 
 
-def write_ssp(system: System, path: Path) -> None:
-    """Write a system with its FMUs. Raises FmuError, StructureError, or ResultsError if the file
-    cannot be written.
+def write_ssp(system: System, path: Path, version: int | None = None) -> None:
+    """Write a system with its FMUs; version: of SSP, 1 or 2 (default: the first that can hold it).
+
+    Raises FmuError, StructureError, or ResultsError if the file cannot be written.
     """
-    pack(path, ssp_content(system))
+    pack(path, ssp_content(system, version))
 
 
-def ssp_content(system: System) -> dict[str, bytes]:
+def ssp_content(system: System, version: int | None = None) -> dict[str, bytes]:
     """Files of the archive by name."""
     interfaces = read_interfaces(system)
+    version = _version(interfaces, version)
     units = _units(interfaces)
     sources = _sources(system.components)
     content = {sources[c.name]: c.fmu.read_bytes() for c in system.components}
-    content[SSD_FILE] = _Description(system, interfaces, sources, units).text()
+    content[SSD_FILE] = _Description(system, interfaces, sources, units, version).text()
     for component in system.components:
         if component.parameters:
             content[_ssv_name(component)] = ssv(
-                DEFAULT_SET, component.parameters, interfaces[component.name], units
+                DEFAULT_SET, component.parameters, interfaces[component.name], units, version
             )
     for each in system.sets:
         told = {
@@ -68,14 +72,26 @@ def ssp_content(system: System) -> dict[str, bytes]:
         for name, parameters in each.parameters.items():
             if name in told:
                 content[f"resources/sets/{each.name}/{name}.ssv"] = ssv(
-                    each.name, parameters, interfaces[name], units
+                    each.name, parameters, interfaces[name], units, version
                 )
     for alternative in system.alternatives:
         for name, parameters in alternative.parameters.items():
             content[f"resources/alternatives/{alternative.fmu}/{name}.ssv"] = bare_ssv(
-                alternative.fmu, parameters
+                alternative.fmu, parameters, version
             )
     return content
+
+
+def _version(interfaces: Mapping[str, Interface], wanted: int | None) -> int:
+    """The version of SSP; StructureError if it is 1 and cannot hold the FMUs."""
+    new = [
+        f"{name}: is of FMI 3.0, which needs SSP 2.0"
+        for name, i in interfaces.items()
+        if i.fmi == 3
+    ]
+    if new and wanted == 1:
+        raise StructureError(new)
+    return wanted or (2 if new else 1)
 
 
 def _units(interfaces: Mapping[str, Interface]) -> BaseUnits:
@@ -117,8 +133,10 @@ class _Description:
         interfaces: Mapping[str, Interface],
         sources: Mapping[str, str],
         units: BaseUnits,
+        version: int,
     ) -> None:
         self.system, self.interfaces, self.sources, self.units = system, interfaces, sources, units
+        self.version = version
         self.connected = {c.name: self._connected(c.name) for c in system.components}
 
     def _connected(self, component: str) -> list[Variable]:
@@ -138,7 +156,7 @@ class _Description:
         root = etree.Element(tag("ssd:SystemStructureDescription"), nsmap=namespaces)
         attributes(
             root,
-            version="1.0",
+            version=f"{self.version}.0",
             name=self.system.name,
             description=self.system.description,
             generationTool=TOOL,
@@ -186,27 +204,35 @@ class _Description:
         """Inputs down the left edge, outputs down the right one; (0, 0) is the lower left
         corner.
         """
-        connected = self.connected[component.name]
-        connectors = child(element, "ssd:Connectors") if connected else None
+        rows = self._rows(component.name)
+        table = child(element, "ssd:Connectors") if rows else None
         for x, kind in ((0, "input"), (1, "output")):
-            side = [v for v in connected if v.causality == kind]
-            for i, variable in enumerate(side):
+            side = {name: v for name, v in rows.items() if v.causality == kind}
+            for i, (name, variable) in enumerate(side.items()):
                 connector = child(
-                    connectors,
-                    "ssd:Connector",
-                    name=variable.name,
-                    kind=kind,
-                    description=variable.description,
+                    table, "ssd:Connector", name=name, kind=kind, description=variable.description
                 )
-                unit = variable.unit if variable.unit in self.units else None
-                type_ = child(connector, f"ssc:{variable.type}")
-                attributes(type_, unit=unit if variable.type == "Real" else None)
-                attributes(
-                    type_, name=variable.type_name if variable.type == "Enumeration" else None
-                )
+                self._type(connector, variable)
+                for size in shape(self.interfaces[component.name], variable):
+                    child(connector, "ssc:Dimension", size=size)
                 child(
                     connector, "ssd:ConnectorGeometry", x=x, y=round(1 - (i + 0.5) / len(side), 6)
                 )
+
+    def _rows(self, component: str) -> dict[str, Variable]:
+        """Connectors of a component: its connected variables by name, of an array of FMI 3.0 the
+        first.
+        """
+        rows: dict[str, Variable] = {}
+        for variable in self.connected[component]:
+            rows.setdefault(connector_name(self.interfaces[component], variable), variable)
+        return rows
+
+    def _type(self, connector: XmlElement, variable: Variable) -> None:
+        type_ = child(connector, f"ssc:{type_name(variable, self.version)}")
+        unit = variable.unit if variable.unit in self.units else None
+        attributes(type_, unit=unit if variable.type == "Real" else None)
+        attributes(type_, name=variable.type_name if variable.type == "Enumeration" else None)
 
     def _enumerations(self, root: XmlElement) -> None:
         """Types of the connected enumerations; the first component that has a type of that name
@@ -225,7 +251,7 @@ class _Description:
                 child(enumeration, "ssc:Item", name=item, value=value)
 
     def _height(self, component: Component) -> int:
-        sides = [v.causality for v in self.connected[component.name]]
+        sides = [v.causality for v in self._rows(component.name).values()]
         return PITCH * max(sides.count("input"), sides.count("output"), 4)
 
     def _block(self, component: Component, column: int) -> dict[str, float]:
@@ -242,12 +268,13 @@ class _Description:
 
     def _connections(self, top: XmlElement) -> None:
         connections = child(top, "ssd:Connections") if self.system.connections else None
-        for each in self.system.connections:
-            source, target, hops = each
+        for each, source, target in joined(self.system.connections, self.interfaces):
             connection = child(connections, "ssd:Connection")
-            attributes(connection, startElement=source.component, startConnector=source.variable)
-            attributes(connection, endElement=target.component, endConnector=target.variable)
-            if hops:
+            for side, port, end in (("start", each.source, source), ("end", each.target, target)):
+                attributes(connection, **{f"{side}Element": port.component})
+                attributes(connection, **{f"{side}Connector": end.connector})
+                attributes(connection, **{f"{side}Indices": " ".join(map(str, end.indices))})
+            if each.hops:
                 self._transformation(connection, way(each, self.interfaces))
 
     def _transformation(self, connection: XmlElement, change: Affine) -> None:

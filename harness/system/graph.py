@@ -22,7 +22,7 @@ from harness.system.model import Component, Port, System
 from harness.system.problems import problems, size_problems, value_problems
 from harness.system.schedule import macro_steps
 from harness.system.units import IDENTITY, Affine
-from harness.system.values import Scalar, Variable
+from harness.system.values import STRUCTURAL, Scalar, Variable
 
 _log = logging.getLogger("harness")
 
@@ -268,10 +268,9 @@ def _node(
 
 def _settings(component: Component, interface: Interface) -> Iterator[Setting]:
     for name, parameter in component.parameters.items():
-        if name in interface.variables:
-            yield Setting(
-                interface.variables[name], final(parameter, interface.variables[name], interface)
-            )
+        variable = interface.variables.get(name)
+        if variable is not None and variable.causality != STRUCTURAL:  # which has the value it has
+            yield Setting(variable, final(parameter, variable, interface))
 
 
 def constants(graph: Graph) -> Iterator[tuple[Slot, float]]:

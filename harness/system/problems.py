@@ -224,7 +224,7 @@ def _parameter_problem(name: str, parameter: Parameter, interface: Interface) ->
     if variable is None:
         return f"there is no such parameter{did_you_mean(name, interface.settable())}"
     if variable.causality == STRUCTURAL:
-        return structural_problem(variable)
+        return None if parameter.value == variable.begin else structural_problem(variable)
     if not variable.settable:
         return f"its causality is {variable.causality}, it cannot be set"
     if parameter.value != parameter.value:

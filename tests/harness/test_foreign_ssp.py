@@ -437,7 +437,7 @@ def test_what_cannot_be_done_is_refused_with_one_clear_line(complaints, top, pro
 # ---- versions and time
 
 
-def test_a_file_of_ssp_2_is_read_as_far_as_ssp_1_knows_it(fly, complaints):
+def test_a_file_of_ssp_2_is_read_and_judged(fly, complaints):
     top = pair(bindings=inline(ssv("k=3", version="2.0").replace("v:Real", "v:Float64")))
     output = '<d:Connector name="y" kind="output"><c:Float64/></d:Connector>'
     top = top.replace("<d:Elements>", f"<d:Connectors>{output}</d:Connectors><d:Elements>", 1)
@@ -445,8 +445,9 @@ def test_a_file_of_ssp_2_is_read_as_far_as_ssp_1_knows_it(fly, complaints):
         '<d:System name="top">', '<d:System name="top"><c:MetaData kind="general"/>', 1
     )
     assert fly(top, version="2.0")["gain.y"].tolist() == [0, 0, 3, 6]
-    with_clock = top.replace('kind="output"', 'kind="structuralParameter"', 1)
-    assert "structuralParameter" in complaints(with_clock, version="2.0")[0]
+    assert (
+        "'signal'" in complaints(top.replace('kind="output"', 'kind="signal"', 1), version="2.0")[0]
+    )
 
 
 def test_without_an_experiment_step_and_stop_are_asked_for_in_one_line(

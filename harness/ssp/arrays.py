@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Arrays of SSP 2.0, element by element: `r` of three elements is `r[1]`, `r[2]`, `r[3]`, as the
+graph has them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
+from pathlib import Path
+from typing import NamedTuple
+
+from harness.errors import FmuError
+from harness.ssp.schema import NUMBERS
+from harness.ssp.xml import NS, XmlElement, tag
+from harness.system.interface import Interface, read_interface
+from harness.system.model import Connection, Port
+from harness.system.names import Grid, Index, Name, elements_of, grid, index
+from harness.system.values import Variable
+
+
+def array(shape: Index) -> Grid | None:
+    """An array of that shape with indices from 1 on; None for a scalar."""
+    return Grid((1,) * len(shape), shape) if shape else None
+
+
+def array_of(fmu: Path, variable: str) -> Grid | None:
+    """The array that a variable of an FMU is; None for a scalar, and where nothing can be read."""
+    try:
+        variables = read_interface(fmu).variables
+    except FmuError:  # which is said where the graph is built
+        return None
+    names = [] if variable in variables else elements_of(variable, variables)
+    return grid(map(index, names)) if names else None
+
+
+def names_of(variable: str, array: Grid | None) -> list[str]:
+    """Names of the elements of an array in row-major order; of a scalar its own."""
+    if array is None:
+        return [variable]
+    ranges = (range(a, a + n) for a, n in zip(array.first, array.shape, strict=True))
+    return [str(Name(variable, element)) for element in product(*ranges)]
+
+
+def one_of(variable: str, array: Grid | None, place: Index) -> str:
+    """Name of the element at some indices; ValueError if there is none."""
+    name = str(Name(variable, place))
+    if array is None:
+        raise ValueError("has indices, but is a scalar")
+    if name not in names_of(variable, array):
+        raise ValueError(f"there is no element {name}, it is {size_text(array)}")
+    return name
+
+
+def size_text(array: Grid | None) -> str:
+    """A shape in words: `a scalar`, `an array of 2 x 3`."""
+    return "a scalar" if array is None else f"an array of {' x '.join(map(str, array.shape))}"
+
+
+# ---- what stands in a file
+
+
+def indices(connection: XmlElement, side: str) -> Index:
+    """What a connection is restricted to at its `start` or `end`; () if it is not."""
+    return tuple(map(int, connection.get(f"{side}Indices", "").split()))
+
+
+def dimensions(element: XmlElement) -> Sequence[XmlElement]:
+    """The Dimension elements of a connector or parameter; none for a scalar."""
+    found: list[XmlElement] = element.findall("ssc:Dimension", NS)
+    return found
+
+
+def parameter_names(parameter: XmlElement, count: int) -> list[str]:
+    """Names of the elements of an ssv:Parameter of so many values; ValueError if its Dimensions
+    want another number.
+    """
+    name, shape = parameter.get("name"), tuple(int(d.get("size")) for d in dimensions(parameter))
+    shape = shape or (() if count == 1 else (count,))
+    if math.prod(shape) != count or not count:
+        raise ValueError(f"has {count} values, expected {math.prod(shape) or 1}")
+    return names_of(name, array(shape))
+
+
+def values(element: XmlElement) -> list[str]:
+    """The values of ssv:Real, ssv:String, ... as they stand there; of an array several."""
+    if several := element.findall("ssv:Value", NS):
+        return [value.get("value", "") for value in several]
+    text: str = element.get("value", "")
+    return [text] if element.tag in (tag("ssv:String"), tag("ssv:Enumeration")) else text.split()
+
+
+# ---- what is written to one
+
+
+class JoinedEnd(NamedTuple):
+    """A connector at an end of a connection, and the element of it that is meant; () for all."""
+
+    connector: str
+    indices: Index = ()
+
+
+def connector_name(interface: Interface, variable: Variable) -> str:
+    """Name of a variable in SSP: of an element of an array of FMI 3.0 that of the array."""
+    return Name.read(variable.name).variable if shape(interface, variable) else variable.name
+
+
+def shape(interface: Interface, variable: Variable) -> Index:
+    """The shape of the array of FMI 3.0 that a variable is an element of; () for a scalar, which in
+    FMI 2.0 every element is.
+    """
+    name = Name.read(variable.name)
+    if interface.fmi == 2 or not name.element:
+        return ()
+    row = [v.name for v in interface.row(variable)]
+    found = grid(map(index, elements_of(name.variable, row)))
+    return found.shape if found and len(row) == variable.size else ()
+
+
+def type_name(variable: Variable, version: int) -> str:
+    """Type of a variable in a version of SSP; from 2.0 on numbers have the types of FMI 3.0."""
+    return variable.access if version > 1 and variable.type in NUMBERS else variable.type
+
+
+def joined(
+    connections: Sequence[Connection], interfaces: Mapping[str, Interface]
+) -> Iterator[tuple[Connection, JoinedEnd, JoinedEnd]]:
+    """Connections with both ends as SSP has them: one for all elements of two arrays that belong
+    together.
+    """
+    bundles: dict[tuple[Port, Port], list[Connection]] = {}
+    for c in connections:
+        bundles.setdefault(_bundle(c), []).append(c)
+    whole = {key for key, bundle in bundles.items() if _is_whole(bundle, interfaces)}
+    for c in connections:
+        source, target = (_end(interfaces[p.component], p.variable) for p in c[:2])
+        if _bundle(c) not in whole:
+            yield c, source, target
+        elif c is bundles[_bundle(c)][0]:
+            yield c, JoinedEnd(source.connector), JoinedEnd(target.connector)
+
+
+def _is_whole(bundle: Sequence[Connection], interfaces: Mapping[str, Interface]) -> bool:
+    """Whether connections join all elements of two arrays of one shape, each with its like."""
+    ends = [interfaces[p.component] for p in bundle[0][:2]]
+    shapes = [
+        shape(interface, interface.variables[port.variable])
+        for interface, port in zip(ends, bundle[0][:2], strict=True)
+    ]
+    alike = all(
+        c.hops == bundle[0].hops and index(c.source.variable) == index(c.target.variable)
+        for c in bundle
+    )
+    size = math.prod(shapes[0])
+    return bool(shapes[0]) and shapes[0] == shapes[1] and alike and len(bundle) == size
+
+
+def _bundle(c: Connection) -> tuple[Port, Port]:
+    """The arrays that a connection is between."""
+    return Port(c.source.component, c.source.signal), Port(c.target.component, c.target.signal)
+
+
+def _end(interface: Interface, name: str) -> JoinedEnd:
+    variable = interface.variables[name]
+    return JoinedEnd(
+        connector_name(interface, variable), index(name) if shape(interface, variable) else ()
+    )
