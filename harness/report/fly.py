@@ -38,6 +38,8 @@ from harness.system.sliders import Slider, sliders
 Array = NDArray[np.float64]
 Data = dict[str, Any]
 
+LIVE = ("flight.js", "judge.js", "course.js", "fly.js", "fly.css")
+"""What a page that flies has beside what every page has."""
 STEPS = 200
 """Steps of a slider, but for that of a switch."""
 NOISE = 1e-9
@@ -71,7 +73,7 @@ def of_run(result: Result) -> str:
         sliders=[_slider(result, module, slider) for slider in named],
         flight=flight,
         module=base64.b64encode(gzip.compress(module.code, 9, mtime=0)).decode(),
-        live={name: text_of(name) for name in ("flight.js", "judge.js", "fly.js", "fly.css")},
+        live={name: text_of(name) for name in LIVE},
     )
     return models.fitting(page, result)
 

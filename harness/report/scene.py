@@ -19,7 +19,7 @@ from harness.mission.library import of_result
 from harness.mission.mission import together
 from harness.report import bodies, models
 from harness.report.arrays import Arrays
-from harness.report.story import told
+from harness.report.story import told, told_of_several
 from harness.results.alignment import rotation_angle
 from harness.results.result import Result
 
@@ -165,5 +165,5 @@ def replay_several(results: Mapping[str, Result], arrays: Arrays) -> Scene | Non
     """The replay of several runs by label in one scene; None if their mission has none."""
     for kind in together(map(of_result, results.values())).scene:
         if kind.several and (found := kind.several(results, arrays)):
-            return found
+            return told_of_several(results, found)
     return None

@@ -7,7 +7,7 @@ violations of the safety rules and the passes through the shadow come from the r
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,29 @@ def told(result: Result, arrays: Arrays, scene: Scene) -> Scene:
         "title": f"{name}, {plain(chosen)}" if chosen else name,
         "events": sorted(events, key=lambda event: event["time"]),
     }
+
+
+def told_of_several(results: Mapping[str, Result], scene: Scene) -> Scene:
+    """The scene of several runs by label with its title and the events of all of them, each with
+    its label.
+    """
+    events = list(scene.get("events", ()))
+    ends = max(float(result.time[-1]) for result in results.values() if len(result.time))
+    for label, result in results.items():
+        own = [*_worst(result), *_violations(result)]
+        if len(result.time) and result.time[-1] < ends:
+            own.append(event(result.time[-1], "the run ends", "abort"))
+        events += of_run(label, own)
+    return scene | {
+        "name": ", ".join(results),
+        "title": f"{len(results)} runs",
+        "events": sorted(events, key=lambda each: each["time"]),
+    }
+
+
+def of_run(label: str, events: Iterable[Scene]) -> list[Scene]:
+    """Events of one of several runs."""
+    return [each | {"text": f"{label}: {each['text']}"} for each in events]
 
 
 def plain(name: str) -> str:

@@ -67,6 +67,7 @@ def fit(result: Result, rows: Rows, arrays: Arrays) -> Outfit | None:
     arm = arm_of(result)
     if not len(arm.axis):
         return None
+    words = tuple(f"arm {mode}" for mode in MODES)
     lengths: Array = np.linalg.norm([*arm.offset, arm.tip], axis=1)
     return Outfit(
         [],
@@ -78,7 +79,8 @@ def fit(result: Result, rows: Rows, arrays: Arrays) -> Outfit | None:
         tuple(number(result, arrays, rows, *each) for each in SHOWN),
         tuple(events(result)),
         PATHS,
-        tuple(runs_of(result[MODE], result.time, tuple(f"arm {mode}" for mode in MODES))),
+        tuple(runs_of(result[MODE], result.time, words)),
+        course={"values": arrays.keep(result[MODE][rows]), "words": words},
     )
 
 

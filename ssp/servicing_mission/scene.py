@@ -50,9 +50,10 @@ def fit(result: Result, rows: Rows, arrays: Arrays) -> Outfit | None:
     if not result.holds(*NEEDS, LOAD, parameters=(*DOCKING, ISP)):
         return None
     told, phases = _events(result), tuple(runs_of(result[PHASE], result.time, PHASES))
+    course = {"values": arrays.keep(result[PHASE][rows]), "words": PHASES, "alarms": ALARMS}
     if (outfit := arm(result, rows, arrays)) is not None:
         both = sorted((*told, *outfit.events), key=lambda each: each["time"])
-        return outfit._replace(events=tuple(both), phases=phases)
+        return outfit._replace(events=tuple(both), phases=phases, course=course)
     return Outfit(
         probe(result),
         drogue(result),
@@ -64,6 +65,7 @@ def fit(result: Result, rows: Rows, arrays: Arrays) -> Outfit | None:
         events=tuple(told),
         phases=phases,
         spot="drogue",
+        course=course,
     )
 
 

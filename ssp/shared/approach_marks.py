@@ -142,6 +142,31 @@ def _rule(result: Result, rule: Rule, rows: Rows, arrays: Arrays, found: Scene) 
     }
 
 
+def overall(label: str, result: Result, rows: Rows, arrays: Arrays) -> list[Scene]:
+    """All rules of one of several runs as one: violated where one is, with its name; at rest where
+    all are.
+    """
+    if FIRST not in result:
+        return []
+    found = {f.name: f for f in findings(result)}
+    known = [rule for rule in RULES if rule.name in found]
+    if not known:
+        return []
+    states = np.array([_history(result, rule, rows)[1] for rule in known])
+    first = [found[rule.name].violated for rule in known]
+    return [
+        {
+            "name": label,
+            "unit": "",
+            "title": ", ".join(rule.name for rule in known),
+            "words": [rule.name for rule in known],
+            "which": arrays.keep(states.argmax(axis=0).astype(float)),
+            "state": arrays.keep(states.max(axis=0)),
+            "violated": None if np.isnan(first).all() else float(np.nanmin(first)),
+        }
+    ]
+
+
 # ---- what sensors see
 
 CAMERA = tuple(f"pose_sensor.{name}" for name in ("p_KS_S", "q_KS", "fov", "range_max"))

@@ -12,7 +12,7 @@ from harness.report import bodies
 from harness.report.arrays import Arrays
 from harness.report.scene import Array, Body, Rows, Scene, frames, in_orbit, instants, scene
 from harness.report.sky import sky
-from harness.report.story import event
+from harness.report.story import event, of_run
 from harness.results.result import Result
 
 from . import approach_marks as marks
@@ -27,8 +27,9 @@ class Outfit(NamedTuple):
 
     servicer, target: parts; links: what moves on the servicer, reach: as far from S [m]; root,
     seat: points on the hulls of servicer and target [m], where nothing else says how large they
-    are; numbers, phases, events: what runs along; paths: name, position and attitude of points that
-    leave one; spot: what the seat is called.
+    are; numbers, phases, events: what runs along; course: the history of the phases, with their
+    words and those that are alarms; paths: name, position and attitude of points that leave one;
+    spot: what the seat is called.
     """
 
     servicer: list[bodies.Part]
@@ -42,6 +43,7 @@ class Outfit(NamedTuple):
     paths: tuple[tuple[str, str, str], ...] = ()
     phases: tuple[Scene, ...] = ()
     spot: str = "grasp point"
+    course: Scene | None = None
 
 
 Fit = Callable[[Result, Rows, Arrays], Outfit | None]
@@ -96,7 +98,8 @@ def _course(result: Result, outfit: Outfit | None) -> Scene:
         ]
     if ABORT in result and len(aborted := np.flatnonzero(result[ABORT] > 0)):
         events.append(event(result.time[aborted[0]], "abort ordered by the monitor", "abort"))
-    return {"events": events, "phases": phases}
+    course = {"course": outfit.course} if outfit and outfit.course else {}
+    return {"events": events, "phases": phases, **course}
 
 
 ABORT = "monitor.abort"
@@ -200,13 +203,19 @@ def pairs(results: Mapping[str, Result], arrays: Arrays, fit: Fit = bare) -> Sce
     orbit = in_orbit(r)
     centre = r if orbit else np.zeros_like(r)
     found, numbers = [], []
+    told: dict[str, list[Scene]] = {"events": [], "phases": [], "rules": []}
     for k, (label, result) in enumerate(moving.items()):
         own = np.minimum(np.searchsorted(result.time, time - INSTANT), len(result.time) - 1)
         about = result[TARGET][own] if orbit else centre
-        body, _ = _servicer(result, own, arrays, about, fit(result, own, arrays))
+        outfit = fit(result, own, arrays)
+        body, _ = _servicer(result, own, arrays, about, outfit)
         found.append(body._replace(name=label, colour=k))
         apart = np.linalg.norm((result[SERVICER] - result[TARGET])[own], axis=1)
         numbers.append({"name": label, "unit": "m", "factor": 1.0, "values": arrays.keep(apart)})
+        course = _course(result, outfit)
+        told["events"] += of_run(label, course["events"])
+        told["phases"] += [phase | {"run": label} for phase in course["phases"]]
+        told["rules"] += marks.overall(label, result, own, arrays)
     outfit = fit(longest, rows, arrays)
     client = _target(longest, rows, centre, False, outfit)._replace(colour=NEUTRAL)
     return scene(
@@ -220,6 +229,7 @@ def pairs(results: Mapping[str, Result], arrays: Arrays, fit: Fit = bare) -> Sce
         marks=marks.marks(longest, rows, arrays, centre, judged=False),
         spots=_spots(longest, outfit),
         numbers=numbers,
+        **told,
     )
 
 

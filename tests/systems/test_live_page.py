@@ -14,6 +14,8 @@ import pytest
 
 from harness import run
 from harness.report import conditions, fly
+from harness.report.arrays import Arrays
+from harness.report.scene import replay
 from harness.results.expressions import FUNCTIONS
 from harness.results.provenance import Provenance
 from harness.results.requirements import finding
@@ -140,3 +142,69 @@ def test_arrays_of_the_page_are_those_of_the_report(tmp_path, system):
         numbers = np.array([float(x.replace("Infinity", "inf")) for x in ours["data"]])
         np.testing.assert_allclose(numbers, wanted.ravel(), rtol=1e-9, atol=1e-9)
     assert len(names) > 5
+
+
+def course(folder, scene, arrays, end, verdicts=()):
+    """What the page tells of a scene whose arrays are those of another flight."""
+    names = [scene["time"], *(rule["state"] for rule in scene.get("rules", ()))]
+    names += [each["values"] for each in scene["numbers"] if "words" in each]
+    names += [scene["course"]["values"]] if "course" in scene else []
+    names += [scene["sun"]["shadow"]] if "sun" in scene else []
+    told = {
+        "scene": scene,
+        "end": end,
+        "verdicts": verdicts,
+        "arrays": {name: plain(arrays(name)) for name in names},
+    }
+    file = folder / "scene.json"
+    file.write_text(json.dumps(told), encoding="utf-8")
+    return node(SCRIPT.with_name("course.js"), file)
+
+
+def replayed(system, **changes):
+    """The scene of a run as its page has it, the run, and its arrays."""
+    result, arrays = run(system, every=10, **changes), Arrays()
+    return replay(result, arrays), result, arrays.take
+
+
+def test_phases_and_events_of_another_flight_are_those_of_its_own_page(tmp_path):
+    """Over the arrays of a flight the page tells what the report of that flight does, to an
+    instant of the replay.
+    """
+    scene, result, take = replayed("arm_capture")
+    other = scene | {"phases": [], "events": [], "rules": []}
+    found = course(tmp_path, other, take, float(result.time[-1]))
+    slack = 1.01 * float(np.diff(take(scene["time"])).max())
+    assert [p["text"] for p in found["phases"]] == [p["text"] for p in scene["phases"]]
+    for ours, theirs in zip(scene["phases"], found["phases"], strict=True):
+        assert theirs["begin"] == pytest.approx(ours["begin"], abs=slack)
+        assert theirs["end"] == pytest.approx(ours["end"], abs=slack)
+    kinds = ("phase", "capture", "abort")
+    wanted, got = ([e for e in s["events"] if e["kind"] in kinds] for s in (scene, found))
+    assert sorted(e["kind"] for e in wanted) == sorted(e["kind"] for e in got)
+    assert np.allclose(*(sorted(e["time"] for e in each) for each in (wanted, got)), atol=slack)
+
+
+def test_rules_and_verdicts_of_another_flight_are_marked(tmp_path):
+    """First violations by the states of the rules; a flight that ends early has nothing later."""
+    scene, result, take = replayed("sync_approach", set={"servicer.rho_0_H": [0, 3.5, 0]})
+    blank = scene | {"events": [], "rules": [r | {"violated": None} for r in scene["rules"]]}
+    last = float(result.time[-1])
+    verdict = {
+        "name": "mine",
+        "kind": "bad",
+        "verdict": "NOT MET",
+        "detail": "worst 3 m",
+        "time": 7,
+    }
+    found = course(tmp_path, blank, take, last, [verdict])
+    slack = 1.01 * float(np.diff(take(scene["time"])).max())
+    broken = {r["name"]: r["violated"] for r in scene["rules"] if r["violated"] is not None}
+    assert broken
+    assert {r["name"] for r in found["rules"] if r["violated"] is not None} == set(broken)
+    for rule in found["rules"]:
+        assert rule["violated"] == pytest.approx(broken.get(rule["name"]), abs=slack)
+    assert {"time": 7, "text": "mine: NOT MET, worst 3 m", "kind": "violation"} in found["events"]
+    early = course(tmp_path, blank, take, 5.0, [verdict])
+    assert max(e["time"] for e in early["events"]) == 5.0
+    assert early["events"][-1]["text"] == "the run ends"

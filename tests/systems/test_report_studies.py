@@ -29,6 +29,7 @@ def compared(tmp_path_factory):
         folder,
         swap={"controller": ["adaptive_controller", "pid_controller"]},
         vary={"servicer.mass_0": [95, 120]},
+        set={"servicer.t_att": 25},
         stop=40.0,
     )
     page = write(folder, folder / "report.html")
@@ -101,6 +102,37 @@ def test_all_servicers_fly_in_one_replay(compared):
         np.testing.assert_allclose(path, rho, atol=1e-5)
 
 
+def test_the_replay_tells_the_course_of_every_run(compared):
+    """Phases, events and the state of the rules, each with the label of its run."""
+    folder, page = compared
+    scene = page.data["scene"]
+    time = page.array(scene["time"])
+    for label in page.data["runs"]:
+        phases = [p for p in scene["phases"] if p["run"] == label]
+        assert [(p["text"], p["begin"], p["end"]) for p in phases] == [
+            ("attitude frozen", 0, 25),
+            ("attitude tracked", 25, 40),
+        ]
+        events = {e["text"]: e["time"] for e in scene["events"] if e["text"].startswith(label)}
+        assert events[f"{label}: attitude control on"] == 25
+        result = read(folder / f"{label.replace(', servicer.mass_0=', '_servicer.mass_0_')}.nc")
+        worst = min(result.time, key=lambda t: result["guidance.range"][result.time == t][0])
+        (own,) = (each for text, each in events.items() if ": distance: " in text)
+        assert own == pytest.approx(worst)
+        (rule,) = (each for each in scene["rules"] if each["name"] == label)
+        names = [f"monitor.{name.replace('-', '_')}_margin" for name in rule["words"]]
+        margins = np.array([result[name] for name in names])
+        first = np.flatnonzero((margins < 0).any(axis=0))
+        assert (rule["violated"] is None) == (len(first) == 0)
+        ends = np.append(np.searchsorted(result.time.astype("f4"), time), len(result.time))
+        for k, state in enumerate(page.array(rule["state"])):
+            span = slice(ends[k], max(ends[k + 1], ends[k] + 1))
+            assert (state == 2) == bool((margins[:, span] < 0).any())
+            if state == 2:
+                which = int(page.array(rule["which"])[k])
+                assert (margins[which, span] < 0).any()
+
+
 def test_a_run_that_ended_early_is_named_at_the_top(compared, tmp_path):
     folder, _ = compared
     partial = tmp_path / "runs"
@@ -128,6 +160,8 @@ def test_a_run_that_ended_early_is_named_at_the_top(compared, tmp_path):
     assert len(page.data["runs"]) == 3
     stays = page.array(page.body("pid_controller, servicer.mass_0=95")["r"])
     assert np.array_equal(stays[-1], stays[-2])
+    ends = [e["time"] for e in page.data["scene"]["events"] if e["text"].endswith("the run ends")]
+    assert ends == [pytest.approx(short.time[-1])]
 
 
 # ---- campaign

@@ -16,13 +16,16 @@ function makeTimeline(view) {
 
   /* ---- phases and events on the slider ---- */
   const percent = (t) => `${100 * share(t)}%`;
-  part(".phases").replaceChildren(...(scene.phases || []).map((phase, k) => {
-    const made = Object.assign(document.createElement("i"), { title: `${phase.text}: ${phase.begin.toFixed(1)} to ${phase.end.toFixed(1)} s` });
+  const phases = scene.phases || [], runs = [...new Set(phases.map((each) => each.run || ""))];
+  part(".phases").replaceChildren(...runs.flatMap((run, lane) => phases.filter((each) => (each.run || "") === run).map((phase, k) => {
+    const made = Object.assign(document.createElement("i"), { className: k % 2 ? "odd" : "even",
+      title: `${run ? `${run}: ` : ""}${phase.text}: ${phase.begin.toFixed(1)} to ${phase.end.toFixed(1)} s` });
     made.style.left = percent(phase.begin);
     made.style.width = `${100 * (share(phase.end) - share(phase.begin))}%`;
-    made.className = k % 2 ? "odd" : "even";
+    made.style.top = `${(100 * lane) / runs.length}%`;
+    made.style.height = `${100 / runs.length}%`;
     return made;
-  }));
+  })));
   part(".events").replaceChildren(...events.map((event) => {
     const made = Object.assign(document.createElement("button"), { type: "button", className: `event ${event.kind || "plain"}`,
       title: `${clock(event.time)} s: ${event.text}`, ariaLabel: `${clock(event.time)} s: ${event.text}` });

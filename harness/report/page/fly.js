@@ -100,9 +100,9 @@
 
   /* events, limits and still values of the file are not those of another flight */
   const fixed = new Set(about.fixed), stays = (curve) => fixed.has(curve.x) || fixed.has(curve.y);
-  const dataOf = (flight, constants) => {
+  const dataOf = (flight, constants, arrays, verdicts) => {
     const data = structuredClone(original);
-    for (const name of ["events", "phases", "story"]) if (data.scene && data.scene[name]) data.scene[name] = [];
+    if (data.scene) data.scene = Course.told(data.scene, numbersOf(arrays), flight.time.at(-1), verdicts);
     for (const section_ of data.figures)
       for (const figure of section_.figures)
         for (const plot of figure.plots) {
@@ -128,6 +128,12 @@
     return texts.length === 1 ? texts[0] : `[${texts.join(", ")}]`;
   };
 
+  /* the numbers of an array, of this flight or of the file */
+  const numbersOf = (arrays) => (name) => {
+    const { data } = arrays[name];
+    return typeof data === "string" ? new Float32Array(bytes(data).buffer) : data;
+  };
+
   /* ---- the page ---- */
   const badge = (kind, text) => Object.assign(document.createElement("span"), { className: `badge ${kind}`, textContent: text });
   const writeVerdicts = (verdicts) => {
@@ -147,7 +153,7 @@
     for (const each of document.querySelectorAll(OF_FILE)) each.classList.toggle("of-file", changed);
     const gone = original.scene && fixed.size ? " Arrows, plots or parts of the replay named so are those of the file." : "";
     part(".stale").hidden = !changed;
-    part(".stale").textContent = `Replay, plots, signals and requirements show the new run. Shapes, zones, limits, phases, events and rules of the replay, headline figures, claims and safety tiles are those of the file.${gone}`;
+    part(".stale").textContent = `Replay with its phases, events and rules, plots, signals and requirements show the new run. Shapes, zones, limits, headline figures, claims and safety tiles are those of the file.${gone}`;
   };
   const present = (data, arrays) => {
     const { replay } = window.report, state = replay && replay.state();
@@ -201,8 +207,10 @@
     part(".bits").textContent = same ? await compared(flight) : "";
     mark(!same);
     const key = JSON.stringify(settings);
-    if (flight.rows > 1 && key !== (shown || JSON.stringify(sliders.map((s) => s.base))))
-      present(same ? original : dataOf(flight, constants), same ? stored : arraysOf(flight, constants));
+    if (flight.rows > 1 && key !== (shown || JSON.stringify(sliders.map((s) => s.base)))) {
+      const arrays = same ? stored : arraysOf(flight, constants);
+      present(same ? original : dataOf(flight, constants, arrays, verdicts), arrays);
+    }
     shown = key;
     say(outcome(flight, seconds));
     Object.assign(window.report.live, { flight: { rows: flight.rows, complete: flight.complete, message: flight.message, seconds }, verdicts, settings });

@@ -13,7 +13,7 @@ function makeStory(view) {
     made.title = rule.title;
     made.append(node("i", "", ""), node("span", "", rule.name), node("b", "", ""));
     view.listen(made, "click", () => { if (rule.violated !== null) { view.timeline.play(false); view.timeline.seek(rule.violated); } });
-    return { ...rule, made, margins: array(rule.margin), states: array(rule.state) };
+    return { ...rule, made, margins: rule.margin && array(rule.margin), which: rule.which && array(rule.which), states: array(rule.state) };
   });
   part(".rules").replaceChildren(...rules.map((rule) => rule.made));
   part(".title").textContent = scene.title || "";
@@ -21,12 +21,14 @@ function makeStory(view) {
 
   function showRules(at) {
     for (const rule of rules) {
-      const state = history.state(rule.states, at), margin = history.state(rule.margins, at);
+      const state = history.state(rule.states, at);
       const late = rule.violated !== null && view.now >= rule.violated;
       rule.now = state === VIOLATED ? "violated" : late ? "was" : state === RESTS ? "rests" : "holds";
       rule.made.className = `rule ${rule.now}`;
-      rule.made.children[2].textContent = state === RESTS ? "rests"
-        : `${state === VIOLATED ? "violated, " : ""}${unit(margin, rule.unit)}${rule.now === "was" ? `, violated at ${view.timeline.clock(rule.violated)} s` : ""}`;
+      const now = rule.words ? (state === VIOLATED ? rule.words[history.state(rule.which, at)] : "all rules hold")
+        : unit(history.state(rule.margins, at), rule.unit);
+      rule.made.children[2].textContent = state === RESTS ? (rule.words ? "all rules rest" : "rests")
+        : `${state === VIOLATED ? "violated, " : ""}${now}${rule.now === "was" ? `, violated at ${view.timeline.clock(rule.violated)} s` : ""}`;
     }
   }
 
@@ -37,11 +39,13 @@ function makeStory(view) {
     if (scene.speed) found.push([unit(history.scalar(array(scene.speed), at), "m/s"), "relative speed"]);
     for (const extra of scene.numbers || [])
       found.push(extra.words ? [extra.words[history.state(array(extra.values), at)], extra.name]
-        : [unit(extra.factor * history.scalar(array(extra.values), at), extra.unit), extra.name]);
+        : [unit(extra.factor * history.scalar(array(extra.values), at), extra.unit), named(extra.name)]);
     if (view.sky.dark > 0.5) found.push(["in the shadow of the Earth", ""]);
     return found;
   }
-  const phase = () => phases.filter((each) => each.begin <= view.now).pop()?.text || "";
+  /* of the only run, or of one of several */
+  const phase = (run = "") => phases.filter((each) => (each.run || "") === run && each.begin <= view.now).pop()?.text || "";
+  const named = (run) => [run, phase(run)].filter(Boolean).join(", ");
   const recent = () => events.filter((each) => each.time <= view.now).pop();
 
   function show(at) {
