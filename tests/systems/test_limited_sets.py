@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Sets `limited` and `[consistency]` of the missions that capture: actuators of such a servicer,
+and notes where the software assumes something else than is flown.
+"""
+
+from __future__ import annotations
+
+import logging
+
+import pytest
+
+from harness import load, run
+from harness.master.changes import apply
+from harness.results.requirements import findings, say_inconsistencies
+from harness.results.verdict import Verdict
+from harness.studies.check import check
+
+SYSTEMS = (
+    "arm_capture",
+    "arm_capture_navigated",
+    "servicing_mission",
+    "servicing_mission_navigated",
+    "servicing_mission_by_arm",
+)
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_a_comparison_takes_the_limited_set_and_no_set_contradicts_itself(system):
+    with load(system) as found:
+        assert found.compared == "limited"
+        assert "limited" in [s.name for s in found.sets]
+    assert not [w for w in check(system).warnings if "expected" in w]
+
+
+@pytest.mark.parametrize(
+    ("system", "given", "rule"),
+    [
+        ("arm_capture", {"servicer.rho_0_H": [0, 4, 0]}, "start where the guidance begins"),
+        ("arm_capture", {"controller.m_hat_0": 20}, "mass estimate near the mass"),
+        ("arm_capture", {"target.mass": 300}, "mechanism knows the target"),
+        (
+            "arm_capture_navigated",
+            {"servicer.joint_torque_max": [9.0] * 7},
+            "software knows the limits of the joints",
+        ),
+        ("servicing_mission", {"servicer.mass_0": 300}, "mass estimate near the mass"),
+        ("servicing_mission", {"servicer.rho_0_H": [9, 0, 0]}, "start beyond the first hold"),
+        (
+            "servicing_mission_navigated",
+            {"monitor.keep_out_half": [30.0] * 3},
+            "second hold outside the keep-out zone",
+        ),
+        (
+            "servicing_mission_navigated",
+            {"monitor.keep_out_half": [130.0] * 3},
+            "first hold outside the keep-out zone",
+        ),
+        (
+            "servicing_mission_by_arm",
+            {"propulsion.thrust_nominal": [1.0] * 16},
+            "software knows the thrusters",
+        ),
+        ("servicing_mission_by_arm", {"target.mass": 300}, "mechanism knows the target"),
+    ],
+)
+def test_a_contradiction_is_a_note_that_names_both_values(caplog, system, given, rule):
+    with load(system) as found, caplog.at_level(logging.WARNING, logger="harness"):
+        say_inconsistencies(apply(found, set=given))
+    (note,) = (r.getMessage() for r in caplog.records if r.getMessage().startswith(f"{rule}: "))
+    (name,) = given
+    assert name in note
+
+
+def verdicts(result):
+    return {found.name: found.verdict for found in findings(result)}
+
+
+def test_the_arm_captures_with_the_actuators_of_such_a_servicer():
+    """Every requirement met; no wheel, thruster or joint at its limit all the time."""
+    result = run("arm_capture", params="limited", every=10)
+    assert set(verdicts(result).values()) == {Verdict.MET}
+    assert 0.05 < abs(result["servicer.wheel_speed"]).max() < 0.5
+    assert (abs(result["propulsion.F_S"]) <= [2, 1, 1]).all()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("system", "missed"),
+    [
+        ("arm_capture_navigated", set()),
+        ("servicing_mission", set()),
+        ("servicing_mission_navigated", {"at_rest", "increments"}),
+    ],
+)
+def test_requirements_on_limited_actuators(system, missed):
+    """What the set does not meet stands in docs/models.md J.7."""
+    found = verdicts(run(system, params="limited", every=10))
+    assert {name for name, verdict in found.items() if verdict is not Verdict.MET} == missed
