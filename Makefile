@@ -218,6 +218,11 @@ dist: build
 wheel: build site
 	$(RUN) $(BIN)/pip wheel --quiet --no-build-isolation --no-deps --wheel-dir dist .
 
+# what the tests know of every FMU and parameter set, as resource meta data (.srmd) in one archive
+.PHONY: traceability
+traceability: build
+	$(BIN)/python .ci/traceability.py build -o build/traceability.zip
+
 sdist: $(TOOLS)
 	cd "$(CURDIR)" && $(BIN)/python -c 'import scikit_build_core.build as b; b.build_sdist("dist")'
 
@@ -228,6 +233,8 @@ release: build site dist sdist
 	$(RUN) SERVICING_FMUS_PACKED=$(CURDIR)/dist $(BIN)/pip wheel --quiet --no-build-isolation \
 	  --no-deps --wheel-dir dist -C build-dir=build/release .
 	mkdir -p dist/ssp && cp build/release/ssp/*.ssp dist/ssp
+	$(BIN)/python .ci/reference_systems.py dist
+	$(BIN)/python .ci/traceability.py dist -o dist/traceability.zip
 	$(BIN)/python .ci/release.py dist
 
 clean:

@@ -18,8 +18,14 @@ from xml.etree import ElementTree
 
 ROOT = Path(__file__).resolve().parents[1]
 STYLE = "body{font-family:sans-serif;margin:2em}td,th{padding:.2em .6em;text-align:left}"
-KINDS = {".fmu": "FMUs", ".ssp": "Systems", ".whl": "Python", ".gz": "Python"}
-COLUMNS = ("File", "Purpose", "Platforms", "kB", "SHA-256")
+KINDS = {
+    ".fmu": "FMUs",
+    ".ssp": "Systems",
+    ".zip": "Traceability",
+    ".whl": "Python",
+    ".gz": "Python",
+}
+COLUMNS = ("File", "Purpose", "Platforms, standards", "kB", "SHA-256")
 DESCRIPTIONS = {".fmu": "modelDescription.xml", ".ssp": "SystemStructure.ssd"}
 
 
@@ -46,13 +52,22 @@ def checksums(folder: Path) -> str:
 
 
 def about(path: Path) -> tuple[str, str]:
-    """What an archive says of itself, and the platforms of its binaries."""
+    """What an archive says of itself; its standard with the platforms of its binaries or the number
+    of its components.
+    """
+    if path.suffix == ".zip":
+        return "equations, sources, validation and verdicts of FMUs and parameter sets", "SRMD 1.1"
     if path.suffix not in DESCRIPTIONS:
         return "", ""
     with zipfile.ZipFile(path) as archive:
         root = ElementTree.fromstring(archive.read(DESCRIPTIONS[path.suffix]))
         places = {n.split("/")[1] for n in archive.namelist() if n.startswith("binaries/")}
-    return root.get("description", ""), ", ".join(sorted(places))
+    components = sum(1 for e in root.iter() if e.tag.endswith("}Component") and e.get("source"))
+    what = f"{components} FMUs" if path.suffix == ".ssp" else ", ".join(sorted(places))
+    standard = (
+        f"FMI {root.get('fmiVersion')}" if path.suffix == ".fmu" else f"SSP {root.get('version')}"
+    )
+    return root.get("description", ""), f"{standard}: {what}"
 
 
 def index(folder: Path) -> Iterator[str]:

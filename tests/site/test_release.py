@@ -16,6 +16,8 @@ import pytest
 
 import harness
 from harness.files import paths
+from harness.master.simulation import Simulation
+from harness.system.interface import read_interface
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -70,7 +72,33 @@ def test_the_page_lists_every_artefact_with_its_checksum(folder, release):
         assert f"href='{path.relative_to(folder).as_posix()}'" in page
         assert release.digest(path) in page
     assert "Tumbling non-cooperative target" in page
-    assert "linux64" in page
+    assert "FMI 2.0: linux64" in page
+    assert "SSP 1.0: 6 FMUs" in page
+
+
+def test_every_system_has_a_twin_of_ssp_2_and_fmi_3(tmp_path):
+    from harness.ssp.reader import opened
+
+    spec = importlib.util.spec_from_file_location("twins", ROOT / ".ci/reference_systems.py")
+    twins = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(twins)
+    shutil.copytree(paths.fmus()["target"].parents[1] / "fmus3", tmp_path / "fmus3")
+    (tmp_path / "ssp").mkdir()
+    shutil.copy(paths.systems()["sync_approach"], tmp_path / "ssp")
+    (twin,) = twins.write(tmp_path)
+    assert twins.write(tmp_path) == [twin]
+    assert twin.name == "sync_approach.fmi3.ssp"
+    with opened(twin) as new, opened(paths.systems()["sync_approach"]) as old:
+        assert new.connections == old.connections
+        assert all(read_interface(c.fmu).fmi == 3 for c in new.components)
+        bits = [_rows(system) for system in (new, old)]
+    assert bits[0] == bits[1]
+
+
+def _rows(system):
+    with Simulation(system, stop=5.0) as simulation:
+        simulation.advance()
+        return simulation.recorder.rows.tobytes()
 
 
 COMPILER = """import sys

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Traceability: a resource meta data file (.srmd of SSP Traceability 1.1) for every FMU and every
+parameter set of every system, made of what the tests know and packed into one archive.
+
+python .ci/traceability.py build -o build/traceability.zip      # make traceability
+
+The folder has FMUs in fmus/ and fmus3/ and systems in ssp/. Of an FMU the file tells the equations
+and their source, the hash of its sources, the options of its compiler and what became of the cases
+of `harness validate`; of a parameter set what became of requirements and claims in its run. What is
+not known is left out. The same build gives the same bytes: there is no date and no person.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import sys
+import zipfile
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from xml.etree import ElementTree
+
+from harness import load, run
+from harness.claims.case import validate
+from harness.claims.report import judged
+from harness.errors import HarnessError
+from harness.files.archive import pack
+from harness.mission.claim import Row
+from harness.results.requirements import findings
+from harness.results.verdict import Kind
+from harness.system.model import DEFAULT_SET
+from ssp.validation.case import cases
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.append(str(ROOT / "fmus/core/build"))
+from package_fmu import opening_comment  # noqa: E402
+
+SRMD = "http://ssp-standard.org/SSPTraceability1/SimulationResourceMetaData"
+STC = "http://ssp-standard.org/SSPTraceability1/SSPTraceabilityCommon"
+TYPE = "io.github.servicing-fmus"
+
+Entry = tuple[str, str]
+"""A keyword and its value."""
+
+
+def srmd(name: str, data: str, content: bytes, kind: str, entries: Iterable[Entry]) -> bytes:
+    """The file about a resource of that content; data: where it lies, relative to the file."""
+    for prefix, space in (("srmd", SRMD), ("stc", STC)):
+        ElementTree.register_namespace(prefix, space)
+    root = ElementTree.Element(f"{{{SRMD}}}SimulationResourceMetaData")
+    checksum = hashlib.sha3_256(content).hexdigest().upper()
+    root.attrib |= {"version": "1.1", "name": name, "data": data, "checksum": checksum}
+    root.attrib |= {"checksumType": "SHA3-256"}
+    table = ElementTree.SubElement(root, f"{{{STC}}}Classification", {"type": f"{TYPE}.{kind}"})
+    for keyword, text in entries:
+        entry = ElementTree.SubElement(table, f"{{{STC}}}ClassificationEntry")
+        entry.attrib["keyword"], entry.text = keyword, text
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
+
+
+def about_fmu(path: Path, rows: Sequence[Row]) -> Iterator[Entry]:
+    """What is known of an FMU; rows: of all cases of `harness validate`."""
+    with zipfile.ZipFile(path) as archive:
+        files = {name: archive.read(name) for name in sorted(archive.namelist())}
+    source = files[f"sources/{path.stem}.c"].decode()
+    yield "source.equations", opening_comment(source).strip()
+    digest = hashlib.sha256()
+    for name in (name for name in files if name.startswith("sources/")):
+        digest.update(f"{name}\0{len(files[name])}\0".encode() + files[name])
+    yield "source.sha256", digest.hexdigest()
+    if build := files.get("sources/buildDescription.xml"):
+        for file_set in ElementTree.fromstring(build).iter("SourceFileSet"):
+            yield "build.compiler", f"{file_set.get('compiler')} {file_set.get('compilerOptions')}"
+    flown = {case.id: case.fmu for case in cases()}
+    for name in dict.fromkeys(row.case for row in rows if flown[row.case] == path.stem):
+        yield "validation.case", _validated([row for row in rows if row.case == name])
+
+
+def _validated(rows: Sequence[Row]) -> str:
+    """A case: whose numbers, how far we are from them, and the verdict."""
+    shown = "; ".join(
+        f"{r.quantity} {r.difference:.1g} of {r.tolerance:.1g} {r.unit}" for r in rows
+    )
+    verdict = "agrees" if all(row.within for row in rows) else "DIFFERS"
+    return f"{rows[0].case} ({rows[0].source['name']}): {shown}; {verdict}"
+
+
+def about_set(system: Path, params: str) -> Iterator[Entry]:
+    """What became of the run of a parameter set."""
+    try:
+        result = run(system, params=params)
+    except HarnessError as error:
+        yield "run", " ".join(str(error).split())
+        return
+    yield "run", "complete" if result.complete else f"ends early at {result.time[-1]:g} s"
+    for found in findings(result):
+        yield "requirement.verdict", str(found)
+    for paper, claims, deviations in judged(result):
+        other = "; not the case of the paper" if deviations else ""
+        for claim, judgement in claims:
+            verdict = Kind.CLAIM.word(judgement.verdict)
+            yield "claim.verdict", f"{paper.title}: {claim.name}: {verdict}{other}"
+
+
+def contents(folder: Path, rows: Sequence[Row]) -> dict[str, bytes]:
+    """Files of the archive by name."""
+    found = {}
+    for kind, ending in (("fmus", ""), ("fmus3", ".fmi3")):
+        for path in sorted((folder / kind).glob("*.fmu")):
+            name = f"{path.stem}{ending}"
+            about = about_fmu(path, rows)
+            found[f"{name}.srmd"] = srmd(
+                name, f"{kind}/{path.name}", path.read_bytes(), "model", about
+            )
+    for path in sorted((folder / "ssp").glob("*.ssp")):
+        with load(path) as system:
+            sets = [DEFAULT_SET, *(each.name for each in system.sets)]
+        for params in sets:
+            name, about = f"{path.stem}.{params}", about_set(path, params)
+            found[f"{name}.srmd"] = srmd(
+                name, f"ssp/{path.name}", path.read_bytes(), "parameters", about
+            )
+    return found
+
+
+def main() -> None:
+    """Command line, see the docstring of the module."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    a = parser.parse_args()
+    pack(a.output, contents(a.folder, validate()))
+    print(a.output)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Resource meta data (.srmd): by the schema of SSP Traceability, true, and the same every time."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import shutil
+import sys
+import zipfile
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+import xmlschema
+
+from harness.files import paths
+from harness.mission.claim import Row
+
+ROOT = Path(__file__).resolve().parents[2]
+SPACE = "{http://ssp-standard.org/SSPTraceability1/SSPTraceabilityCommon}"
+XLINK = "http://www.w3.org/1999/xlink"
+NAMES = ("type", "href", "role", "arcrole", "title", "show", "actuate", "label", "from", "to")
+SOURCE = {"name": "Vallado", "where": "", "licence": ""}
+ROWS = [
+    Row("vallado-2-6", "start", SOURCE, "r_TN_N", 9e-10, 1e-6, "m"),
+    Row("vallado-2-6", "start", SOURCE, "v_TN_N", 2e-9, 1e-9, "m/s"),
+    Row("vallado-2-4", "orbit", SOURCE, "r_TN_N", 1e-7, 1e-4, "m"),
+    Row("basilisk-wheels", "wheels", SOURCE, "C", 7e-8, 3e-7, "rad"),
+]
+TOLD = [
+    "vallado-2-6 (Vallado): r_TN_N 9e-10 of 1e-06 m; v_TN_N 2e-09 of 1e-09 m/s; DIFFERS",
+    "vallado-2-4 (Vallado): r_TN_N 1e-07 of 0.0001 m; agrees",
+]
+
+
+@pytest.fixture(scope="module")
+def traceability():
+    spec = importlib.util.spec_from_file_location("traceability", ROOT / ".ci/traceability.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The two archives of one model, as a build has them."""
+    place = tmp_path_factory.mktemp("build")
+    for kind in ("fmus", "fmus3"):
+        (place / kind).mkdir()
+        shutil.copy(paths.fmus()["target"].parents[1] / kind / "target.fmu", place / kind)
+    return place
+
+
+@pytest.fixture(scope="module")
+def schema(tmp_path_factory):
+    """That of a package, with a stand-in for the schema of links, which it would fetch."""
+    stub = tmp_path_factory.mktemp("schema") / "xlink.xsd"
+    attributes = "".join(f'<xs:attribute name="{name}" type="xs:string"/>' for name in NAMES)
+    stub.write_text(
+        '<xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema" '
+        f'targetNamespace="{XLINK}">{attributes}</xs:schema>',
+        encoding="utf-8",
+    )
+    package = Path(importlib.util.find_spec("pyssp_standard").origin).parent
+    file = package / "resources/SRMD11.xsd"
+    return xmlschema.XMLSchema11(str(file), locations={XLINK: str(stub)}, allow="local")
+
+
+def entries(data, keyword):
+    table = ElementTree.fromstring(data).iter(f"{SPACE}ClassificationEntry")
+    return [entry.text for entry in table if entry.get("keyword") == keyword]
+
+
+def test_files_are_valid_and_a_wrong_one_would_not_be(traceability, folder, schema):
+    found = traceability.contents(folder, ROWS)
+    assert sorted(found) == ["target.fmi3.srmd", "target.srmd"]
+    for data in found.values():
+        assert [e.reason for e in schema.iter_errors(data.decode())] == []
+        assert list(schema.iter_errors(data.decode().replace("checksum=", "sum=")))
+
+
+def test_an_fmu_is_told_by_its_hash_its_sources_and_its_cases(traceability, folder):
+    for name, data in traceability.contents(folder, ROWS).items():
+        root = ElementTree.fromstring(data)
+        content = (folder / root.attrib["data"]).read_bytes()
+        assert bytes.fromhex(root.attrib["checksum"]) == hashlib.sha3_256(content).digest()
+        assert entries(data, "validation.case") == TOLD
+        assert "Source: Zhu & Yang 2009" in entries(data, "source.equations")[0]
+        assert len(entries(data, "source.sha256")) == 1
+        assert len(entries(data, "build.compiler")) == ("fmi3" in name)
+
+
+def test_what_a_set_is_worth_is_what_its_run_says(traceability, schema):
+    system = paths.systems()["sync_approach"]
+    about = traceability.about_set(system, "default")
+    data = traceability.srmd("x", "ssp/x.ssp", system.read_bytes(), "parameters", about)
+    assert list(schema.iter_errors(data.decode())) == []
+    assert entries(data, "run") == ["complete"]
+    verdicts = entries(data, "requirement.verdict")
+    assert [v.partition(" (")[0] for v in verdicts][:2] == ["NOT MET: distance", "met: tracking"]
+    claims = entries(data, "claim.verdict")
+    assert any(text.endswith(": arrival: reproduced") for text in claims)
+
+
+def test_the_command_packs_the_same_bytes_again(traceability, folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(traceability, "validate", lambda: ROWS)
+    written = []
+    for name in ("a.zip", "b.zip"):
+        monkeypatch.setattr(sys, "argv", ["x", str(folder), "-o", str(tmp_path / name)])
+        traceability.main()
+        written.append((tmp_path / name).read_bytes())
+    assert written[0] == written[1]
+    with zipfile.ZipFile(tmp_path / "a.zip") as archive:
+        assert sorted(archive.namelist()) == ["target.fmi3.srmd", "target.srmd"]
