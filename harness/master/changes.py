@@ -115,7 +115,8 @@ def _required(system: System, given: Sequence[str] | Mapping[str, str]) -> Syste
         return system
     further = dict(given) if isinstance(given, Mapping) else {text: text for text in given}
     if found := refused(system, further):
-        raise UsageError("\n".join(f"--require {problem}" for problem in found))
+        option = "" if isinstance(given, Mapping) else "--require "
+        raise UsageError("\n".join(option + problem for problem in found))
     return replace(system, requirements={**system.requirements, **further})
 
 

@@ -248,6 +248,7 @@ REFUSED = {
     ),
     "no draw": (worst, {"factors": {}}, "nothing is drawn"),
     "no box": (worst, {"worst": {"of": "small", "box": 0.0}}, "worst.box: expected a number above"),
+    "certain": (probability, {"probability": {"of": "small", "below": 1.0}}, "expected a probabil"),
     "no repeat": (probability, {"probability": {"of": "small", "flights": 0}}, "above 0"),
     "small map": (
         boundary,
@@ -273,6 +274,19 @@ def test_wrong_use_is_refused(name, system, tmp_path):
     with pytest.raises((UsageError, StructureError), match=problem):
         study(table(system) | more, tmp_path / "x.zarr", workers=0)
     assert name == "nominal" or not (tmp_path / "x.zarr").exists()
+
+
+def test_a_gain_that_is_not_there_is_told_with_the_file(system, tmp_path):
+    text = f"""
+        system = "{system}"
+        [factors]
+        "twice.k" = {{normal = {{mean = 2.0, sigma = 0.5}}}}
+        [tune.gains]
+        "twice.kk" = {{log_normal = {{median = 1.0, sigma = 0.5}}}}
+    """
+    (tmp_path / "mine.toml").write_text(text)
+    with pytest.raises(StructureError, match=r"^mine.toml: factors.twice.kk: .*close: k"):
+        tune(tmp_path / "mine.toml", tmp_path / "x.zarr", workers=0)
 
 
 def test_a_system_without_requirements_and_a_campaign_without_any_are_refused(fmus, tmp_path):
@@ -449,7 +463,7 @@ def test_a_campaign_of_as_many_runs_as_wilks_demands(system, tmp_path):
             {"until": {"success": 0.9}, "factors": {"twice.k": {"list": [1.0]}}},
             "until: counts draws",
         ),
-        ({"requirements": {"own": "twice.z > 1"}}, "close: twice.y"),
+        ({"requirements": {"own": "twice.z > 1"}}, r"requirements: own: .* \(close: twice.y"),
         ({"requirements": {"own": "twice.y"}}, "is not a condition"),
     ],
 )

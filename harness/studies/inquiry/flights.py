@@ -54,12 +54,12 @@ class Flights:
         definition: str | Path | Mapping[str, Any],
         *,
         workers: int | None = None,
-        folder: Path | None = None,
+        file: Path | None = None,
         said: Callable[[str], None] = lambda _: None,
     ) -> None:
         path = None if isinstance(definition, Mapping) else Path(definition)
-        if folder is not None:  # where files are looked for that a table names
-            path = folder / "campaign.toml"
+        if file is not None:  # which the table is from: files that it names lie beside it
+            path = file
         table = {
             k: v
             for k, v in table_of(

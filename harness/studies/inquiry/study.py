@@ -103,6 +103,8 @@ def _wrong(kind: str, given: Mapping[str, Any]) -> Iterator[str]:
         if isinstance(wanted, float):
             if not number or not value > 0:
                 yield f"{kind}.{name}: expected a number above 0, got {value!r:.60}"
+            elif name == "below" and value >= 1:
+                yield f"{kind}.below: expected a probability, below 1, got {value!r:.60}"
         elif isinstance(wanted, int):
             if not number or value != int(value) or value < 1:
                 yield f"{kind}.{name}: expected a whole number above 0, got {value!r:.60}"

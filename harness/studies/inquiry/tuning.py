@@ -123,14 +123,12 @@ def tune(definition: Any, output: str | Path, **how: Any) -> Study:
     entry = entries("tune", table)
     if not entry["gains"]:
         raise UsageError("tune.gains: expected a draw per gain, as in [factors]")
-    folder = Path.cwd() if isinstance(definition, Mapping) else Path(definition).parent
+    file = Path("campaign.toml" if isinstance(definition, Mapping) else definition)
     factors = {**table.get("factors", {}), **entry["gains"]}
-    flights = Flights(
-        {**table, "factors": factors}, workers=how.get("workers"), folder=folder.resolve()
-    )
+    flights = Flights({**table, "factors": factors}, workers=how.get("workers"), file=file)
     of = {n: column(flights, n, slope=True) for n in asked(entry["of"], flights)}
     gains = [p for n in entry["gains"] for p in flights.groups[n]]
-    archive = Store.open(folder / entry["archive"]) if entry["archive"] else None
+    archive = Store.open(file.parent / entry["archive"]) if entry["archive"] else None
     method, runs = tuned(flights, gains, entry, archive, list(of))
     with begun("tune", flights, runs, output, how) as driver:
         found = driver.answer(method, list(of.values()))
