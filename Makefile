@@ -18,7 +18,9 @@ RUN    := PATH="$(CURDIR)/$(BIN):$$PATH"
 CMAKE  := $(RUN) cmake -DPython_EXECUTABLE=$(CURDIR)/$(BIN)/python
 # on all cores; a worker that has nothing left takes over tests of another one. Bytecode is kept, or
 # every worker and each of the thousand processes that tests start would compile all modules anew.
-PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/pytest -n auto --dist worksteal
+# Each worker does its linear algebra alone: further threads of OpenBLAS spin while they wait, on
+# processors that the other workers need.
+PYTEST := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
 SOURCES := $(shell find fmus ssp harness -name '*.py' -o -name '*.[ch]' -o -name '*.toml' \
                      -o -name CMakeLists.txt)
 CODE    := .ci examples fmus harness tests

@@ -30,7 +30,7 @@ from tests.each import Each, call_for_each
 
 settings.register_profile(
     "repeatable",
-    max_examples=12,
+    max_examples=8,
     derandomize=True,
     database=None,
     deadline=None,

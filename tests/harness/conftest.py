@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from matplotlib import rc_context
 
-from harness.figures import campaign, plots, style
 from harness.system.model import Component, Connection, Experiment, Parameter, Port, System
 from tests.harness.foreign_fmu import MODELS, build
+from tests.sketches import sketched
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -76,16 +75,8 @@ def _port(name: str) -> Port:
 
 @pytest.fixture(scope="module", autouse=True)
 def _sketches() -> Iterator[None]:
-    """Pictures without their layout and of few pixels: how they look is tested elsewhere."""
-
-    def save(canvas: Any, path: Path) -> Path:
-        canvas.set_layout_engine("none")
-        with rc_context({"savefig.dpi": 20}):
-            return style.save(canvas, path)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plots, "save", save)
-        patch.setattr(campaign, "save", save)
+    """How pictures look is tested elsewhere."""
+    with sketched():
         yield
 
 

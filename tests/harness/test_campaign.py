@@ -673,7 +673,8 @@ for level in ("3", "4"):
         capture_output=True,
         text=True,
         check=False,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
+        env={n: v for n, v in os.environ.items() if not n.endswith("_NUM_THREADS")}
+        | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
     )
     wanted = "once\n{1} {1.0} {1.0} {3.0}\n{1} {1.0} {1.0} {4.0}\n"
     assert (ended.stdout, ended.stderr) == (wanted, "")

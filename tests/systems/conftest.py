@@ -8,6 +8,14 @@ import pytest
 from harness import run
 from harness.report.html import write
 from tests.harness.chromium import browser
+from tests.sketches import sketched
+
+
+@pytest.fixture
+def sketches():
+    """How pictures look does not matter."""
+    with sketched():
+        yield
 
 
 @pytest.fixture(scope="module")

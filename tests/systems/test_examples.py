@@ -26,6 +26,7 @@ PRINTS = {
     "own_controller.py": r"(?s).*position error after 5 min: at most \d\.\d mm\n",
 }
 """What the scripts print, by name; my_controller.py is run by the interoperability tests."""
+LONG = pytest.mark.long
 
 
 def test_every_script_is_run():
@@ -34,7 +35,13 @@ def test_every_script_is_run():
     assert all(f"`{name}`" in (EXAMPLES / "README.md").read_text() for name in scripts)
 
 
-@pytest.mark.parametrize("name", PRINTS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=() if name in ("run_and_read.py", "own_controller.py") else LONG)
+        for name in PRINTS
+    ],
+)
 def test_an_example_runs_and_prints_what_it_found(name, tmp_path):
     done = subprocess.run(
         [sys.executable, EXAMPLES / name],

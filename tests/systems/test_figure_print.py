@@ -207,7 +207,7 @@ def test_letters_of_stix_on_demand():
 # ---- captions, comparisons
 
 
-def test_captions_stand_beside_the_figures_of_a_paper(tmp_path, capsys):
+def test_captions_stand_beside_the_figures_of_a_paper(tmp_path, capsys, sketches):
     file = tmp_path / "out.nc"
     ResultFile(file).write(result_of(PLAIN))
     assert main(["plot", str(file), "-o", str(tmp_path), "--style", "serif"]) == 0
@@ -224,7 +224,9 @@ def test_captions_stand_beside_the_figures_of_a_paper(tmp_path, capsys):
     ]
 
 
-def test_what_one_run_alone_has_is_not_compared_and_who_is_missing_is_named(tmp_path, caplog):
+def test_what_one_run_alone_has_is_not_compared_and_who_is_missing_is_named(
+    tmp_path, caplog, sketches
+):
     ours = run("ppc_tracking", stop=5.0)
     other = run("ppc_tracking", stop=5.0, swap=["controller=pid_controller"])
     names = {path.stem for path in overlay({"ppc": ours, "pid": other}, tmp_path)}

@@ -219,7 +219,7 @@ def test_panels_of_zeros_are_left_out_and_named_in_the_title():
     assert "zero throughout: rate [deg/s], torque [N\u00a0m]" in canvas._suptitle.get_text()
 
 
-def test_a_figure_in_which_nothing_changes_is_left_out_with_a_note(tmp_path, caplog):
+def test_a_figure_in_which_nothing_changes_is_left_out_with_a_note(tmp_path, caplog, sketches):
     paths = plot(flight("space_robot", 3000.0), tmp_path)
     assert "poincare" not in {path.stem for path in paths}
     assert "not drawn, for nothing changes in them: poincare" in caplog.text
@@ -234,7 +234,7 @@ def test_torque_on_a_frozen_attitude_is_shaded():
     assert not painted("torque", flight("ppc_tracking")).axes[0].patches
 
 
-def test_several_runs_that_do_nothing_are_left_out(tmp_path):
+def test_several_runs_that_do_nothing_are_left_out(tmp_path, sketches):
     result = flight("sync_approach")
     names = {path.stem for path in overlay({"a": result, "b": result}, tmp_path)}
     assert "compared_range" in names

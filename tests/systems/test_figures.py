@@ -146,7 +146,7 @@ def test_names_of_figures_that_fit_one_result_differ():
 
 
 @pytest.mark.parametrize(("ending", "head"), [("svg", b"<?xml"), ("pdf", b"%PDF")])
-def test_figures_for_print_are_written_on_demand(tmp_path, ending, head):
+def test_figures_for_print_are_written_on_demand(tmp_path, sketches, ending, head):
     results = tmp_path / "x.nc"
     ResultFile(results).write(flight("space_robot", "joint_controller"))
     assert main(["plot", str(results), "--format", ending]) == 0
@@ -272,7 +272,7 @@ def test_an_overlay_has_one_line_per_run_and_panel_and_one_legend(tmp_path):
     assert [text.get_text() for text in legend.get_texts()] == list(results)
 
 
-def test_a_run_without_a_variable_is_left_out_and_the_others_keep_their_colours(tmp_path):
+def test_a_run_without_a_variable_is_left_out_and_the_others_keep_their_colours(tmp_path, sketches):
     results = dict(reversed(controllers().items()))
     (figure_,) = (f for f in OVERLAYS if f.name == "compared_acceleration")
     runs = {label: r for label, r in results.items() if figure_.fits(r)}
@@ -347,7 +347,7 @@ def test_a_figure_without_one_of_its_variables_is_left_out():
     assert {figure.name for figure in figures_of(result)} == LINE_OF_SIGHT
 
 
-def test_a_folder_that_cannot_be_written_is_one_line(tmp_path):
+def test_a_folder_that_cannot_be_written_is_one_line(tmp_path, sketches):
     (tmp_path / "file").write_text("")
     for draw in (
         lambda: plot(flight("sync_approach", "pid_controller"), tmp_path / "file"),

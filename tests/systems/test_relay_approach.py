@@ -181,7 +181,11 @@ def fighting(result) -> float:
 
 
 @pytest.mark.parametrize(
-    "dead_time", [{"algorithm": "jacobi"}, {"late": ("guidance", "controller")}]
+    "dead_time",
+    [
+        {"algorithm": "jacobi"},
+        pytest.param({"late": ("guidance", "controller")}, marks=pytest.mark.long),
+    ],
 )
 def test_newton_holds_its_range_with_two_ticks_of_dead_time_and_more(dead_time):
     """Jacobi delays every hand-over by a tick; the hold gets no worse than a few metres."""
@@ -261,6 +265,7 @@ print(rows, peak.split()[1])
 """
 
 
+@pytest.mark.long
 @pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="reads the peak of memory from /proc"
 )

@@ -40,7 +40,7 @@ def test_every_figure_is_drawn(tmp_path):
         assert 0.003 < ink.mean() < 0.6, path.name
 
 
-def test_runs_are_drawn_into_one_figure(tmp_path):
+def test_runs_are_drawn_into_one_figure(tmp_path, sketches):
     runs = {params: flight(params) for params in ("cluster", "earth_pointing")}
     assert {path.stem for path in overlay(runs, tmp_path)} == {
         "planned_momentum",
