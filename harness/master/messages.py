@@ -11,7 +11,6 @@ import ctypes
 import logging
 from collections import Counter, deque
 from collections.abc import Sequence
-
 from fmpy import calloc, free
 from fmpy.fmi2 import (
     fmi2CallbackAllocateMemoryTYPE,
@@ -20,6 +19,9 @@ from fmpy.fmi2 import (
     fmi2CallbackLoggerTYPE,
 )
 from fmpy.logging import addLoggerProxy
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 WARNING, DISCARD = 1, 2
 """fmi2Status values: messages of status DISCARD and above explain a failed call."""
@@ -109,3 +111,42 @@ def note_irreversible(instances: Sequence[str]) -> None:
         "%s: fmi2Reset does not bring back the beginning, loaded anew for every further run",
         " or ".join(instances),
     )
+
+
+# ---- notes
+
+class _Keeper(logging.Handler):
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.lines: dict[str, None] = {}
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.lines[record.getMessage()] = None
+
+
+@contextmanager
+def noted() -> Iterator[list[str]]:
+    """What the harness notes in the `with` block, each line once, in place of its log; filled when
+    the block is over.
+    """
+    keeper, kept = _Keeper(), list[str]()
+    spread, _log.propagate = _log.propagate, False
+    _log.addHandler(keeper)
+    try:
+        yield kept
+    finally:
+        _log.removeHandler(keeper)
+        _log.propagate = spread
+        kept += keeper.lines
+
+
+@contextmanager
+def said_once() -> Iterator[None]:
+    """Let the notes of the `with` block through when it is over, each line once."""
+    notes: list[str] = []
+    try:
+        with noted() as notes:
+            yield
+    finally:
+        for note in notes:
+            _log.warning("%s", note)

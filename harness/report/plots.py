@@ -13,16 +13,17 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
-
 from harness.figures.limits import ROUNDING, unit_of
 from harness.mission import Curve, Figure, Panel
 from harness.mission.library import of_result
 from harness.report.arrays import Arrays, kept_points, kept_rows
 from harness.results.result import Result
 from harness.system.names import base
+from collections.abc import Iterator
+from harness.mission import Phase
+
 
 Array = NDArray[np.float64]
 Plot = dict[str, Any]
@@ -246,3 +247,38 @@ def _overlaid(
     first = next(iter(results.values()))
     about = {"levels": _levels(panel, first), "shade": _idle(panel, *results.values())}
     return plot(panel.ylabel, curves, log=panel.log, **about)
+
+
+# ---- phases
+
+def phases(canvas: Canvas, result: Result) -> Iterator[Plot]:
+    """Phase plots of a result whose quantities move."""
+    for phase in of_result(result).phases:
+        if not result.holds(*phase.needs):
+            continue
+        first = int(np.searchsorted(result.time, phase.after(result))) if phase.after else 0
+        columns = [
+            np.atleast_2d(values.T).T[first:]
+            for values in (phase.value(result), phase.rate(result))
+        ]
+        if all(c.size and np.nanmax(c) > np.nanmin(c) for c in columns):
+            yield _plot(canvas, phase, *columns)
+
+
+def _plot(canvas: Canvas, phase: Phase, x: Array, y: Array) -> Plot:
+    curves = []
+    for k in range(x.shape[1]):
+        rows = canvas.rows_of(x[:, k], y[:, k])
+        canvas.thinned |= len(rows) < len(x)
+        name = "" if x.shape[1] == 1 else AXES[k] if x.shape[1] == 3 else str(k + 1)
+        curves.append(
+            {
+                "name": name,
+                "x": canvas.arrays.keep(x[rows, k]),
+                "y": canvas.arrays.keep(y[rows, k]),
+                "colour": k,
+                "dash": DASHES[k],
+                "ends": True,
+            }
+        )
+    return {"title": phase.title, "x": phase.x, "y": phase.y, "time": False, "curves": curves}

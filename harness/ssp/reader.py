@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -36,6 +36,11 @@ from harness.system.model import (
 MAX_COMPONENTS = 10_000
 """Largest number of components of a system."""
 
+MOST_KNOWN = 16
+"""Systems that a process remembers."""
+
+Reading = Callable[[Path], tuple[System, list[str]]]
+
 _log = logging.getLogger("harness")
 
 
@@ -54,14 +59,15 @@ def opened(path: Path) -> Iterator[System]:
 
 
 @contextmanager
-def _unpacked(path: Path) -> Iterator[Path]:
+def _unpacked(path: Path) -> Iterator[tuple[Path, Reading]]:
+    """The folder of an archive, and what its system is read by."""
     with cache.unpacked(path) as kept:
         if kept is not None:
-            yield kept
+            yield kept, _read_once
             return
         with PrivateFolder() as folder:
             unpack(path, folder)
-            yield folder
+            yield folder, _read
 
 
 @contextmanager
@@ -70,12 +76,12 @@ def examined(path: Path) -> Iterator[tuple[System, tuple[str, ...]]]:
 
     Unpacked as by opened(). Raises ArchiveError or StructureError if there is nothing to read.
     """
-    with _unpacked(path) as folder:
+    with _unpacked(path) as (folder, reading):
         try:
-            system, problems = _read(folder)
+            system, problems = reading(folder)
         except StructureError as error:
             raise StructureError(f"{path.name}: {problem}" for problem in error.problems) from error
-        problems += _size_problems(path, system)
+        problems = [*problems, *_size_problems(path, system)]
         yield system, tuple(f"{path.name}: {problem}" for problem in problems)
 
 
@@ -90,6 +96,36 @@ def _size_problems(path: Path, system: System) -> Iterator[str]:
             f"with the FMUs of all components it would unpack to {size} bytes, more than the limit "
             f"of {MAX_UNPACKED}"
         )
+
+
+_known: dict[Path, System] = {}
+"""Systems that were read without a note or a problem, by folders of the cache, whose names say
+their content; the last ones.
+"""
+
+
+def _read_once(folder: Path) -> tuple[System, list[str]]:
+    """As _read(), from a folder of the cache: a process that runs a system again need not read it
+    again, unless there is something to be said of it.
+    """
+    if folder in _known:
+        return _known[folder], []
+    notes: list[logging.LogRecord] = []
+
+    def note(record: logging.LogRecord) -> bool:
+        notes.append(record)
+        return True
+
+    _log.addFilter(note)
+    try:
+        system, problems = _read(folder)
+    finally:
+        _log.removeFilter(note)
+    if not notes and not problems and _log.isEnabledFor(logging.WARNING):
+        while len(_known) >= MOST_KNOWN:
+            del _known[next(iter(_known))]
+        _known[folder] = system
+    return system, problems
 
 
 def _read(folder: Path) -> tuple[System, list[str]]:
