@@ -461,6 +461,12 @@ def test_jobs_of_slurm_are_handed_credentials_in_a_folder_of_ours(slurm, tmp_pat
         "several": True,
     }
     assert list(Path.cwd().glob("harness-*")) == []
+    assert "#SBATCH --mem=2G" in (slurm / "job.sh").read_text()
+
+
+def test_credentials_made_for_a_campaign_allow_nothing_else(tmp_path):
+    for security in (credentials.made(), credentials.made_in(tmp_path)):
+        assert security.require_encryption
 
 
 def local(host):
