@@ -36,6 +36,7 @@ from harness.studies.campaign.draft import read_plan
 from harness.studies.campaign.engine import Block
 from harness.studies.campaign.factors import factor
 from harness.studies.campaign.store import Store
+from harness.studies.campaign.worker import COMPLETE, FAILED
 from harness.system.units import with_unit
 from tests.each import some
 from tests.harness.foreign_fmu import Model, build, p, u, y
@@ -138,6 +139,7 @@ NOT_TO_BE_DRAWN = [
     ("log_normal", {"median": 1.0, "sigma": 0.0}, "sigma must be positive, not 0.0"),
     ("log_normal", {"median": 0.0, "sigma": 1.0}, "median must be positive, not 0.0"),
     ("uniform", {"low": 1.0, "high": 1.0}, "low must be smaller than high, not 1.0"),
+    ("uniform", [1.0, 2.0], "uniform: expected a table of numbers"),
     ("uniform", {"low": [[1.0]], "high": [[2.0]]}, "expected a number or a vector"),
     ("rotation", {"sigma": 0.0}, "sigma must be positive, not 0.0"),
     ("rotation", {"sigma": 1.0, "attitude": [1.0, 0.0, 0.1, 0.0]}, "must be a unit quaternion"),
@@ -219,6 +221,7 @@ def test_everything_that_is_wrong_is_said_at_once_and_before_the_first_run(syste
     bad = table(
         system,
         runs=0,
+        seed=2**64,
         sampler="sobel",
         colour="red",
         factors={
@@ -238,6 +241,7 @@ def test_everything_that_is_wrong_is_said_at_once_and_before_the_first_run(syste
     for line in (
         "colour: there is no such entry",
         "runs: must be a whole number of at least 1, not 0",
+        "seed: must be at most 18446744073709551615, not 18446744073709551616",
         "sampler: there is no sobel (close: sobol)",
         "factors.twice.q: twice.q: there is no such variable",
         "factors.twice.k: normal: sigma must be positive, not -1.0",
@@ -796,6 +800,9 @@ def test_a_dataset_says_units_and_meanings_of_factors_metrics_and_bands(tmp_path
     assert not {found["rows"], found["area"], found["latency.guidance"]} - {None}
     assert done.data["servicer.mass_0"].attrs["long_name"] == "start mass"
     assert done.data["miss"].attrs["long_name"] == apart
+    status = done.data["status"].attrs
+    flags = dict(zip(status["flag_meanings"].split(), status["flag_values"], strict=True))
+    assert flags == {"pending": 0, "complete": COMPLETE, "failed": FAILED}
     units = dict(zip(done.data["column"].values, done.data["column_units"].values, strict=True))
     assert units["servicer.v_SN_N[2]"] == "m/s"
     assert "\ncost [m/s] " in done.summary()

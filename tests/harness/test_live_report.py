@@ -6,18 +6,20 @@ code for numpy, sliders of a system, refusals.
 from __future__ import annotations
 
 import importlib.util
+import tomllib
 
 import numpy as np
 import pytest
 
 from harness import load, run
-from harness.errors import HarnessError, UsageError
+from harness.errors import HarnessError, StructureError, UsageError
 from harness.files import paths
 from harness.master import web
 from harness.report import conditions, fly
 from harness.report.html import write
 from harness.report.trace import Trace, Traced, traces_kept
 from harness.results.expressions import FUNCTIONS
+from harness.ssp.build import system_of
 from harness.system.graph import read_interfaces
 from harness.system.sliders import problems, sliders
 
@@ -133,6 +135,17 @@ def test_sliders_without_parameter_or_range_are_named():
     assert "has no range of its own" in told[1]
     assert "9 to 3 is no range" in told[2]
     assert "goes beyond what the FMU allows" in told[3]
+
+
+def test_a_range_of_a_slider_is_two_numbers_or_that_of_the_fmu():
+    toml = paths.PACKAGE.parent / "ssp" / "sync_approach" / "system.toml"
+    source = tomllib.loads(toml.read_text(encoding="utf-8"))
+    wrong = {"servicer.mass_0": [1.0], "servicer.Isp": ["a", 2], "servicer.rho_0_H": 3.0}
+    source["fly"] = {"sliders": {"controller.use_wheels": [], **wrong}}
+    with pytest.raises(StructureError) as refused:
+        system_of(source, paths.fmus())
+    line = "[fly] sliders {}: expected [least, largest], got {}"
+    assert list(refused.value.problems) == [line.format(*each) for each in wrong.items()]
 
 
 def test_without_the_compiler_one_line_says_how_to_get_it(monkeypatch, tmp_path):
