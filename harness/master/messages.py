@@ -10,7 +10,9 @@ from __future__ import annotations
 import ctypes
 import logging
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
 from fmpy import calloc, free
 from fmpy.fmi2 import (
     fmi2CallbackAllocateMemoryTYPE,
@@ -19,9 +21,6 @@ from fmpy.fmi2 import (
     fmi2CallbackLoggerTYPE,
 )
 from fmpy.logging import addLoggerProxy
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 
 WARNING, DISCARD = 1, 2
 """fmi2Status values: messages of status DISCARD and above explain a failed call."""
@@ -114,6 +113,7 @@ def note_irreversible(instances: Sequence[str]) -> None:
 
 
 # ---- notes
+
 
 class _Keeper(logging.Handler):
     def __init__(self) -> None:

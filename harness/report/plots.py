@@ -13,17 +13,16 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
+
 from harness.figures.limits import ROUNDING, unit_of
-from harness.mission import Curve, Figure, Panel
+from harness.mission import Curve, Figure, Panel, Phase
 from harness.mission.library import of_result
 from harness.report.arrays import Arrays, kept_points, kept_rows
 from harness.results.result import Result
 from harness.system.names import base
-from collections.abc import Iterator
-from harness.mission import Phase
-
 
 Array = NDArray[np.float64]
 Plot = dict[str, Any]
@@ -250,6 +249,7 @@ def _overlaid(
 
 
 # ---- phases
+
 
 def phases(canvas: Canvas, result: Result) -> Iterator[Plot]:
     """Phase plots of a result whose quantities move."""

@@ -7,26 +7,23 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
+
+from lxml import etree
+
 from harness.errors import StructureError
 from harness.ssp import arrays, schema, xml
-from harness.system.interface import BASE_UNITS
-from harness.system.model import Parameter
-from harness.system.names import elements_of
-from harness.system.units import Affine, Hop, Unit
-from harness.system.values import Scalar
-from collections.abc import Iterable, Mapping
-from lxml import etree
 from harness.ssp.arrays import connector_name, shape, type_name
 from harness.ssp.xml import NS, TOOL, XmlElement, attributes, child, literal, serialized, tag
 from harness.system.conversion import final
-from harness.system.interface import Interface
+from harness.system.interface import BASE_UNITS, Interface
 from harness.system.model import Parameter, Parameters
-from harness.system.values import Variable, resting
-
+from harness.system.names import elements_of
+from harness.system.units import Affine, Hop, Unit
+from harness.system.values import Scalar, Variable, resting
 
 _log = logging.getLogger("harness")
 
