@@ -49,6 +49,50 @@ def _is_python(interface: Interface) -> bool:
     return "PythonFMU" in str(interface.model.generationTool or "")
 
 
+def loaded(
+    name: str, interface: Interface, folder: Path, files: ExitStack, label: str = ""
+) -> Calls:
+    """An instance of an FMU, unpacked below `folder` until `files` are closed; FmuError, which
+    begins with the label.
+    """
+    label += interface.path.name
+    unpacked = _unpacked(interface.path, folder, files)
+    library = _library(interface, unpacked, label)
+    messages.forget(name)
+    try:
+        return calls.load(name, interface, unpacked, library, logging=_is_python(interface))
+    except Exception as error:  # FMPy raises bare Exceptions, ctypes its own
+        reason = messages.take_error(name) or " ".join(str(error).split())
+        raise FmuError(f"{label} cannot be loaded: {reason}") from error
+
+
+def _unpacked(path: Path, folder: Path, files: ExitStack) -> Path:
+    """The unpacked FMU: in the cache, or as a copy of its own below `folder`.
+
+    An FMU from elsewhere may keep globals, and a library that is loaded twice from one file has
+    them once: each of its instances needs files of its own.
+    """
+    kept = files.enter_context(cache.unpacked(path)) if is_ours(path) else None
+    if kept is not None:
+        return kept
+    own = folder / f"fmu-{secrets.token_hex(4)}"
+    files.callback(shutil.rmtree, own, ignore_errors=True)
+    unpack(path, own)
+    return own
+
+
+def _library(interface: Interface, folder: Path, label: str) -> Path:
+    """Path of its library in the unpacked FMU."""
+    places = (folder / name for name in binaries(interface))
+    if (library := next((file for file in places if file.is_file()), None)) is None:
+        raise FmuError(f"{label} holds no binary for this platform")
+    with library.open("rb") as file:
+        reason = machine.foreign(file.read(machine.HEAD))
+    if reason:
+        raise FmuError(f"{label}: {library.relative_to(folder)} {reason}")
+    return library
+
+
 class Instance:
     """An instance of an FMU in its place in the system."""
 
@@ -60,9 +104,11 @@ class Instance:
         self._stepping = False
         self._used = False
         self.node = node
-        self._place, self._files = folder, ExitStack()
+        self._files = ExitStack()
         try:
-            self.calls = self._load()
+            label = f"{self.name}: "
+            self.calls = loaded(self.name, node.interface, folder, self._files, label)
+            self._listen()
         except BaseException:
             self._files.close()
             raise
@@ -100,58 +146,14 @@ class Instance:
 
     # ---- life
 
-    def _load(self) -> Calls:
-        folder = self._unpacked()
-        library = self._library(folder)
-        messages.forget(self.name)
-        interface = self.node.interface
-        try:
-            found = calls.load(self.name, interface, folder, library, logging=_is_python(interface))
-        except Exception as error:  # FMPy raises bare Exceptions, ctypes its own
-            reason = messages.take_error(self.name) or " ".join(str(error).split())
-            raise FmuError(
-                f"{self.name}: {interface.path.name} cannot be loaded: {reason}"
-            ) from error
-        self._listen(found)
-        return found
-
-    def _unpacked(self) -> Path:
-        """The unpacked FMU: in the cache, or as a copy of its own below `place`.
-
-        An FMU from elsewhere may keep globals, and a library that is loaded twice from one file has
-        them once: each of its instances needs files of its own.
-        """
-        path = self.node.interface.path
-        kept = self._files.enter_context(cache.unpacked(path)) if is_ours(path) else None
-        if kept is not None:
-            return kept
-        folder = self._place / f"fmu-{secrets.token_hex(4)}"
-        self._files.callback(shutil.rmtree, folder, ignore_errors=True)
-        unpack(path, folder)
-        return folder
-
-    def _library(self, folder: Path) -> Path:
-        """Path of its library in the unpacked FMU."""
-        files = (folder / name for name in binaries(self.node.interface))
-        if (library := next((file for file in files if file.is_file()), None)) is None:
-            raise FmuError(
-                f"{self.name}: {self.node.interface.path.name} holds no binary for this platform"
-            )
-        with library.open("rb") as file:
-            reason = machine.foreign(file.read(machine.HEAD))
-        if reason:
-            inside = library.relative_to(folder)
-            raise FmuError(f"{self.name}: {self.node.interface.path.name}: {inside} {reason}")
-        return library
-
-    def _listen(self, found: Calls) -> None:
+    def _listen(self) -> None:
         """Let errors and warnings through, and nothing else; an FMU that cannot do that is left
         silent.
         """
         interface = self.node.interface
         categories = [c.name for c in interface.model.logCategories if c.name in HEARD]
         if categories and not _is_python(interface):
-            found.listen(categories)
+            self.calls.listen(categories)
 
     def renew(self, node: Node, *, trial: bool = False) -> bool:
         """Go back to what instantiation left, in a place of the same FMU; False if that cannot be
@@ -169,7 +171,7 @@ class Instance:
         if not same or (node.interface.fmi == 3 and node.settings != old.settings):
             self.transfers = self._transfers()
         messages.forget(self.name)
-        self._listen(self.calls)
+        self._listen()
         return True
 
     def _reset(self, trial: bool) -> bool:

@@ -112,7 +112,7 @@ def note_irreversible(instances: Sequence[str]) -> None:
     )
 
 
-# ---- notes
+# ---- notes of the harness on several runs of one system: what holds for all is said once
 
 
 class _Keeper(logging.Handler):

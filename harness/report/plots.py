@@ -248,7 +248,7 @@ def _overlaid(
     return plot(panel.ylabel, curves, log=panel.log, **about)
 
 
-# ---- phases
+# ---- a quantity against its rate, for every result that holds both
 
 
 def phases(canvas: Canvas, result: Result) -> Iterator[Plot]:

@@ -10,7 +10,7 @@ import numpy as np
 from harness.figures.choice import figures_of
 from harness.figures.style import SCREEN
 from harness.mission import Drawing, Figure
-from harness.report import facts, models, painted, phases, plots
+from harness.report import facts, models, painted, plots
 from harness.report.arrays import Arrays
 from harness.report.plots import Canvas
 from harness.report.scene import replay
@@ -87,7 +87,7 @@ def _figures(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
             sections[_section(figure.name)].append(
                 {"name": figure.name, "title": figure.title, "plots": found}
             )
-    if found := list(phases.phases(canvas, result)):
+    if found := list(plots.phases(canvas, result)):
         sections["phases"].insert(0, {"name": "phases", "title": "", "plots": found})
     return [{"name": name, "figures": drawn} for name, drawn in sections.items() if drawn]
 

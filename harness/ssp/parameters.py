@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Parameter sets (.ssv) and parameter mappings (.ssm) of SSP: names, values, units, and what a
-mapping does to them.
+"""Parameter sets (.ssv) and parameter mappings (.ssm) of SSP, read and written: names, values,
+units, and what a mapping does to them.
 """
 
 from __future__ import annotations
@@ -213,7 +213,7 @@ def prefixed(parameters: Mapping[str, Parameter], prefix: str) -> Iterator[tuple
     return ((prefix + name, parameter) for name, parameter in parameters.items())
 
 
-# ---- ssv
+# ---- to be written, one set per component
 
 BaseUnits = Mapping[str, Mapping[str, float]]
 """Base units (exponents, factor, offset) by name."""

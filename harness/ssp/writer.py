@@ -19,7 +19,7 @@ from lxml import etree
 from harness.errors import StructureError
 from harness.files.archive import pack
 from harness.ssp.arrays import connector_name, joined, shape, type_name
-from harness.ssp.ssv import BaseUnits, bare_ssv, ssv, unit_table
+from harness.ssp.parameters import BaseUnits, bare_ssv, ssv, unit_table
 from harness.ssp.xml import (
     FMU_TYPE,
     NS,

@@ -17,6 +17,7 @@ from typing import NamedTuple, Unpack
 from harness.errors import FmuError, HarnessError, RefusalError, StructureError, UsageError
 from harness.files import paths
 from harness.master.changes import Changes, apply, choose_set, set_names
+from harness.master.messages import noted
 from harness.master.refusals import as_typed
 from harness.master.trial import refused, unreachable
 from harness.mission.library import SYSTEM
@@ -25,7 +26,6 @@ from harness.results.requirements import say_inconsistencies
 from harness.rules.judge import judge
 from harness.spelling import did_you_mean
 from harness.ssp.library import examined
-from harness.studies.notes import noted
 from harness.system.graph import readable_interfaces
 from harness.system.interface import Interface, binary_problem, read_interface
 from harness.system.model import System

@@ -29,6 +29,7 @@ from harness.files.output import command_line, work_for
 from harness.master.changes import apply
 from harness.master.child import end_with_parent
 from harness.master.isolated import PATIENCE
+from harness.master.messages import said_once
 from harness.master.refusals import as_typed, without
 from harness.master.trial import refused
 from harness.mission import Limits
@@ -39,7 +40,6 @@ from harness.results.requirements import findings, say_inconsistencies
 from harness.results.result import Result
 from harness.ssp.library import load
 from harness.studies import table
-from harness.studies.notes import said_once
 from harness.studies.table import Measures, write_csv
 from harness.studies.variants import Variant
 from harness.studies.warm import Warm

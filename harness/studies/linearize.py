@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -22,14 +23,14 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import FmuError, RefusalError, RunError, UsageError
-from harness.files.archive import unpack
+from harness.errors import RefusalError, RunError, UsageError
 from harness.files.temporary import PrivateFolder
-from harness.master import calls, messages, place
-from harness.master.calls import OK, WARNING, Calls
+from harness.master import messages, place
+from harness.master.calls import OK, WARNING
+from harness.master.fmu import loaded
 from harness.master.refusals import as_typed, refusals
 from harness.mission.library import everything
-from harness.system.interface import Interface, binaries, read_interface
+from harness.system.interface import Interface, read_interface
 from harness.system.names import base, index
 from harness.system.values import Variable, assign, coerce, parse
 
@@ -149,28 +150,16 @@ class _Bench:
         self.outputs = list(interface.outputs())
 
     def __enter__(self) -> Self:
-        self._folder = PrivateFolder()
-        try:
-            unpack(self.interface.path, self._folder.path)
-            self._calls = self._load()
-        except BaseException:
-            self._folder.close()
-            raise
+        name = self.interface.model.modelName
+        with ExitStack() as files:
+            folder = files.enter_context(PrivateFolder())
+            self._calls = loaded(name, self.interface, folder, files)
+            files.callback(self._calls.free)
+            self._files = files.pop_all()
         return self
 
-    def _load(self) -> Calls:
-        name, folder = self.interface.model.modelName, self._folder.path
-        places = [folder / place for place in binaries(self.interface)]
-        library = next((place for place in places if place.is_file()), places[0])
-        try:
-            return calls.load(name, self.interface, folder, library)
-        except Exception as error:
-            reason = messages.take_error(name) or " ".join(str(error).split())
-            raise FmuError(f"{self.interface.path.name} cannot be loaded: {reason}") from error
-
     def __exit__(self, *_: object) -> None:
-        self._calls.free()
-        self._folder.close()
+        self._files.close()
 
     def run(self, values: Mapping[str, float], start: float, steps: int, h: float) -> Array:
         """Outputs after `steps` steps of h from `start` with these values beside the settings."""

@@ -13,11 +13,11 @@ import zipfile
 import pytest
 
 from harness.cli.app import main
+from harness.master.messages import said_once
 from harness.spelling import one_line
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from harness.studies import table
-from harness.studies.notes import said_once
 
 pytestmark = pytest.mark.usefixtures("crew")
 

@@ -40,12 +40,13 @@ def loads(monkeypatch):
     """Names of the instances that are loaded from now on."""
     from harness.master import fmu
 
-    seen, original = [], fmu.Instance._load
-    monkeypatch.setattr(
-        fmu.Instance,
-        "_load",
-        lambda self: (seen.append(self.name), original(self))[1],
-    )
+    seen, original = [], fmu.loaded
+
+    def loaded(name, *rest):
+        seen.append(name)
+        return original(name, *rest)
+
+    monkeypatch.setattr(fmu, "loaded", loaded)
     return seen
 
 

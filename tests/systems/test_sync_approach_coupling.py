@@ -128,7 +128,9 @@ def delayed_program() -> dict[str, np.ndarray]:
 # ---- size of the macro step
 
 
-@pytest.mark.parametrize("algorithm", ["gauss-seidel", "jacobi"])
+@pytest.mark.parametrize(
+    "algorithm", ["gauss-seidel", pytest.param("jacobi", marks=pytest.mark.long)]
+)
 def test_half_the_macro_step_halves_the_distance_to_the_continuous_loop(algorithm):
     """A hold is half a step late: the error is of first order. Second order shows as (0.4/s x 0.05
     s) x a few.

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from harness.errors import RequirementError, UsageError
 from harness.files.signals import held
 from harness.master.changes import Changes
+from harness.master.messages import said_once
 from harness.master.recorder import recorded
 from harness.ssp.library import find_system, name_of
 from harness.studies.campaign import gate, metrics
@@ -27,7 +28,6 @@ from harness.studies.campaign.store import Store, refuse_existing
 from harness.studies.campaign.summary import text, unjudged
 from harness.studies.campaign.worker import FAILED, PENDING, SUCCESS, Task
 from harness.studies.inquiry.stopping import Until
-from harness.studies.notes import said_once
 
 ROWS = 200
 """Rows of kept histories, unless the campaign says otherwise."""

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from harness.errors import StructureError, UsageError
 from harness.master.changes import Changes
+from harness.master.messages import said_once
 from harness.results.requirements import has_slope
 from harness.spelling import did_you_mean
 from harness.studies.campaign.campaign import task_of
@@ -29,7 +30,6 @@ from harness.studies.campaign.engine import Block, Fly, crew
 from harness.studies.campaign.factors import SMALLEST
 from harness.studies.campaign.plan import Values
 from harness.studies.campaign.worker import FAILED, Row
-from harness.studies.notes import said_once
 
 Array = NDArray[np.float64]
 
