@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import errno
 import io
+import logging
 import os
 import shutil
 import subprocess
@@ -23,6 +24,9 @@ from harness.errors import ArchiveError, ResultsError
 from harness.files import cache
 from harness.files.archive import pack, read_entry
 from harness.master.simulation import Simulation
+from harness.ssp import reader
+from harness.ssp.library import load
+from harness.ssp.writer import write_ssp
 from tests.each import some
 from tests.harness import foreign_fmu
 from tests.harness.foreign_fmu import Model, build, p, y
@@ -58,6 +62,37 @@ def test_the_same_content_is_unpacked_once_and_other_content_elsewhere(place, tm
     with cache.unpacked(one) as first:
         assert (first / "a").read_text() == "y"
     assert len(entries(place)) == 2
+
+
+def test_a_process_reads_a_system_again_only_where_something_is_to_be_said(
+    place, make, tmp_path, monkeypatch, caplog
+):
+    path, reads, says, read = tmp_path / "a.ssp", [], [], reader._read
+
+    def counted(folder):
+        reads.append(folder)
+        for line in says:
+            logging.getLogger("harness").warning(line)
+        return read(folder)
+
+    def steps(*loads):
+        found = []
+        for stop in loads:
+            if stop is not None:
+                write_ssp(make({"a": "counter"}, stop=stop), path)
+            with load(path) as system:
+                found.append(system.experiment.stop)
+        return found
+
+    monkeypatch.setattr(reader, "_read", counted)
+    assert steps(6.0, None, None) == [6.0] * 3
+    assert len(reads) == 1
+    assert steps(7.0, None, 6.0) == [7.0, 7.0, 6.0]
+    assert len(reads) == 2
+    says.append("an odd file")
+    assert steps(8.0, None) == [8.0, 8.0]
+    assert len(reads) == 4
+    assert caplog.messages == says * 2
 
 
 def test_the_folder_is_private(place, tmp_path):
