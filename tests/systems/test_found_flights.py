@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Flights that searches have found, and what they find since: the reference attitude of
-sync_approach near the orbit normal, its worst distance, a lag of the propulsion in ppc_tracking.
+sync_approach near the orbit normal, its worst distance, a lag of the propulsion in ppc_tracking,
+the plane of arch_rendezvous.
 """
 
 from __future__ import annotations
@@ -54,6 +55,20 @@ def test_a_lag_of_the_propulsion_makes_the_prescribed_performance_overshoot():
     assert least[1] == pytest.approx(16.9176 - 19, abs=1e-3)
 
 
+def test_a_lag_within_that_limit_closes_too_fast_and_the_guarded_approach_aborts():
+    """The law brakes as late as the nominal mass without lag may."""
+    text = "monitor.speed_margin >= 0 m/s"
+    at_worst = {"propulsion.tau": 0.195, "servicer.mass_0": 114.5}
+    nominal, lag, both = (
+        margin(run("ppc_tracking", stop=15.0, set=changes), text)
+        for changes in ({}, {"propulsion.tau": 0.195}, at_worst)
+    )
+    assert nominal > 1.4
+    assert (lag, both) == pytest.approx((-1.006, -2.446), abs=2e-3)
+    aborted = run("ppc_tracking_guarded", stop=15.0, set={"propulsion.tau": 0.195})
+    assert margin(aborted, "norm(servicer.r_SN_N - target.r_TN_N) >= 34 m") > 0
+
+
 ATTITUDE = "time < 29 min or angle(guidance.q_DN, servicer.q_SN) <= 5 deg"
 ROBUST = {
     "controller.projection": 1, "controller.damping_in_regressor": 1, "controller.Gamma_scale": 0.1,
@@ -91,6 +106,36 @@ def test_a_fast_target_makes_the_relay_approach_close_too_fast():
     )
     assert slow > 0.005
     assert fast == pytest.approx(-4.2e-3, abs=5e-4)
+
+
+PLANAR = {"monitor.passive_time": 0, "controller.t_abort": 14_400.0}
+
+
+def test_nothing_holds_the_geostationary_rendezvous_in_its_plane():
+    """A limit of the benchmark, whose law is planar: z = v / n sin(n t), 95 m after 240 min."""
+    n = np.sqrt(3.986e14 / 42164e3**3)
+    coarse = dict.fromkeys(("controller.sample_period", "monitor.sample_period"), 2.0)
+    coarse |= dict.fromkeys(("servicer.max_step", "target.max_step"), 2.0)
+    off = PLANAR | coarse | {"servicer.drho_0_H": [0.0, 0.0, 0.008]}
+    result = run("arch_rendezvous", stop=15_000.0, step=2.0, set=off, every=10)
+    off_plane = (result["servicer.r_SN_N"] - result["target.r_TN_N"])[:, 2]
+    wanted = 0.008 / n * np.sin(n * result.time)
+    assert np.abs(off_plane - wanted).max() < 0.05
+    assert margin(result, "monitor.corridor_margin >= 0 m") == pytest.approx(-81.4, abs=0.5)
+
+
+def test_a_law_sampled_every_two_seconds_with_a_lag_closes_too_fast():
+    """Lag 1.89 s, 18 kg lighter: not with the period of the system, 0.2 s."""
+    off = PLANAR | {"propulsion.tau": 1.89, "servicer.mass_0": 482.0}
+    own, slow = (
+        margin(
+            run("arch_rendezvous", stop=6700.0, set=off | more, every=10),
+            "monitor.speed_margin >= 0 m/s",
+        )
+        for more in ({}, {"controller.sample_period": 2.0})
+    )
+    assert own == pytest.approx(1.52e-3, abs=2e-4)
+    assert slow == pytest.approx(-8.3e-4, abs=2e-4)
 
 
 def table(**more):
