@@ -63,6 +63,7 @@ def is_expected(path, fmu):
         "documentation": r"index\.html|[\w-]+\.(png|svg)",
         "licenses": r"license\.txt",
         "sources": r"\w+\.[ch]",
+        "extra/org.fmi-standard.fmi-ls-ref": r"fmi-ls-manifest\.xml|reference\.csv",
     }
     return folder in allowed and re.fullmatch(allowed[folder], name) is not None
 

@@ -34,6 +34,7 @@ MUST = {
     "sources/buildDescription.xml",
 }
 MAY = re.compile(
+    r"extra/org\.fmi-standard\.fmi-ls-ref/(fmi-ls-manifest\.xml|reference\.csv)|"
     r"sources/\w+\.[ch]|binaries/[\w-]+/\w+\.(so|dll|dylib)|terminalsAndIcons/terminalsAndIcons\.xml"
 )
 

@@ -2,12 +2,16 @@
  *
  *     describe FMI VERSION DATE SOURCE...
  *                 FMI: 2 or 3; DATE as 2026-01-31T00:00:00Z; SOURCE: the .c files in sources/
+ *     describe trace
+ *                 the outputs over the default experiment as CSV, with start values of all inputs;
+ *                 nothing if a result breaks a rule
  *
  * It refuses an interface that is not fit to ship: missing texts, doubled names, unknown units,
  * start values that break their rules, outputs that are not finite for the start values. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "describe_fmi2.h"
 #include "describe_fmi3.h"
+#include "trace.h"
 
 /* ---- fit to ship? ---- */
 static void check_row(size_t row)
@@ -52,8 +56,12 @@ static void *initialized_model(void)
 
 int main(int count, char *argument[])
 {
+    if (count == 2 && strcmp(argument[1], "trace") == 0) {
+        print_trace(initialized_model());
+        return faults ? 1 : 0;
+    }
     if (count < 5 || !strchr("23", argument[1][0])) {
-        fprintf(stderr, "usage: describe 2|3 VERSION DATE SOURCE...\n");
+        fprintf(stderr, "usage: describe 2|3 VERSION DATE SOURCE..., describe trace\n");
         return 2;
     }
     const bool fmi3 = argument[1][0] == '3';

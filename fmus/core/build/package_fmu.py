@@ -3,10 +3,10 @@
 licence, picture. Same inputs, same bytes.
 
 Usage: package_fmu.py [--fmi2 OUTPUT XML] [--fmi3 OUTPUT XML] --license FILE --binary
-PLATFORM=FILE... --source FILE... --include DIR... The first source is the file of the model; its
-opening comment (equations, source) becomes the documentation. The headers that the sources include,
-directly or not, are found in the folders given and go into sources/ beside them. An archive has the
-sources of its version of FMI only.
+PLATFORM=FILE... --source FILE... --include DIR... [--trace FILE] The first source is the file of
+the model; its opening comment (equations, source) becomes the documentation. The headers that the
+sources include, directly or not, are found in the folders given and go into sources/ beside them.
+An archive has the sources of its version of FMI only.
 """
 
 import argparse
@@ -20,6 +20,7 @@ from xml.etree import ElementTree
 
 from package_fmi3 import PLATFORMS, build_description, terminals
 from PIL import Image, ImageDraw, ImageFont
+from reference_trace import reference_files
 from typeset import NotationError, page
 
 FIXED_DATE = (1980, 1, 1, 0, 0, 0)
@@ -204,6 +205,7 @@ class Files:
         self.sources = list(dict.fromkeys(a.source))
         self.include, self.license, self.binaries = a.include, a.license.read_bytes(), a.binary
         self.model = text_of(self.sources[0])
+        self.trace = a.trace.read_bytes() if a.trace else b""
 
     def archive(self, xml: Path, fmi: str) -> dict[str, bytes]:
         """Contents by name for one version of FMI; ValueError without an opening comment."""
@@ -218,6 +220,7 @@ class Files:
             "documentation/index.html": documentation(description, self.model).encode(),
             "documentation/model.png": png,
             **{f"sources/{path.name}": path.read_bytes() for path in [*sources, *headers]},
+            **reference_files(self.trace),
         }
         for binary in self.binaries:
             platform, _, file = binary.partition("=")
@@ -242,6 +245,7 @@ def main() -> None:
     parser.add_argument("--binary", action="append", required=True, metavar="PLATFORM=FILE")
     parser.add_argument("--source", type=Path, nargs="+", required=True)
     parser.add_argument("--include", type=Path, nargs="+", required=True)
+    parser.add_argument("--trace", type=Path, help="reference.csv of FMI-LS-REF")
     a = parser.parse_args()
     files = Files(a)
     try:
