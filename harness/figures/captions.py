@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from harness.figures.finish import symbols
 from harness.figures.limits import unit_of
 from harness.files.output import written
 from harness.mission.figure import Drawing, Figure, Overlay
@@ -26,9 +27,9 @@ def written_captions(
 ) -> list[Path]:
     """Write the captions of figures by the stem of their files; returns the two files."""
     texts = {name: caption(figure, results) for name, figure in figures.items()}
-    plain = "".join(f"**{name}.** {text}\n\n" for name, text in texts.items())
+    plain = "".join(f"**{name}.** {symbols(text)}\n\n" for name, text in texts.items())
     tex = "".join(
-        f"% {name}\n\\caption{{{text.translate(SPECIAL)}}}\n\\label{{fig:{name}}}\n\n"
+        f"% {name}\n\\caption{{{_escaped(symbols(text))}}}\n\\label{{fig:{name}}}\n\n"
         for name, text in texts.items()
     )
     files = {directory / "captions.md": plain, directory / "captions.tex": tex}
@@ -36,6 +37,12 @@ def written_captions(
         with written(path) as target:
             target.write_text(content, encoding="utf-8")
     return list(files)
+
+
+def _escaped(text: str) -> str:
+    """A text for TeX; formulas between dollar signs stay."""
+    parts = text.split("$")
+    return "$".join(p if k % 2 else p.translate(SPECIAL) for k, p in enumerate(parts))
 
 
 def caption(figure: Figure | Drawing | Overlay, results: Mapping[str, Result]) -> str:

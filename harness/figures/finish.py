@@ -203,8 +203,15 @@ def _formula(found: re.Match[str]) -> str:
     return f"${name}_{{{upright}}}$" if index else f"${name}$"
 
 
+def symbols(text: str) -> str:
+    """A sentence with its symbols as in formulas, units as they are."""
+    return text if "$" in text else SYMBOL.sub(_formula, text)
+
+
 def _symbols(canvas: Any) -> None:
     for axes in canvas.axes:
+        for text in (axes.title, *axes.texts):
+            text.set_text(mathematical(text.get_text()))
         for axis in filter(None, (axes.xaxis, axes.yaxis, getattr(axes, "zaxis", None))):
             axis.set_label_text(mathematical(axis.get_label_text()))
         if legend := axes.get_legend():

@@ -57,12 +57,15 @@ def chips(result: Result) -> list[Facts]:
             many = f"{kind.value}{'' if part['number'] == 1 else 's'}"
             text = f"{part['number']} {many} {part['text']}"
             found.append({"kind": part["kind"], "text": text.replace("rules holds", "rules hold")})
+    claims: Counter[tuple[str, str]] = Counter()
     for paper in papers(result):
-        found += [
-            {"kind": part["kind"], "text": f"{part['number']} {part['text']}"}
-            for part in paper["count"]
-        ]
+        for part in paper["count"]:
+            claims[part["kind"], part["text"]] += part["number"]
         found += [{"kind": "fair", "text": paper["other"]}] if paper["other"] else []
+    found += [
+        {"kind": kind, "text": f"{number} claim{'' if number == 1 else 's'} {text}"}
+        for (kind, text), number in claims.items()
+    ]
     return sorted(found, key=lambda chip: WORST_FIRST.index(chip["kind"]))
 
 

@@ -27,6 +27,7 @@ SCRIPTS = {
 }
 """Script of a library in its package."""
 CODE = (
+    "symbols",
     "plots",
     "history",
     "shapes",

@@ -11,11 +11,20 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure as MplFigure
 
 from harness import run
 from harness.cli.app import main
+from harness.figures.captions import _escaped
 from harness.figures.choice import figures_of
-from harness.figures.finish import look_of, mathematical, plain_number, untexed
+from harness.figures.finish import (
+    finished,
+    look_of,
+    mathematical,
+    plain_number,
+    symbols,
+    untexed,
+)
 from harness.figures.plots import named, overlay, paint, plot
 from harness.figures.style import PAPER, SCREEN, SERIF, style_of
 from harness.mission import Curve, Figure, Level, Panel
@@ -202,6 +211,20 @@ def test_letters_of_stix_on_demand():
             label = paint(figure, result, style).axes[0].yaxis.label
             assert (label.get_fontname() == family) == bool(family)
             assert label.get_text() == r"$\rho_{\mathrm{ref}}$ [m]"
+
+
+def test_titles_and_captions_have_symbols_too():
+    canvas = MplFigure()
+    axes = canvas.subplots()
+    axes.set_title("Reach, X_E along x")
+    axes.text(0.5, 0.5, "rho_M 4 m")
+    finished(canvas, None, distinct=True)
+    assert axes.get_title() == "Reach, $X_{E}$ along x"
+    assert [text.get_text() for text in axes.texts] == [r"$\rho_{M}$ 4 m"]
+    text = symbols("error of rho_ref [m/s2], 5 % of sync_approach")
+    assert text == r"error of $\rho_{\mathrm{ref}}$ [m/s2], 5 % of sync_approach"
+    escaped = r"error of $\rho_{\mathrm{ref}}$ [m/s2], 5 \% of sync\_approach"
+    assert _escaped(text) == escaped
 
 
 # ---- captions, comparisons

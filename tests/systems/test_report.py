@@ -448,6 +448,33 @@ def test_the_head_begins_with_what_is_worst():
     assert text.index("2 safety rules violated") < text.index("complete")
 
 
+def test_many_notes_are_folded_below_the_verdicts(monkeypatch):
+    """A mission notes each of its phases: the replay still stands near the top."""
+    result, head, notes = (
+        result_of("sync_approach"),
+        facts.head,
+        ["note 1 of 3", "note 2", "note 3"],
+    )
+    monkeypatch.setattr(facts, "head", lambda of: head(of) | {"notes": notes})
+    text = of_run(result)
+    assert '<div class="note">' not in text
+    chips, folded = text.index('class="chips"'), text.index('<details class="flown notes">')
+    assert chips < folded < text.index(notes[0]) < text.index('id="replay"')
+    del notes[2]
+    text = of_run(result)
+    assert text.index('<div class="note">note 1') < text.index('class="chips"')
+
+
+def test_claims_of_several_papers_are_counted_together():
+    result = result_of("arm_capture")
+    verdicts = [claim["verdict"] for paper in facts.papers(result) for claim in paper["claims"]]
+    assert len(facts.papers(result)) == 2
+    count = sum(verdict.startswith("reproduced") for verdict in verdicts)
+    texts = [chip["text"] for chip in facts.chips(result) if "claim" in chip["text"]]
+    assert f"{count} claims reproduced" in texts
+    assert len({text.split(" ", 2)[2] for text in texts}) == len(texts)
+
+
 def violated(result):
     """A flight with the first violations of keep-out zone and corridor at 5 and 7 s, an abort at
     7 s.

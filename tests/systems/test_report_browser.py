@@ -45,13 +45,13 @@ def scroll_through(page):
 
 
 def frame_of(page):
-    """The picture of the stage."""
+    """The picture of the stage without its words, read in the task that has drawn it: later the
+    canvas is cleared.
+    """
     page.wait_for_timeout(250)
     return page.evaluate(
-        """() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => {
-            window.report.replay.seek(window.report.replay.state().time);
-            requestAnimationFrame(() => done(
-                document.querySelector('.stage canvas').toDataURL())); })))"""
+        """() => { report.replay.compose(false);
+                   return document.querySelector('.stage canvas').toDataURL(); }"""
     )
 
 
@@ -170,6 +170,53 @@ def test_zoom_is_linked_and_a_click_seeks(chromium, report_of):
             ".emit('plotly_click', {points: [{x: 123}]})"
         )
         assert page.evaluate("report.replay.state().time") == 123
+
+
+def test_a_finger_finds_no_bar_of_buttons_over_a_plot(chromium, report_of):
+    """Where nothing hovers it would cover the legend for good."""
+    path, _ = report_of(SYSTEM)
+    with opened(chromium, path, width=390, height=844, touch=True) as page:
+        scroll_through(page)
+        assert page.evaluate("document.querySelectorAll('.modebar-btn').length") == 0
+    with opened(chromium, path) as page:
+        scroll_through(page)
+        assert page.evaluate("document.querySelectorAll('.modebar-btn').length") > 0
+
+
+def test_names_with_an_index_are_symbols(chromium, report_of):
+    path, _ = report_of("relay_approach")
+    with opened(chromium, path) as page:
+        scroll_through(page)
+        wanted = {
+            "rho_ref [m]": "\u03c1<sub>ref</sub> [m]",
+            "omega of S": "\u03c9 of S",
+            "guidance.rho_ref_N": "guidance.rho_ref_N",
+            "a < b": "a &lt; b",
+        }
+        for text, html in wanted.items():
+            assert page.evaluate("text => Symbols.html(text)", text) == html
+        titles = page.evaluate(
+            """[...document.querySelectorAll('.xtitle, .ytitle, .plot h4 span')]
+                .map(e => e.textContent.replace(/\u200b/g, ''))"""
+        )
+        assert not [title for title in titles if "x_N" in title or "y_N" in title]
+        assert {"xN [m]", "yN [m]"} <= set(titles)
+
+
+def test_names_of_rings_do_not_cover_each_other(chromium, report_of):
+    path, _ = report_of("relay_approach")
+    with opened(chromium, path, width=390, height=844) as page:
+        for time in (0, 3000, 6000):
+            page.evaluate(f"report.replay.seek({time})")
+            frame_of(page)
+            places = page.evaluate(
+                """[...document.querySelectorAll('.names > *')]
+                    .filter(e => e.style.display === 'block' && / k?m$/.test(e.textContent))
+                    .map(e => e.getBoundingClientRect())
+                    .map(r => [r.x + r.width / 2, r.y + r.height / 2])"""
+            )
+            for k, (x, y) in enumerate(places):
+                assert all(abs(x - a) > 40 or abs(y - b) > 12 for a, b in places[:k])
 
 
 def test_a_phone_shows_it_without_scrolling_sideways(chromium, report_of):

@@ -44,8 +44,10 @@ function makeLabels(view) {
     const led = seen.filter((at, k) => at && list[k].line);
     const middle = led.reduce((sum, at) => ({ x: sum.x + at.x / led.length, y: sum.y + at.y / led.length }), { x: 0, y: 0 });
     let order = 0;
+    const taken = [], crowded = (at) => taken.some((other) => Math.abs(other.x - at.x) < 48 && Math.abs(other.y - at.y) < 15);
     list.forEach((each, k) => {
-      const at = seen[k];
+      const at = !seen[k] || each.line || !crowded(seen[k]) ? seen[k] : null;
+      if (at && !each.line) taken.push(at);
       each.made.style.display = at ? "block" : "none";
       if (each.line) each.line.style.display = at ? "block" : "none";
       each.at = at && (each.line ? lead(each, at, middle, order++, camera) : at);
@@ -87,7 +89,7 @@ function makeLabels(view) {
       line.setAttribute("y2", -28 * end.y);
       text.setAttribute("x", 38 * end.x);
       text.setAttribute("y", -38 * end.y + 3);
-      text.textContent = view.frame.axes[k];
+      text.textContent = Math.hypot(end.x, end.y) > 0.4 ? view.frame.axes[k] : ""; /* else it points at the eye */
     });
   }
 

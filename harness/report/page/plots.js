@@ -68,7 +68,8 @@ function fixedValues(values) {
 function card(plot, title, text, array) {
   const made = element("div", "plot");
   const head = element("h4", "", title === text ? "" : title);
-  const about = element("span", "", text);
+  const about = element("span", "", "");
+  about.innerHTML = Symbols.html(text);
   about.title = text;
   const log = element("button", "", "log");
   log.type = "button";
@@ -155,9 +156,9 @@ function trace(curve, entry) {
   const many = entry.plot.curves.length > 1;
   const look = { color: colour(curve.colour), width: 1.6, dash: curve.dash };
   const made = {
-    type: "scatter", x: entry.array(curve.x), y: entry.array(curve.y), name: curve.name,
+    type: "scatter", x: entry.array(curve.x), y: entry.array(curve.y), name: Symbols.html(curve.name),
     mode: curve.marker ? "markers" : "lines", line: look, showlegend: many && !!curve.name,
-    hovertemplate: `%{y:.6g}<extra>${escaped(curve.name)}</extra>`, connectgaps: false,
+    hovertemplate: `%{y:.6g}<extra>${Symbols.html(curve.name)}</extra>`, connectgaps: false,
   };
   if (curve.fill)
     Object.assign(made, { fill: "toself", line: { ...look, width: 0.5 }, opacity: 0.55, hoverinfo: "skip" });
@@ -168,7 +169,6 @@ function trace(curve, entry) {
   return made;
 }
 
-const escaped = (text) => text.replace(/[&<>]/g, (c) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;" })[c]);
 
 function image(curve, { array, plot }) {
   const field = array(curve.image), [rows, columns] = field.shape;
@@ -203,7 +203,7 @@ function ends(entry) {
 
 function axis(text, log) {
   return {
-    title: { text, font: { size: 12 }, standoff: 6 }, type: log ? "log" : "linear",
+    title: { text: Symbols.html(text), font: { size: 12 }, standoff: 6 }, type: log ? "log" : "linear",
     gridcolor: cssColour("--line"), zerolinecolor: cssColour("--line"),
     linecolor: cssColour("--line"), exponentformat: "power", automargin: true, nticks: 6,
     minexponent: 4,
@@ -244,7 +244,7 @@ function layout(entry) {
 
 function draw(entry) {
   const traces = [...entry.plot.curves.map((curve) => trace(curve, entry)), ...ends(entry)];
-  const config = { responsive: true, displaylogo: false, typesetMath: false, displayModeBar: "hover",
+  const config = { responsive: true, displaylogo: false, typesetMath: false, displayModeBar: matchMedia("(hover: none)").matches ? false : "hover", /* it would cover the plot for good */
     modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d", "zoomIn2d", "zoomOut2d"] };
   Plotly.react(entry.drawing, traces, layout(entry), config);
   if (!entry.drawn && entry.plot.time) link(entry);
