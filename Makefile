@@ -26,10 +26,10 @@ SOURCES := $(shell find fmus ssp harness -name '*.py' -o -name '*.[ch]' -o -name
 CODE    := .ci examples fmus harness tests
 C_FILES := $(shell find $(CODE) -name '*.[ch]')
 
-.PHONY: help build demo test test-browser test-wasm test-long test-interop pil targets \
+.PHONY: help build demo test test-browser test-wasm test-wheel test-long test-interop pil targets \
         validation gallery sanitize lint warnings format coverage bench wheel dist clean
 help:
-	@echo "make demo | test | test-browser | test-wasm | test-interop | test-long | pil |"
+	@echo "make demo | test | test-browser | test-wasm | test-wheel | test-interop | test-long | pil |"
 	@echo "     validation | gallery | figures | lint | warnings | format | coverage | sanitize |"
 	@echo "     bench | site | wheel | sdist | dist | release | clean"
 
@@ -81,6 +81,10 @@ test-browser: build site
 test-wasm: build
 	$(RUN) $(PIP) --no-build-isolation --editable '.[test,fly]'
 	$(BIN)/pytest -m wasm -rs
+
+# the wheel in dist/, installed by pip into fresh environments without a compiler
+test-wheel: build
+	$(BIN)/pytest -m wheel -rs tests/site
 
 # long studies, and the property tests with many examples at random; SEED=... draws the same again
 test-long: build

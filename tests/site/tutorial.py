@@ -14,6 +14,9 @@ from pathlib import Path
 PAGE = Path(__file__).resolve().parents[2] / "docs/tutorial.md"
 BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.M | re.S)
 
+LEFT = {"approach.nc", "approach.html", "mass.zarr", "three.nc", "compared", "mine"}
+"""Files that they leave in the folder."""
+
 
 def follow(folder: Path, tools: Path, programs: Path, **more: str) -> None:
     """Run every block; programs: folder of `harness` and `python`, tools: an empty folder."""
