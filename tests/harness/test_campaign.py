@@ -668,7 +668,8 @@ for level in ("3", "4"):
         "import os\n\nimport psutil\n\n\n"
         "def arenas(result):\n    return float(os.environ['MALLOC_ARENA_MAX'])\n"
         "\n\ndef threads(result):\n    server = psutil.Process(os.getppid())\n"
-        "    return float(server.environ()['OPENBLAS_NUM_THREADS'])\n"
+        "    kinds = ('OMP', 'MKL', 'OPENBLAS')\n"
+        "    return float({server.environ()[f'{k}_NUM_THREADS'] for k in kinds} == {'1'})\n"
         "\n\ndef level(result):\n    return float(os.environ['LEVEL'])\n"
     )
     ended = subprocess.run(

@@ -21,6 +21,7 @@ import pytest
 
 from harness.files import paths
 from harness.master import child
+from harness.master.child import OUTCOME, Child
 from harness.results.files import read
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
@@ -198,6 +199,18 @@ def test_the_line_names_component_function_time_and_last_words(folder):
         "harness: b: fmi2DoStep crashed (SIGABRT, aborted), its last output: ran out of fuel "
         "(at t = 2 s); 3 recorded rows are in x.partial.csv"
     ]
+
+
+def _talk(send):
+    print("one\ntwo")
+    print("three", flush=True)
+
+
+def test_lines_that_fmus_write_are_counted(caplog):
+    with Child(_talk) as child:
+        assert [kind for kind, _ in child.messages() if kind] == [OUTCOME]
+        child.report_output()
+    assert caplog.messages == ["the FMUs wrote 3 lines, the last: three"]
 
 
 # ---- endless loops

@@ -24,7 +24,7 @@ from harness.ssp.build import system_of
 from harness.ssp.library import load
 from harness.ssp.writer import write_ssp
 from harness.studies.check import check
-from harness.system.units import convert, unit
+from harness.system.units import SYMBOLS, convert, unit
 from tests.harness.demo import TOML
 
 ROWS = 11
@@ -198,6 +198,26 @@ def test_what_cannot_be_judged_says_why(result, text, reason):
 )
 def test_units_convert_by_their_meaning(value, given, wanted, right):
     assert convert(value, given, wanted) == pytest.approx(right, rel=1e-15)
+
+
+SIZES = {
+    "%": (0.01, "1"),
+    **{
+        f"{prefix}{name}": (size, name)
+        for name in "ms"
+        for prefix, size in (("m", 1e-3), ("u", 1e-6))
+    },
+    **{"km": (1e3, "m"), "cm": (1e-2, "m"), "min": (60, "s"), "h": (3600, "s"), "g": (1e-3, "kg")},
+    **{"mrad": (1e-3, "rad"), "deg": (math.pi / 180, "rad"), "arcmin": (1 / 60, "deg")},
+    **{"arcsec": (1 / 3600, "deg"), "N": (1, "kg.m/s2"), "mN": (1e-3, "N"), "kN": (1e3, "N")},
+    **{"J": (1, "N.m"), "W": (1, "J/s"), "Hz": (1, "1/s")},
+}
+
+
+def test_every_unit_is_as_large_as_its_name_says():
+    assert {*SIZES} == {*SYMBOLS} - {"1", "m", "s", "kg", "rad"}
+    for name, (size, of) in SIZES.items():
+        assert convert(1.0, name, of) == pytest.approx(size, rel=1e-15), name
 
 
 def test_the_units_of_all_fmus_have_a_meaning():
