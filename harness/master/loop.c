@@ -76,14 +76,19 @@ typedef struct {
     int status;
 } Stop;
 
-static void gather(const Call *c, const double *bus)
+typedef struct {
+    double *bus;
+    double t, step; /* s; of the macro step being made */
+} Moment;
+
+static inline void gather(const Call *c, const double *bus)
 {
     double *value = c->value;
     for (const Piece *p = c->piece, *end = p + c->pieces; p < end; p++)
         memcpy(value + p->at, bus + p->slot, p->count * sizeof *value);
 }
 
-static int scatter(const Call *c, double *bus, int status)
+static inline int scatter(const Call *c, double *bus, int status)
 {
     const double *value = c->value;
     if (status > fmi2Warning) return status;
@@ -101,38 +106,44 @@ static void gather_affine(const Call *c, const double *bus)
 }
 
 /* ---- FMI 2.0 ---- */
-static int set_real(const Call *c, const double *bus)
+static int set_real(const Call *c, const Moment *now)
 {
-    gather(c, bus);
+    gather(c, now->bus);
     return (int)((fmi2SetRealTYPE *)c->function)(c->component, c->reference, c->count, c->value);
 }
 
-static int set_affine(const Call *c, const double *bus)
+static int set_affine(const Call *c, const Moment *now)
 {
-    gather_affine(c, bus);
+    gather_affine(c, now->bus);
     return (int)((fmi2SetRealTYPE *)c->function)(c->component, c->reference, c->count, c->value);
 }
 
-static int set_integer(const Call *c, const double *bus)
+static int set_integer(const Call *c, const Moment *now)
 {
     fmi2Integer *value = c->value;
-    for (size_t i = 0; i < c->count; i++) value[i] = (fmi2Integer)bus[c->slot[i]];
+    for (size_t i = 0; i < c->count; i++) value[i] = (fmi2Integer)now->bus[c->slot[i]];
     return (int)((fmi2SetIntegerTYPE *)c->function)(c->component, c->reference, c->count, value);
 }
 
-static int get_real(const Call *c, double *bus)
+static int get_real(const Call *c, const Moment *now)
 {
     fmi2GetRealTYPE *get = (fmi2GetRealTYPE *)c->function;
-    return scatter(c, bus, (int)get(c->component, c->reference, c->count, c->value));
+    return scatter(c, now->bus, (int)get(c->component, c->reference, c->count, c->value));
 }
 
-static int get_integer(const Call *c, double *bus)
+static int get_integer(const Call *c, const Moment *now)
 {
     fmi2Integer *value = c->value;
     int status =
         (int)((fmi2GetIntegerTYPE *)c->function)(c->component, c->reference, c->count, value);
-    for (size_t i = 0; i < c->count; i++) bus[c->slot[i]] = value[i];
+    for (size_t i = 0; i < c->count; i++) now->bus[c->slot[i]] = value[i];
     return status;
+}
+
+static int step_2(const Call *c, const Moment *now)
+{
+    fmi2DoStepTYPE *step = (fmi2DoStepTYPE *)c->function;
+    return (int)step(c->component, now->t, c->every * now->step, c->no_rollback);
 }
 
 /* ---- FMI 3.0 ---- */
@@ -142,15 +153,17 @@ static int call_3(const Call *c) /* fmi3GetX, fmi3SetX: they differ in the type 
                                                     c->values);
 }
 
-static int set_float64(const Call *c, const double *bus)
+static int set_float64(const Call *c, const Moment *now)
 {
-    gather(c, bus);
+    gather(c, now->bus);
     return call_3(c);
 }
 
-static int set_affine_3(const Call *c, const double *bus)
+static int get_float64(const Call *c, const Moment *now) { return scatter(c, now->bus, call_3(c)); }
+
+static int set_affine_3(const Call *c, const Moment *now)
 {
-    gather_affine(c, bus);
+    gather_affine(c, now->bus);
     return call_3(c);
 }
 
@@ -196,53 +209,41 @@ static int is_wide(const Call *c, size_t i, double x)
     return x >= 18446744073709551616.0 || (uint64_t)x != ((const uint64_t *)c->value)[i];
 }
 
-static int set_other(const Call *c, const double *bus)
+static int set_other(const Call *c, const Moment *now)
 {
     for (size_t i = 0; i < c->wires; i++)
-        conversion[c->type].put(c->value, c->at[i], bus[c->slot[i]]);
+        conversion[c->type].put(c->value, c->at[i], now->bus[c->slot[i]]);
     return call_3(c);
 }
 
-static int get_other(const Call *c, double *bus)
+static int get_other(const Call *c, const Moment *now)
 {
     int status = call_3(c);
     for (size_t i = 0; i < c->wires && status <= fmi3Warning; i++) {
         const double x = conversion[c->type].take(c->value, c->at[i]);
         if (is_wide(c, c->at[i], x)) return TOO_WIDE;
-        bus[c->slot[i]] = x;
+        now->bus[c->slot[i]] = x;
     }
     return status;
 }
 
-static int step_3(const Call *c, double t, double h)
+static int step_3(const Call *c, const Moment *now)
 {
     fmi3Boolean event, terminate = fmi3False, early = fmi3False;
     fmi3Float64 last;
-    int status = (int)((fmi3DoStepTYPE *)c->function)(c->component, t, h, c->no_rollback != 0,
-                                                      &event, &terminate, &early, &last);
+    int status = (int)((fmi3DoStepTYPE *)c->function)(c->component, now->t, c->every * now->step,
+                                                      c->no_rollback != 0, &event, &terminate,
+                                                      &early, &last);
     if (status > fmi3Warning) return status;
     return terminate ? TERMINATION : early ? EARLY_RETURN : status;
 }
 
-static int perform(const Call *c, const Run *run, long k)
-{
-    switch (c->kind) {
-    case SET_REAL: return set_real(c, run->bus);
-    case SET_AFFINE: return set_affine(c, run->bus);
-    case SET_INTEGER: return set_integer(c, run->bus);
-    case GET_REAL: return get_real(c, run->bus);
-    case GET_INTEGER: return get_integer(c, run->bus);
-    case SET_FLOAT64: return set_float64(c, run->bus);
-    case GET_FLOAT64: return scatter(c, run->bus, call_3(c));
-    case SET_OTHER: return set_other(c, run->bus);
-    case GET_OTHER: return get_other(c, run->bus);
-    case SET_AFFINE_3: return set_affine_3(c, run->bus);
-    case STEP_3: return step_3(c, run->start + (double)k * run->step, c->every * run->step);
-    default:
-        return (int)((fmi2DoStepTYPE *)c->function)(
-            c->component, run->start + (double)k * run->step, c->every * run->step, c->no_rollback);
-    }
-}
+/* by kind of call; a table, so that calls of both versions are one jump away */
+static int (*const perform[])(const Call *c, const Moment *now) = {
+    [SET_REAL] = set_real,       [SET_INTEGER] = set_integer, [STEP] = step_2,
+    [GET_REAL] = get_real,       [GET_INTEGER] = get_integer, [SET_AFFINE] = set_affine,
+    [SET_FLOAT64] = set_float64, [GET_FLOAT64] = get_float64, [SET_OTHER] = set_other,
+    [GET_OTHER] = get_other,     [STEP_3] = step_3,           [SET_AFFINE_3] = set_affine_3};
 
 static int due(const Call *c, long k) /* every step for most: no division then */
 {
@@ -263,10 +264,11 @@ static void record(const Run *run, long done)
 EXPORT Stop execute(const Call *calls, size_t count, const Run *run, long first, long last)
 {
     for (long k = first; k < last; k++) {
+        const Moment now = {run->bus, run->start + (double)k * run->step, run->step};
         for (size_t i = 0; i < count; i++) {
             if (!due(&calls[i], k)) continue;
             run->marks[1] = (int64_t)i;
-            int status = perform(&calls[i], run, k);
+            int status = perform[calls[i].kind](&calls[i], &now);
             if (status < fmi2OK || status > fmi2Warning) return (Stop){k, i, status};
         }
         record(run, k + 1);

@@ -197,7 +197,8 @@ static inline bool advance(Instance *instance, const char *function, double t, d
                  readable(t), readable(h), readable(instance->now.time), rule);
         return refuse_call(instance, function, text);
     }
-    return (fmu_model.macro_step ? take_macro_steps : take_step)(instance, function, t, h);
+    if (fmu_model.macro_step) return take_macro_steps(instance, function, t, h);
+    return take_step(instance, function, t, h);
 }
 
 #endif
