@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The tutorial works literally: every block is run in an empty folder, without a compiler, and
-prints what it says. From the wheel: test_wheel.py.
+prints what it says. So does the way to a verdict. From the wheel: test_wheel.py.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.site.tutorial import BLOCKS, LEFT, follow
+from tests.site.tutorial import BLOCKS, LEFT, blocks, follow
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="of POSIX")
 
@@ -30,3 +30,10 @@ def test_every_block_runs_and_prints_what_it_says(folders):
     assert {kind for kind, _ in BLOCKS} == {"sh", "python", "toml", "text"}
     follow(*folders, Path(sys.executable).parent)
     assert {path.name for path in folders[0].iterdir()} >= LEFT
+
+
+@pytest.mark.long
+def test_from_a_system_to_a_verdict_with_a_number(folders):
+    follow(*folders, Path(sys.executable).parent, blocks("how_to/verdict.md"), "my.toml")
+    left = {path.name for path in folders[0].iterdir()}
+    assert left >= {"s.zarr", "w.zarr", "p.zarr", "worst.html", "probability.html", "w_worst"}

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The blocks of the tutorial, and how they are run: in one folder, one after the other, with a PATH
-on which there is a shell and one environment of Python, but no compiler.
+"""The blocks of the tutorial or of another page, and how they are run: in one folder, one after
+the other, with a PATH on which there is a shell and one environment of Python, but no compiler.
 """
 
 from __future__ import annotations
@@ -11,23 +11,39 @@ import shutil
 import subprocess
 from pathlib import Path
 
-PAGE = Path(__file__).resolve().parents[2] / "docs/tutorial.md"
-BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.M | re.S)
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 LEFT = {"approach.nc", "approach.html", "mass.zarr", "three.nc", "compared", "mine"}
 """Files that they leave in the folder."""
 
 
-def follow(folder: Path, tools: Path, programs: Path, **more: str) -> None:
-    """Run every block; programs: folder of `harness` and `python`, tools: an empty folder."""
+def blocks(page: str) -> list[tuple[str, str]]:
+    """Language and text of the fenced blocks of a page of docs/."""
+    text = (DOCS / page).read_text(encoding="utf-8")
+    return re.findall(r"^```(\w+)\n(.*?)^```", text, re.M | re.S)
+
+
+BLOCKS = blocks("tutorial.md")
+
+
+def follow(
+    folder: Path,
+    tools: Path,
+    programs: Path,
+    followed: list[tuple[str, str]] = BLOCKS,
+    file: str = "mass.toml",
+) -> None:
+    """Run every block; programs: folder of `harness` and `python`, tools: an empty folder,
+    file: name of the TOML block.
+    """
     (tools / "sh").symlink_to(shutil.which("sh"))
     environment = {n: v for n, v in os.environ.items() if n not in {"CC", "PYTHONPATH"}}
-    environment |= {"PATH": f"{programs}{os.pathsep}{tools}", "MPLBACKEND": "agg", **more}
+    environment |= {"PATH": f"{programs}{os.pathsep}{tools}", "MPLBACKEND": "agg"}
     assert shutil.which("cc", path=environment["PATH"]) is None
     output = ""
-    for kind, text in BLOCKS:
+    for kind, text in followed:
         if kind == "toml":
-            (folder / "mass.toml").write_text(text)
+            (folder / file).write_text(text)
         elif kind == "text":
             missing = [line for line in text.splitlines() if line not in output]
             assert not missing, f"{missing} not in\n{output}"
