@@ -14,6 +14,7 @@
  * Sampled. Equations: docs/models.md K.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #include "arm_rows.h"
+#include "mat3.h"
 #include "time_grid.h"
 
 enum { STOWED = 0, REST = 4 }; /* of arm_guidance */
@@ -118,14 +119,12 @@ static void pass_on(const Parameters *p, const Input *u, Output *y)
 }
 
 /* planned motion only, w and dq as measured */
-static Wrench reaction_of_arm(const Input *u, const Tree *t, const Matrix *H, const Column *b)
+static Wrench reaction_of_arm(const Input *u, const MassMatrix *H, const Forces *b)
 {
-    const double still[ARM_JOINTS] = {0};
-    Column base = velocity_terms(t, u->omega_SN_S, still);
-    double r[6];
-    for (int i = 0; i < 6; i++)
-        r[i] = row_times(H->at[i] + 6, u->joint_accel_ref, t->joints) + b->at[i] - base.at[i];
-    return (Wrench){vector_at(r), vector_at(r + 3)};
+    Speeds planned = {.w = {0, 0, 0}};
+    memcpy(planned.joint, u->joint_accel_ref, sizeof planned.joint);
+    Wrench r = plus_wrench(base_rows(H, &planned), 1, b->base);
+    return plus_wrench(r, -1, turning_terms(&H->whole, u->omega_SN_S));
 }
 
 static void feed_forward(const Parameters *p, Wrench reaction, vec3 c, Output *y)
@@ -141,40 +140,43 @@ static void feed_forward(const Parameters *p, Wrench reaction, vec3 c, Output *y
 }
 
 /* ---- torques: 2, 5, 6 ---- */
-static void wanted_accelerations(const Parameters *p, const Input *u, int joints,
-                                 double v[ARM_JOINTS])
+static Speeds wanted_accelerations(const Parameters *p, const Input *u, int joints)
 {
+    Speeds v = {.w = {0, 0, 0}};
     double o = u->arm_mode == REST ? p->omega_rest : p->omega_joint;
     for (int i = 0; i < joints; i++)
-        v[i] = u->joint_accel_ref[i] + 2 * p->zeta * o * (u->joint_rate_ref[i] - u->joint_rate[i]) +
-               o * o * (u->joint_angle_ref[i] - u->joint_angle[i]);
+        v.joint[i] = u->joint_accel_ref[i] +
+                     2 * p->zeta * o * (u->joint_rate_ref[i] - u->joint_rate[i]) +
+                     o * o * (u->joint_angle_ref[i] - u->joint_angle[i]);
+    return v;
 }
 
 /* du = [du_0; v]: what the base does under the commands while the joints do v */
-static Column motion_with(const Parameters *p, const Input *u, const Matrix *H, const Column *b,
-                          int joints, const Output *y)
+static Speeds motion_with(const Parameters *p, const Input *u, const MassMatrix *H, const Forces *b,
+                          const Output *y)
 {
-    Column du = {{0}};
-    Matrix H_00 = *H;
+    Mobility base = mobility_of(&H->whole, 1);
     vec3 w = u->omega_SN_S;
     vec3 wheels = add(mul(p->A_w, y->wheel_accel_sum), cross(w, mul(p->A_w, u->wheel_speed)));
-    double v[ARM_JOINTS] = {0};
+    Speeds du = wanted_accelerations(p, u, H->tree->joints);
+    Wrench Q_0 = {y->F_sum_S, sub(y->M_sum_S, wheels)};
 
-    wanted_accelerations(p, u, joints, v);
-    set_wrench(du.at, (Wrench){y->F_sum_S, sub(y->M_sum_S, wheels)});
-    for (int i = 0; i < 6; i++) du.at[i] -= b->at[i] + row_times(H->at[i] + 6, v, joints);
-    du = solved(H_00, du, 0);
-    memcpy(du.at + 6, v, sizeof v);
+    Twist du_0 =
+        base_answer(&base, plus_wrench(Q_0, -1, plus_wrench(base_rows(H, &du), 1, b->base)));
+    du.v = du_0.v;
+    du.w = du_0.w;
     return du;
 }
 
-static void drive_joints(const Parameters *p, const Input *u, const Matrix *H, const Column *b,
-                         int joints, Output *y)
+static void drive_joints(const Parameters *p, const Input *u, const MassMatrix *H, const Forces *b,
+                         Output *y)
 {
-    Column du = motion_with(p, u, H, b, joints, y);
+    Speeds du = motion_with(p, u, H, b, y);
+    int joints = H->tree->joints;
+    double row[ARM_JOINTS];
+    set_joint_rows(row, H, &du);
     for (int i = 0; i < joints; i++) {
-        double wanted = row_times(H->at[6 + i], du.at, ARM_SPEEDS) + b->at[6 + i] +
-                        friction_torque(&p->joint, i, u->joint_rate_ref[i]);
+        double wanted = row[i] + b->joint[i] + friction_torque(&p->joint, i, u->joint_rate_ref[i]);
         y->joint_torque[i] = limited(wanted, p->joint.torque_max[i]);
         y->saturated[i] = y->joint_torque[i] != wanted;
         y->joint_error = larger(y->joint_error, fabs(u->joint_angle_ref[i] - u->joint_angle[i]));
@@ -202,13 +204,18 @@ static void control(const Parameters *p, const Input *u, State *x, Output *y, do
     for (int i = 0; i < ARM_JOINTS; i++) y->joint_lock[i] = locked;
     if (locked) return;
 
-    Tree tree = tree_in(&p->arm, p->mass_0, p->J_S, u->joint_angle);
-    Matrix H = mass_matrix(&p->arm, &tree);
-    Column b = velocity_terms(&tree, u->omega_SN_S, u->joint_rate);
-    Composite all = whole(&tree);
-    if (u->arm_mode != REST)
-        feed_forward(p, reaction_of_arm(u, &tree, &H, &b), scale(1 / all.m, all.h), y);
-    drive_joints(p, u, &H, &b, tree.joints, y);
+    Tree tree;
+    MassMatrix H;
+    Loads loads;
+    Composite base = body_at_S(p->mass_0, p->J_S);
+    const Tide none = {.at_S = {0, 0, 0}};
+    place(&tree, &p->arm, u->joint_angle);
+    weigh(&tree, &p->arm);
+    set_mass_matrix(&H, &p->arm, &tree, &base);
+    set_velocity_loads(&loads, &tree, &base, u->omega_SN_S, u->joint_rate, &none);
+    Forces b = projected(&tree, &loads);
+    if (u->arm_mode != REST) feed_forward(p, reaction_of_arm(u, &H, &b), centre_of(&H.whole), y);
+    drive_joints(p, u, &H, &b, y);
 }
 
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)

@@ -176,12 +176,13 @@ typedef struct {
 static View view_of(const Parameters *p, const Input *u)
 {
     quat q_SN = canonical(u->S.q), q_TN = canonical(u->T.q);
-    View v = {.tree = tree_in(&p->arm, p->mass_0, p->J_S, u->joint_angle),
-              .C_SN = dcm_of_quat(q_SN),
-              .q_QN = product(q_TN, p->q_QT)};
+    View v;
+    place(&v.tree, &p->arm, u->joint_angle);
     mat3 C_TN = dcm_of_quat(q_TN);
     Twist motion = tip_twist(&v.tree, u->S.omega, u->joint_rate);
 
+    v.C_SN = dcm_of_quat(q_SN);
+    v.q_QN = product(q_TN, p->q_QT);
     v.C_QN = dcm_of_quat(v.q_QN);
     v.q_EN = product(q_SN, tip_attitude(&p->arm, &v.tree));
     v.q_EQ = canonical(product(conjugate(v.q_QN), v.q_EN));
@@ -317,7 +318,7 @@ static void rest_joints(const State *x, double T, double since, int joints, Outp
     }
 }
 
-static void track(const Parameters *p, const Input *u, const View *v, const State *x, double since,
+static void track(const Parameters *p, const Input *u, View *v, const State *x, double since,
                   Output *y)
 {
     int closing = x->mode == CLOSE;
@@ -333,8 +334,12 @@ static void track(const Parameters *p, const Input *u, const View *v, const Stat
     vec3 linear = add(sub(v_r, u->S.v), scale(p->K_E[0], miss));
     vec3 angular = add(w_r, scale(p->K_E[1], angle));
     Six xd = six(mul(v->C_SN, linear), mul(v->C_SN, angular));
+    Composite base = body_at_S(p->mass_0, p->J_S);
+    MassMatrix H;
+    weigh(&v->tree, &p->arm);
+    set_mass_matrix(&H, &p->arm, &v->tree, &base);
     JointRates rates =
-        joint_rates(&p->law, &p->arm, &v->tree, u->S.omega, u->joint_angle, u->joint_rate, xd);
+        joint_rates(&p->law, &H, &v->tree, u->S.omega, u->joint_angle, u->joint_rate, xd);
 
     memcpy(y->joint_angle_ref, x->q_ref, sizeof x->q_ref);
     memcpy(y->joint_rate_ref, rates.dq, sizeof rates.dq);

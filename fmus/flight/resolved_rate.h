@@ -42,26 +42,30 @@ static inline Six plus_six(Six a, double k, const Six *b) /* a + k b */
     return a;
 }
 
+static inline double dot_six(const Six *a, const Six *b)
+{
+    double sum = 0;
+    for (int i = 0; i < 6; i++) sum += a->at[i] * b->at[i];
+    return sum;
+}
+
 /* motion of the base for a unit rate of each joint at constant momentum: -H_00^-1 H_0m */
 typedef struct { Twist joint[ARM_JOINTS]; } Reaction;
 
-static inline Reaction reaction_of_base(Matrix H, int joints)
+static inline void set_reaction(Reaction *base, const MassMatrix *H)
 {
-    Reaction base = {{{{0, 0, 0}, {0, 0, 0}}}};
-    double *L = &H.at[0][0];
-    int regular = cholesky(L, 6, ARM_SPEEDS);
+    Mobility mobility = mobility_of(&H->whole, 1);
+    int joints = H->tree->joints;
     for (int j = 0; j < joints; j++) {
-        double *column = H.at[6 + j]; /* H_m0 = H_0m^T */
-        if (regular) cholesky_solve(L, 6, ARM_SPEEDS, column);
-        base.joint[j] = (Twist){neg(vector_at(column)), neg(vector_at(column + 3))};
+        Twist answer = base_answer(&mobility, H->joint[j]);
+        base->joint[j] = (Twist){neg(answer.v), neg(answer.w)};
     }
-    return base;
 }
 
 /* ---- one pass: the joints that are not fixed ---- */
-typedef struct { double at[6][6]; } Gram;
+typedef struct { double at[6][8]; } Gram; /* upper half, y in column 6 */
 
-static inline Gram gram_of(const Jacobian *J, const JointRates *r)
+static inline Gram gram_of(const Jacobian *J, const JointRates *r, const Six *y)
 {
     Gram G = {{{0}}};
     int joints = J->joints;
@@ -69,17 +73,18 @@ static inline Gram gram_of(const Jacobian *J, const JointRates *r)
         const double *c = J->column[k].at;
         if (r->limited[k]) continue;
         for (int i = 0; i < 6; i++)
-            for (int j = 0; j < 6; j++) G.at[i][j] += c[i] * c[j];
+            for (int j = i; j < 6; j++) G.at[i][j] += c[i] * c[j];
     }
+    for (int i = 0; i < 6; i++) G.at[i][6] = y->at[i];
     return G;
 }
 
-static inline double manipulability_of(Gram G, int columns)
+/* sqrt(det J J^T) from the pivots of its elimination */
+static inline double manipulability_of(const Gram *pivots)
 {
     double product = 1;
-    if (columns < 6 || !cholesky(&G.at[0][0], 6, 6)) return 0;
-    for (int i = 0; i < 6; i++) product *= G.at[i][i];
-    return product;
+    for (int i = 0; i < 6; i++) product *= pivots->at[i][i];
+    return sqrt(product);
 }
 
 static inline void solve_pass(const RateLaw *law, const Jacobian *J, const double z[], Six y,
@@ -91,16 +96,22 @@ static inline void solve_pass(const RateLaw *law, const Jacobian *J, const doubl
         if (!r->limited[i]) r->dq[i] = z[i];
         y = plus_six(y, -r->dq[i], &J->column[i]);
     }
-    Gram G = gram_of(J, r);
-    double m = manipulability_of(G, columns), least = law->manipulability_min;
+    const Gram G = gram_of(J, r, &y);
+    Gram left = G;
+    int regular = solve_upper(&left.at[0][0], 6, 8, y.at);
+    double m = regular && columns >= 6 ? manipulability_of(&left) : 0;
+    double least = law->manipulability_min;
     double lambda = m < least ? law->damping_max * (1 - m / least) : 0;
-    for (int i = 0; i < 6; i++) G.at[i][i] += lambda * lambda;
+    if (lambda > 0) {
+        left = G;
+        for (int i = 0; i < 6; i++) left.at[i][i] += lambda * lambda;
+        regular = solve_upper(&left.at[0][0], 6, 8, y.at);
+    }
     r->manipulability = m;
     r->damping = lambda;
-    if (!cholesky(&G.at[0][0], 6, 6)) return; /* singular and undamped: the posture alone */
-    cholesky_solve(&G.at[0][0], 6, 6, y.at);
+    if (!regular) return; /* singular and undamped: the posture alone */
     for (int i = 0; i < joints; i++)
-        if (!r->limited[i]) r->dq[i] += row_times(J->column[i].at, y.at, 6);
+        if (!r->limited[i]) r->dq[i] += dot_six(&J->column[i], &y);
 }
 
 /* fixes the joints that break a limit of angle; how many */
@@ -128,21 +139,21 @@ static inline void scale_rates(const RateLaw *law, int joints, JointRates *r)
 }
 
 /* xd: wanted motion of E relative to the motion of S, base axes; w: rate of the base */
-static inline JointRates joint_rates(const RateLaw *law, const Arm *arm, const Tree *t, vec3 w,
+static inline JointRates joint_rates(const RateLaw *law, const MassMatrix *H, const Tree *t, vec3 w,
                                      const double q[], const double dq[], Six xd)
 {
     int joints = t->joints;
     Jacobian J = {.joints = joints};
     Twist base = {vec(0, 0, 0), w}; /* v_0: base without arm motion, or with the same momentum */
-    Reaction reaction = reaction_of_base(mass_matrix(arm, t), joints);
-    double z[ARM_JOINTS], floats = law->base_floats;
+    Reaction reaction = {{{{0, 0, 0}, {0, 0, 0}}}};
+    double z[ARM_JOINTS];
+    if (law->base_floats) set_reaction(&reaction, H);
     for (int i = 0; i < joints; i++) {
         Twist r = reaction.joint[i], screw = t->link[i].screw;
         z[i] = law->K_posture * (law->ready[i] - q[i]);
-        base.v = sub(base.v, scale(floats * dq[i], r.v));
-        base.w = sub(base.w, scale(floats * dq[i], r.w));
-        J.column[i] = tip_motion(
-            (Twist){add(screw.v, scale(floats, r.v)), add(screw.w, scale(floats, r.w))}, t->p_E);
+        base.v = sub(base.v, scale(dq[i], r.v));
+        base.w = sub(base.w, scale(dq[i], r.w));
+        J.column[i] = tip_motion((Twist){add(screw.v, r.v), add(screw.w, r.w)}, t->p_E);
     }
     Six y0 = tip_motion(base, t->p_E), y = plus_six(xd, -1, &y0);
 

@@ -92,61 +92,66 @@ static void check(const Parameters *p, Problems *problems)
 
 /* ---- the vehicle at an instant ---- */
 typedef struct {
-    Tree tree;
-    Composite outboard; /* the arm */
-    Matrix H;
-    Column u; /* speeds, S at rest */
+    Tree own;
+    const Tree *tree;
+    Composite base;
+    MassMatrix H;
     mat3 C_SN;
-    double mass;
+    Speeds u;    /* S at rest */
     vec3 c, v_c; /* centre of mass and its velocity, from S, base axes */
 } Vehicle;
 
-static vec3 base_rate(const State *x, int released)
-{
-    return released ? x->base.omega : vec(0, 0, 0);
-}
-
-/* what the joint angles alone decide */
-static void place_arm(Vehicle *now, const Parameters *p, const State *x)
-{
-    memset(&now->H, 0, sizeof now->H);
-    now->tree = tree_in(&p->arm, x->base.mass, p->base.J_S, x->joint_angle);
-    now->outboard = set_joint_rows(&now->H, &p->arm, &now->tree);
-}
-
+/* what holds over an internal step */
 typedef struct {
     const Parameters *p;
     const Input *u;
-    const Vehicle *locked; /* with its arm in place, where all joints are locked; else 0 */
+    const Tree *placed; /* the arm where it does not move, else 0 */
+    Composite base;     /* without its mass, which is at S */
+    Wrench tip;         /* load on the end effector, axes of the last link */
+    Moving moving;
     vec3 wheel_accel;
-    double since; /* start of the internal step */
-    int released;
+    double since; /* its start */
 } Context;
+
+static int locked(const Input *u, int i) { return u->joint_lock[i] != 0; }
+
+static Context context_at(const Parameters *p, const Input *u, const State *x, double t, double h)
+{
+    mat3 C_EA = dcm_of_quat(p->arm.q_EA);
+    Context c = {.p = p,
+                 .u = u,
+                 .base = body_at_S(0, p->base.J_S),
+                 .tip = {tmul(C_EA, u->F_contact_E), tmul(C_EA, u->M_contact_E)},
+                 .moving = {.turns = reached(t, p->base.t_att)},
+                 .wheel_accel =
+                     wheel_accels(&p->base, u->base.wheel_accel_cmd, x->base.wheel_speed, h),
+                 .since = t};
+    for (int i = 0; i < (int)p->arm.joints; i++)
+        if (!locked(u, i)) c.moving.joint[c.moving.joints++] = i;
+    return c;
+}
+
+static void place_arm(Tree *t, const Parameters *p, const State *x)
+{
+    place(t, &p->arm, x->joint_angle);
+    weigh(t, &p->arm);
+}
 
 static void find_vehicle(Vehicle *now, const Context *c, const State *x)
 {
-    double v[3];
-    if (c->locked) {
-        now->tree = c->locked->tree;
-        now->outboard = c->locked->outboard;
-        now->H = c->locked->H;
-    } else {
-        place_arm(now, c->p, x);
+    now->tree = c->placed;
+    if (!now->tree) {
+        place_arm(&now->own, c->p, x);
+        now->tree = &now->own;
     }
-    now->tree.m_0 = x->base.mass;
-    add_base(&now->H, &now->outboard, &now->tree);
+    now->base = c->base;
+    now->base.m += x->base.mass;
+    set_mass_matrix(&now->H, &c->p->arm, now->tree, &now->base);
     now->C_SN = dcm_of_mrp(x->base.sigma);
-    set_vector(now->u.at, vec(0, 0, 0));
-    set_vector(now->u.at + 3, base_rate(x, c->released));
-    memcpy(now->u.at + 6, x->joint_rate, sizeof x->joint_rate);
-
-    /* H_00 = [m 1, -h~; h~, I] */
-    double m = now->H.at[0][0];
-    vec3 h = vec(now->H.at[1][5], now->H.at[2][3], now->H.at[0][4]);
-    for (int i = 0; i < 3; i++) v[i] = row_times(now->H.at[i], now->u.at, ARM_SPEEDS) / m;
-    now->mass = m;
-    now->c = scale(1 / m, h);
-    now->v_c = vector_at(v);
+    now->u = (Speeds){.w = c->moving.turns ? x->base.omega : vec(0, 0, 0)};
+    memcpy(now->u.joint, x->joint_rate, sizeof x->joint_rate);
+    now->c = centre_of(&now->H.whole);
+    now->v_c = velocity_of_centre(&now->H, &now->u);
 }
 
 static PosVel centre_of_mass(const Vehicle *now, const BaseState *x)
@@ -154,35 +159,13 @@ static PosVel centre_of_mass(const Vehicle *now, const BaseState *x)
     return (PosVel){add(x->r, tmul(now->C_SN, now->c)), add(x->v, tmul(now->C_SN, now->v_c))};
 }
 
-static Context context_at(const Parameters *p, const Input *u, const Vehicle *locked,
-                          const State *x, double t, double h)
-{
-    vec3 wheels = wheel_accels(&p->base, u->base.wheel_accel_cmd, x->base.wheel_speed, h);
-    return (Context){p, u, locked, wheels, t, reached(t, p->base.t_att)};
-}
-
 /* ---- loads ---- */
-/* one body's share: g m (3 a (a.x) - x) and 3 g a x (I a), as a wrench at S */
-static Wrench gradient_on(double g, vec3 a, vec3 c, double m, vec3 c_k, mat3 I)
+static Tide tide_on(const Parameters *p, const Vehicle *now, vec3 r_C)
 {
-    vec3 x = sub(c_k, c);
-    vec3 force = scale(g * m, sub(scale(3 * dot(a, x), a), x));
-    return wrench_at(c_k, force, scale(3 * g, cross(a, mul(I, a))));
-}
-
-static Loads gradient_loads(const Parameters *p, const Vehicle *now, vec3 r_C)
-{
-    Loads loads = {{{0, 0, 0}, {0, 0, 0}}, {{{0, 0, 0}, {0, 0, 0}}}};
-    if (!p->base.use_gravity_gradient || p->base.orbit.mu == 0) return loads;
-    const Tree *t = &now->tree;
-    double r = norm(r_C), g = p->base.orbit.mu / (r * r * r);
-    vec3 a = scale(1 / r, mul(now->C_SN, r_C));
-    loads.base = gradient_on(g, a, now->c, t->m_0, vec(0, 0, 0), t->J_S);
-    for (int i = 0; i < t->joints; i++) {
-        const Link *k = &t->link[i];
-        loads.link[i] = gradient_on(g, a, now->c, k->m, k->c, k->I);
-    }
-    return loads;
+    if (!p->base.use_gravity_gradient || p->base.orbit.mu == 0)
+        return tide_about(now->c, 0, vec(0, 0, 0));
+    double r = norm(r_C);
+    return tide_about(now->c, p->base.orbit.mu / (r * r * r), scale(1 / r, mul(now->C_SN, r_C)));
 }
 
 static Wrench actuator_load(const Context *c, double t, const BaseState *x, vec3 w)
@@ -193,92 +176,51 @@ static Wrench actuator_load(const Context *c, double t, const BaseState *x, vec3
     return (Wrench){force_S(&c->u->base), sub(torque, wheels)};
 }
 
-/* the load on the end effector, base axes, at S */
+/* base axes, at S */
 static Wrench tip_load(const Context *c, const Tree *t)
 {
-    mat3 R_E = matmul_t(t->R_A, dcm_of_quat(c->p->arm.q_EA));
-    return wrench_at(t->p_E, mul(R_E, c->u->F_contact_E), mul(R_E, c->u->M_contact_E));
+    return wrench_at(t->p_E, mul(t->R_A, c->tip.F), mul(t->R_A, c->tip.M));
 }
 
-static int locked(const Input *u, int i) { return u->joint_lock[i] != 0; }
-
-static Column loads_on(const Context *c, double t, const State *x, const Vehicle *now)
+/* Q - b */
+static Forces loads_on(const Context *c, double t, const State *x, const Vehicle *now)
 {
-    const Tree *tree = &now->tree;
-    vec3 w = vector_at(now->u.at + 3);
-    Loads loads = gradient_loads(c->p, now, centre_of_mass(now, &x->base).r);
-    Wrench *last = tree->joints > 0 ? &loads.link[tree->joints - 1] : &loads.base;
-
-    loads.base = plus_wrench(loads.base, actuator_load(c, t, &x->base, w));
-    *last = plus_wrench(*last, tip_load(c, tree));
-    Column Q = projected(tree, &loads);
-    for (int i = 0; i < tree->joints; i++) {
+    const Tree *tree = now->tree;
+    int joints = tree->joints;
+    Loads loads;
+    Tide tide = tide_on(c->p, now, centre_of_mass(now, &x->base).r);
+    set_velocity_loads(&loads, tree, &now->base, now->u.w, x->joint_rate, &tide);
+    Wrench *last = joints > 0 ? &loads.link[joints - 1] : &loads.base;
+    *last = plus_wrench(*last, -1, tip_load(c, tree));
+    Forces b = projected(tree, &loads); /* less Q_gg and J_E^T of the load on the tip */
+    Forces Q = {.base = plus_wrench(actuator_load(c, t, &x->base, now->u.w), -1, b.base)};
+    for (int i = 0; i < joints; i++) {
         double torque = limited(c->u->joint_torque[i], c->p->joint.torque_max[i]);
-        Q.at[6 + i] += locked(c->u, i) ? 0 : torque;
-        Q.at[6 + i] -= friction_torque(&c->p->joint, i, x->joint_rate[i]);
+        Q.joint[i] = locked(c->u, i) ? 0 : torque;
+        Q.joint[i] -= friction_torque(&c->p->joint, i, x->joint_rate[i]) + b.joint[i];
     }
     return Q;
 }
 
 /* ---- motion ---- */
-/* x of H x = y; the rows of w before t_att and those of locked joints leave the system: 0. NaN where
- * H is not positive definite */
-static Column solved_free(const Input *u, const Vehicle *now, int released, const Column *y)
-{
-    int row[ARM_SPEEDS], n = 0;
-    for (int k = 0; k < 6 + now->tree.joints; k++)
-        if (k < 6 ? k < 3 || released : !locked(u, k - 6)) row[n++] = k;
-
-    double L[ARM_SPEEDS][ARM_SPEEDS], part[ARM_SPEEDS];
-    for (int i = 0; i < n; i++) {
-        part[i] = y->at[row[i]];
-        for (int j = 0; j <= i; j++) L[i][j] = now->H.at[row[i]][row[j]];
-    }
-    int good = cholesky(&L[0][0], n, ARM_SPEEDS);
-    if (good) cholesky_solve(&L[0][0], n, ARM_SPEEDS, part);
-    Column found = {{0}};
-    for (int i = 0; i < n; i++) found.at[row[i]] = good ? part[i] : NAN;
-    return found;
-}
-
-typedef struct {
-    Column du;
-    double lock_torque[ARM_JOINTS];
-} Acceleration;
-
-static Acceleration accelerate(const Context *c, double t, const State *x, const Vehicle *now)
-{
-    int n = now->tree.joints;
-    Column y = loads_on(c, t, x, now);
-    Column b = velocity_terms(&now->tree, vector_at(now->u.at + 3), x->joint_rate);
-    for (int i = 0; i < 6 + n; i++) y.at[i] -= b.at[i];
-
-    Acceleration found = {.du = solved_free(c->u, now, c->released, &y)};
-    for (int i = 0; i < n; i++)
-        if (locked(c->u, i))
-            found.lock_torque[i] =
-                row_times(now->H.at[6 + i], found.du.at, ARM_SPEEDS) - y.at[6 + i];
-    return found;
-}
-
 static void derivative(const Context *c, double t, const State *x, State *dx)
 {
     const BaseParameters *p = &c->p->base;
     Vehicle now;
     find_vehicle(&now, c, x);
     PosVel C = centre_of_mass(&now, &x->base);
-    Column du = accelerate(c, t, x, &now).du;
+    Forces y = loads_on(c, t, x, &now);
+    Speeds du = solved(&now.H, &c->moving, &y);
     vec3 field = add(free_fall_N(p, &C.r, &C.v, c->since, t),
-                     velocity_turning_N(p, c->released, &x->base, C.v));
+                     velocity_turning_N(p, c->moving.turns, &x->base, C.v));
 
-    *dx = (State){.base = {.r = x->base.v,
-                           .v = add(field, tmul(now.C_SN, vector_at(du.at))),
-                           .mass = -c->u->base.mdot}};
+    *dx = (State){
+        .base = {.r = x->base.v, .v = add(field, tmul(now.C_SN, du.v)), .mass = -c->u->base.mdot}};
     memcpy(dx->joint_angle, x->joint_rate, sizeof x->joint_rate);
-    memcpy(dx->joint_rate, du.at + 6, sizeof x->joint_rate);
-    if (!c->released) return;
+    memcpy(dx->joint_rate, du.joint, sizeof x->joint_rate);
+    if (!c->moving.turns) return;
     dx->base.sigma = mrp_rate(x->base.sigma, x->base.omega);
-    dx->base.omega = vector_at(du.at + 3);
+    dx->base.omega = du.w;
     dx->base.wheel_speed = c->wheel_accel;
 }
 
@@ -289,16 +231,17 @@ static void stop_joints(const Context *c, State *x)
 {
     Vehicle now;
     find_vehicle(&now, c, x);
-    Column handed = {{0}};
-    for (int i = 0; i < now.tree.joints; i++)
-        for (int j = 0; j < ARM_SPEEDS && locked(c->u, i); j++)
-            handed.at[j] += now.H.at[j][6 + i] * x->joint_rate[i];
-    Column gain = solved_free(c->u, &now, c->released, &handed);
+    Speeds lost = {.joint = {0}};
+    int joints = now.tree->joints;
+    for (int i = 0; i < joints; i++) lost.joint[i] = locked(c->u, i) ? x->joint_rate[i] : 0;
+    Forces handed = {.base = base_rows(&now.H, &lost)};
+    set_joint_rows(handed.joint, &now.H, &lost);
+    Speeds gain = solved(&now.H, &c->moving, &handed);
 
-    x->base.v = add(x->base.v, tmul(now.C_SN, vector_at(gain.at)));
-    x->base.omega = add(x->base.omega, vector_at(gain.at + 3));
-    for (int i = 0; i < now.tree.joints; i++)
-        x->joint_rate[i] = locked(c->u, i) ? 0 : x->joint_rate[i] + gain.at[6 + i];
+    x->base.v = add(x->base.v, tmul(now.C_SN, gain.v));
+    x->base.omega = add(x->base.omega, gain.w);
+    for (int i = 0; i < joints; i++)
+        x->joint_rate[i] = locked(c->u, i) ? 0 : x->joint_rate[i] + gain.joint[i];
 }
 
 static void obey_locks(const Context *c, State *x)
@@ -312,9 +255,9 @@ static void obey_locks(const Context *c, State *x)
 /* ---- outputs ---- */
 static void publish_tip(const Parameters *p, const State *x, const Vehicle *now, Output *y)
 {
-    const Tree *t = &now->tree;
+    const Tree *t = now->tree;
     quat q_ES = tip_attitude(&p->arm, t);
-    Twist motion = tip_twist(t, vector_at(now->u.at + 3), x->joint_rate);
+    Twist motion = tip_twist(t, now->u.w, x->joint_rate);
     y->E = (Body){add(x->base.r, tmul(now->C_SN, t->p_E)),
                   add(x->base.v, tmul(now->C_SN, velocity_at(motion, t->p_E))),
                   canonical(product(y->base.q_SN, q_ES)), mul(dcm_of_quat(q_ES), motion.w)};
@@ -323,30 +266,43 @@ static void publish_tip(const Parameters *p, const State *x, const Vehicle *now,
 /* about C: h = L_S - c x p, T = u.H u/2 - m v_c^2/2 */
 static void publish_momentum(const Parameters *p, const Vehicle *now, Output *y)
 {
-    Column momentum = {{0}};
-    for (int i = 0; i < ARM_SPEEDS; i++)
-        momentum.at[i] = row_times(now->H.at[i], now->u.at, ARM_SPEEDS);
+    int joints = now->tree->joints;
+    Wrench momentum = base_rows(&now->H, &now->u);
+    double twice = dot(now->u.w, momentum.M) - now->H.whole.m * dot(now->v_c, now->v_c);
+    double row[ARM_JOINTS];
+    set_joint_rows(row, &now->H, &now->u);
+    for (int i = 0; i < joints; i++) twice += now->u.joint[i] * row[i];
     vec3 wheels = mul(p->base.A_w, y->base.wheel_speed);
-    vec3 h = sub(vector_at(momentum.at + 3), cross(now->c, vector_at(momentum.at)));
+    vec3 h = sub(momentum.M, cross(now->c, momentum.F));
     y->h_N = tmul(now->C_SN, add(h, wheels));
-    y->kinetic_energy =
-        (row_times(now->u.at, momentum.at, ARM_SPEEDS) - now->mass * dot(now->v_c, now->v_c)) / 2;
+    y->kinetic_energy = twice / 2;
 }
 
-static void publish(const Parameters *p, const Input *u, const Vehicle *locked, const State *x,
-                    Output *y, double t)
+static void publish_joints(const Context *c, double t, const State *x, const Vehicle *now,
+                           Output *y)
 {
-    Context c = context_at(p, u, locked, x, t, p->base.max_step);
-    Vehicle now;
-    find_vehicle(&now, &c, x);
-    Acceleration accel = accelerate(&c, t, x, &now);
-
-    publish_base(&p->base, &x->base, &y->base, t);
-    if (x->base.mass >= 0) y->base.mass = now.mass;
+    int joints = now->tree->joints;
+    Forces Q = loads_on(c, t, x, now);
+    Speeds du = solved(&now->H, &c->moving, &Q);
     memcpy(y->joint_angle, x->joint_angle, sizeof y->joint_angle);
     memcpy(y->joint_rate, x->joint_rate, sizeof y->joint_rate);
-    memcpy(y->joint_accel, accel.du.at + 6, sizeof y->joint_accel);
-    memcpy(y->lock_torque, accel.lock_torque, sizeof y->lock_torque);
+    memcpy(y->joint_accel, du.joint, sizeof y->joint_accel);
+    double row[ARM_JOINTS] = {0};
+    if (c->moving.joints < joints) set_joint_rows(row, &now->H, &du);
+    for (int i = 0; i < ARM_JOINTS; i++)
+        y->lock_torque[i] = i < joints && locked(c->u, i) ? row[i] - Q.joint[i] : 0;
+}
+
+static void publish(const Parameters *p, const Input *u, const Tree *placed, const State *x,
+                    Output *y, double t)
+{
+    Context c = context_at(p, u, x, t, p->base.max_step);
+    c.placed = placed;
+    Vehicle now;
+    find_vehicle(&now, &c, x);
+    publish_base(&p->base, &x->base, &y->base, t);
+    if (x->base.mass >= 0) y->base.mass = now.H.whole.m;
+    publish_joints(&c, t, x, &now, y);
     publish_tip(p, x, &now, y);
     y->r_CS_S = now.c;
     y->v_CN_N = centre_of_mass(&now, &x->base).v;
@@ -360,32 +316,44 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
         x->joint_angle[i] = p->joint_angle_0[i];
         x->joint_rate[i] = p->joint_rate_0[i];
     }
-    Context c = context_at(p, u, NULL, x, t, p->base.max_step);
+    Context c = context_at(p, u, x, t, p->base.max_step);
     obey_locks(&c, x);
     publish(p, u, NULL, x, y, t);
 }
 
-static int all_locked(const Parameters *p, const Input *u)
+/* all joints locked: the arm is where it is for the whole step, and part of the base */
+static void hold_arm(Context *c, const Tree *arm, const Tree *none)
 {
-    int free = 0;
-    for (int i = 0; i < (int)p->arm.joints; i++) free += !locked(u, i);
-    return !free;
+    MassMatrix H;
+    set_mass_matrix(&H, &c->p->arm, arm, &c->base);
+    c->base = H.whole;
+    c->placed = none;
 }
 
-/* a locked arm is where it is for the whole step: it is placed once */
+static int all_locked(const Parameters *p, const Input *u)
+{
+    int moving = 0;
+    for (int i = 0; i < (int)p->arm.joints; i++) moving += !locked(u, i);
+    return !moving;
+}
+
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
-    Vehicle held;
-    const Vehicle *rigid = all_locked(p, u) ? &held : NULL;
-    if (rigid) place_arm(&held, p, x);
+    Tree arm, none;
+    int held = all_locked(p, u);
+    if (held) {
+        place_arm(&arm, p, x);
+        none = (Tree){.R_A = arm.R_A, .p_E = arm.p_E};
+    }
     for (Substep s = first_substep(t, h, p->base.max_step); s.h > 0; s = next_substep(s)) {
-        Context c = context_at(p, u, rigid, x, s.t, s.h);
+        Context c = context_at(p, u, x, s.t, s.h);
         obey_locks(&c, x);
+        if (held) hold_arm(&c, &arm, &none);
         integrate(&c, s.t, s.h, x);
         x->base.sigma = mrp_inside(x->base.sigma);
         if (rate_margin(&p->base, &x->base, s.t + s.h) < 0) break; /* refused: nothing to follow */
     }
-    publish(p, u, rigid, x, y, t + h);
+    publish(p, u, held ? &arm : NULL, x, y, t + h);
 }
 
 FMU_MODEL("arm_servicer", "Servicer with an arm of up to seven joints and its locks");

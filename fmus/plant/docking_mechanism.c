@@ -87,23 +87,35 @@ static const Variable variables[] = {
 static void check(const Parameters *p, Problems *problems) { check_docking(problems, p); }
 
 /* ---- relative motion of the ports ---- */
-static quat probe(const Parameters *p, quat q_SN) { return product(q_SN, canonical(p->q_PS)); }
-static quat drogue(const Parameters *p, quat q_TN) { return product(q_TN, canonical(p->q_QT)); }
+typedef struct {
+    vec3 p_PS_S, p_QT_T;
+    quat q_PS, q_QT;
+} Ports;
 
-static PortState port_state(const Parameters *p, const TwoBodies *x)
+static Ports ports(const Parameters *p)
 {
-    mat3 C_SN = dcm_of_quat(x->q_S), C_TN = dcm_of_quat(x->q_T);
-    quat q_QN = drogue(p, x->q_T);
+    return (Ports){p->p_PS_S, p->p_QT_T, canonical(p->q_PS), canonical(p->q_QT)};
+}
+
+static PortState port_state(const Ports *p, const TwoBodies *x, const TwoAttitudes *at)
+{
+    quat q_QN = product(x->q_T, p->q_QT);
     mat3 C_QN = dcm_of_quat(q_QN);
-    vec3 d_S = tmul(C_SN, p->p_PS_S), d_T = add(x->rho, d_S);
-    vec3 w_S = tmul(C_SN, x->w_S), w_T = tmul(C_TN, x->w_T);
+    vec3 d_S = tmul(at->C_SN, p->p_PS_S), d_T = add(x->rho, d_S);
+    vec3 w_S = tmul(at->C_SN, x->w_S), w_T = tmul(at->C_TN, x->w_T);
     return (PortState){.d_S = d_S,
                        .d_T = d_T,
-                       .e = mul(C_QN, sub(d_T, tmul(C_TN, p->p_QT_T))),
+                       .e = mul(C_QN, sub(d_T, tmul(at->C_TN, p->p_QT_T))),
                        .u = mul(C_QN, sum3(x->drho, cross(w_S, d_S), neg(cross(w_T, d_T)))),
                        .w = mul(C_QN, sub(w_S, w_T)),
                        .C_QN = C_QN,
-                       .q_PQ = canonical(product(conjugate(q_QN), probe(p, x->q_S)))};
+                       .q_PQ = canonical(product(conjugate(q_QN), product(x->q_S, p->q_PS)))};
+}
+
+static PortState port_state_of(const Ports *p, const TwoBodies *x)
+{
+    TwoAttitudes at = two_attitudes(x);
+    return port_state(p, x, &at);
 }
 
 /* an orbit radius costs seven digits: positions are subtracted first */
@@ -120,24 +132,26 @@ typedef struct {
     double dissipated, drive;
 } Motion;
 typedef struct {
-    const Parameters *p;
+    const Port *port;
     const Catch *at;
+    Ports ports;
     TwoMasses m;
 } Context;
 
 static void derivative(const Context *c, double t, const Motion *x, Motion *dx)
 {
-    PortState s = port_state(c->p, &x->body);
-    PortLoad load = port_load(&c->p->port, c->at, &s, t);
+    TwoAttitudes at = two_attitudes(&x->body);
+    PortState s = port_state(&c->ports, &x->body, &at);
+    PortLoad load = port_load(c->port, c->at, &s, t);
     vec3 F_N = tmul(s.C_QN, load.F), M_N = tmul(s.C_QN, load.M);
     Wrench on = {F_N, add(cross(s.d_S, F_N), M_N), neg(add(cross(s.d_T, F_N), M_N))};
-    *dx = (Motion){two_bodies_derivative(&c->m, &x->body, on),
-                   on.F,
-                   on.M_S,
-                   on.M_T,
-                   M_N,
-                   load.P_diss,
-                   load.P_drive};
+    two_bodies_derivative(&c->m, &x->body, &at, &on, &dx->body);
+    dx->I = on.F;
+    dx->A_S = on.M_S;
+    dx->A_T = on.M_T;
+    dx->couple = M_N;
+    dx->dissipated = load.P_diss;
+    dx->drive = load.P_drive;
 }
 
 RK4(predict, derivative, Context, Motion)
@@ -150,15 +164,18 @@ typedef struct {
 static void held_derivative(const HeldLoad *c, double t, const TwoBodies *x, TwoBodies *dx)
 {
     (void)t;
-    *dx = two_bodies_derivative(&c->m, x, c->on);
+    TwoAttitudes at = two_attitudes(x);
+    two_bodies_derivative(&c->m, x, &at, &c->on, dx);
 }
 
 RK4(carry, held_derivative, HeldLoad, TwoBodies)
 
-/* what the sample shows at an inner instant */
-static void look(const Parameters *p, State *x, const PortState *s, double t)
+/* what the sample shows at an inner instant; a latch has no normal force */
+static void look(const Context *c, State *x, const TwoBodies *b, double t)
 {
-    PortLoad load = port_load(&p->port, &x->now.at, s, t);
+    if (is_latched(c->at)) return;
+    PortState s = port_state_of(&c->ports, b);
+    PortLoad load = port_load(c->port, c->at, &s, t);
     x->now.F_inner = larger(x->now.F_inner, load.normal);
     x->peak = larger(x->peak, load.normal);
     if (load.too_deep) x->missed = 1;
@@ -194,7 +211,8 @@ static void publish_loads(const TwoBodies *b, const TwoBodies *end, const Wrench
 
 static void act(const Parameters *p, State *x, TwoBodies b, double t, double h, Output *y)
 {
-    const Context c = {p, &x->now.at, two_masses(p->mass_S, p->J_S, p->mass_T, p->J_T)};
+    const Context c = {&p->port, &x->now.at, ports(p),
+                       two_masses(p->mass_S, p->J_S, p->mass_T, p->J_T)};
     if (p->latency) {
         const HeldLoad before = {c.m, x->wrench};
         carry(&before, t, h, &b);
@@ -207,10 +225,9 @@ static void act(const Parameters *p, State *x, TwoBodies b, double t, double h, 
     for (double i = 0; i < n; i++) {
         predict(&c, t + i * dt, dt, &x_t);
         normalise(&x_t.body);
-        PortState s = port_state(p, &x_t.body);
-        look(p, x, &s, t + (i + 1) * dt);
+        look(&c, x, &x_t.body, t + (i + 1) * dt);
     }
-    PortState s = port_state(p, &x_t.body);
+    PortState s = port_state_of(&c.ports, &x_t.body);
     y->energy_elastic = port_load(&p->port, &x->now.at, &s, t + h).U;
     x->wrench = balanced(&c.m, &b, &x_t, h);
     x->now.load_force = norm(x->wrench.F);
@@ -249,8 +266,9 @@ static void publish(const State *x, Output *y)
 
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
+    Ports of = ports(p);
     TwoBodies b = bodies(u);
-    PortState s = port_state(p, &b);
+    PortState s = port_state_of(&of, &b);
     *x = (State){.now.at = {.phase = FREE, .t_phase = t, .q_R = {1, 0, 0, 0}}};
     publish_pose(&s, y);
     publish(x, y);
@@ -285,8 +303,9 @@ static void step(const Parameters *p, const Input *u, State *x, Output *y, doubl
 {
     t = grid_time(t, p->max_step).t;
     h = exact_step(h, p->max_step);
+    Ports of = ports(p);
     TwoBodies b = bodies(u);
-    PortState s = port_state(p, &b);
+    PortState s = port_state_of(&of, &b);
     events(p, u->latch_enable > 0, u->release > 0, &x->now, &s, t);
     PortLoad now = port_load(&p->port, &x->now.at, &s, t);
     if (now.too_deep) x->missed = 1;

@@ -85,6 +85,13 @@ class Core:
         call(arrays[0], ctypes.c_double(m_0), arrays[1], arrays[2], found)
         return np.array(found).reshape(13, 13)
 
+    def solve_upper(self, A, b):
+        """x of A x = b, None if A is not positive definite."""
+        n = len(b)
+        x, rows = (ctypes.c_double * 8)(), (ctypes.c_double * n * n)(*map(tuple, A))
+        found = self.library.call_solve_upper(rows, n, (ctypes.c_double * n)(*b), x)
+        return np.array(x[:n]) if found else None
+
     def refusals_of_inertia(self, J):
         text = ctypes.create_string_buffer(8000)
         self.library.refusals_of_inertia(to_c("mat3", J), text)

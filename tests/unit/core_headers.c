@@ -23,19 +23,49 @@
 /* arc.h */
 CALL(Square, square_along, (vec3 a, vec3 b, vec3 c, vec3 d), ((vec3[4]){a, b, c, d}))
 
-/* arm.h: numbers of an Arm one after the other */
+/* arm.h: numbers of an Arm one after the other, and H by its columns */
+enum { SPEEDS = 6 + ARM_JOINTS };
+
 void call_mass_matrix(const double *arm, double m_0, const double J_S[9], const double q[7],
-                      double H[ARM_SPEEDS * ARM_SPEEDS]);
+                      double H[SPEEDS * SPEEDS]);
 void call_mass_matrix(const double *arm, double m_0, const double J_S[9], const double q[7],
-                      double H[ARM_SPEEDS * ARM_SPEEDS])
+                      double H[SPEEDS * SPEEDS])
 {
     Arm a;
     mat3 J;
     memcpy(&a, arm, sizeof a);
     memcpy(&J, J_S, sizeof J);
-    Tree tree = tree_in(&a, m_0, J, q);
-    Matrix found = mass_matrix(&a, &tree);
-    memcpy(H, &found, sizeof found);
+    Tree tree;
+    MassMatrix of;
+    Composite base = body_at_S(m_0, J);
+    place(&tree, &a, q);
+    weigh(&tree, &a);
+    set_mass_matrix(&of, &a, &tree, &base);
+    memset(H, 0, SPEEDS * SPEEDS * sizeof *H);
+    for (int j = 0; j < 6 + tree.joints; j++) {
+        Speeds u = {.v = vec(j == 0, j == 1, j == 2), .w = vec(j == 3, j == 4, j == 5)};
+        double column[SPEEDS] = {0};
+        if (j >= 6) u.joint[j - 6] = 1;
+        Wrench rows = base_rows(&of, &u);
+        memcpy(column, &rows, sizeof rows);
+        set_joint_rows(column + 6, &of, &u);
+        for (int i = 0; i < SPEEDS; i++) H[i * SPEEDS + j] = column[i];
+    }
+}
+
+/* cholesky.h: what is not given is not a number */
+int call_solve_upper(const double *A, int n, const double *b, double *x);
+int call_solve_upper(const double *A, int n, const double *b, double *x)
+{
+    enum { MOST = 8, STRIDE = MOST + 2 };
+    double a[MOST * STRIDE];
+    for (int i = 0; i < MOST * STRIDE; i++) a[i] = NAN;
+    for (int i = 0; i < n; i++) {
+        for (int j = i; j < n; j++) a[i * STRIDE + j] = A[i * n + j];
+        a[i * STRIDE + n] = b[i];
+        a[i * STRIDE + n + 1] = 0;
+    }
+    return solve_upper(a, n, STRIDE, x);
 }
 
 /* vec3.h */

@@ -38,4 +38,31 @@ static inline void cholesky_solve(const double *l, int n, int stride, double *b)
     }
 }
 
+/* x of A x = b by elimination, without roots: A by its upper half in the first n columns of a, b in
+ * column n, both overwritten. By rows of `stride` numbers, of which column n + 1 exists: two go at a
+ * time. 0 if A is not positive definite. */
+static inline int solve_upper(double *a, int n, int stride, double *x)
+{
+    for (int j = 0; j < n; j++) {
+        const double *row = a + j * stride;
+        if (!(row[j] > 0)) return 0;
+        double inverse = 1 / row[j];
+        for (int i = j + 1; i < n; i++) {
+            double *below = a + i * stride, share = row[i] * inverse;
+            for (int k = i; k <= n; k += 2) {
+                double first = row[k], second = row[k + 1];
+                below[k] -= share * first;
+                below[k + 1] -= share * second;
+            }
+        }
+    }
+    for (int i = n; i-- > 0;) {
+        const double *row = a + i * stride;
+        double sum = row[n];
+        for (int k = i + 1; k < n; k++) sum -= row[k] * x[k];
+        x[i] = sum / row[i];
+    }
+    return 1;
+}
+
 #endif

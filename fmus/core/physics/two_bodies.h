@@ -24,6 +24,8 @@ typedef struct {
     vec3 w_T;
 } TwoBodies;
 
+typedef struct { mat3 C_SN, C_TN; } TwoAttitudes;
+
 /* on S and on T about their centres of mass, N axes; the force on T is -F */
 typedef struct { vec3 F, M_S, M_T; } Wrench;
 
@@ -43,15 +45,21 @@ static inline vec3 rate_derivative(mat3 J, mat3 J_inverse, vec3 w, vec3 torque)
     return mul(J_inverse, sub(torque, cross(w, mul(J, w))));
 }
 
-static inline TwoBodies two_bodies_derivative(const TwoMasses *m, const TwoBodies *x, Wrench a)
+static inline TwoAttitudes two_attitudes(const TwoBodies *x)
 {
-    vec3 M_S = mul(dcm_of_quat(x->q_S), a.M_S), M_T = mul(dcm_of_quat(x->q_T), a.M_T);
-    return (TwoBodies){x->drho,
-                       scale(1 / m->m_red, a.F),
-                       attitude_rate(x->q_S, x->w_S),
-                       rate_derivative(m->J_S, m->J_S_inverse, x->w_S, M_S),
-                       attitude_rate(x->q_T, x->w_T),
-                       rate_derivative(m->J_T, m->J_T_inverse, x->w_T, M_T)};
+    return (TwoAttitudes){dcm_of_quat(x->q_S), dcm_of_quat(x->q_T)};
+}
+
+static inline void two_bodies_derivative(const TwoMasses *m, const TwoBodies *x,
+                                         const TwoAttitudes *at, const Wrench *a, TwoBodies *dx)
+{
+    vec3 M_S = mul(at->C_SN, a->M_S), M_T = mul(at->C_TN, a->M_T);
+    dx->rho = x->drho;
+    dx->drho = scale(1 / m->m_red, a->F);
+    dx->q_S = attitude_rate(x->q_S, x->w_S);
+    dx->w_S = rate_derivative(m->J_S, m->J_S_inverse, x->w_S, M_S);
+    dx->q_T = attitude_rate(x->q_T, x->w_T);
+    dx->w_T = rate_derivative(m->J_T, m->J_T_inverse, x->w_T, M_T);
 }
 
 static inline quat normalised(quat q)

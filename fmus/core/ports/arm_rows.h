@@ -111,8 +111,7 @@ static inline void check_link(Problems *problems, const Arm *arm, int i)
     if (!(fabs(length - 1) <= 1e-9))
         refuse_row(problems, "joint_axis", i, length, "must be a unit vector");
     if (!(arm->mass[i] > 0)) refuse_row(problems, "link_mass", i, arm->mass[i], "must be > 0");
-    check_inertia(problems, element_of(text, "link_inertia", i),
-                  symmetric_of(arm->inertia[i], arm->products[i]));
+    check_inertia(problems, element_of(text, "link_inertia", i), mat_of(link_inertia(arm, i)));
 }
 
 /* the number of joints, 0 if it is refused: then no row is judged */
