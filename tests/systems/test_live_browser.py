@@ -23,6 +23,7 @@ SYSTEM = "sync_approach"
 LARGEST = 6_000_000
 """Bytes of a page."""
 DRAWS = 10
+PHASES = ["attitude frozen", "attitude tracked"]
 
 
 @pytest.fixture(scope="module")
@@ -98,6 +99,14 @@ def test_a_key_on_a_slider_changes_verdicts_replay_and_plots(chromium, path):
         assert page.inner_text("#requirements tbody") != table
         assert page.is_visible("#live .stale")
         assert "of-file" in page.get_attribute("#claims", "class")
+        told_of = {e["text"]: e["time"] for e in page.evaluate("report.data.scene.events")}
+        for verdict in page.evaluate("report.live.verdicts"):
+            (mark,) = (text for text in told_of if text.startswith(f"{verdict['name']}: "))
+            assert verdict["detail"] in mark
+            assert told_of[mark] == verdict["time"]
+        assert told_of["attitude control on"] == 1200
+        assert page.evaluate("report.data.scene.phases.map(p => p.text)") == PHASES
+        assert page.evaluate("document.querySelectorAll('.event').length") == len(told_of)
         page.click("#live .reset")
         page.evaluate("report.live.idle()")
         assert "=" in page.inner_text("#live .bits")
