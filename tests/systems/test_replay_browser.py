@@ -314,7 +314,7 @@ def test_a_video_is_saved(chromium, report_of):
 
 def test_the_printed_page_has_the_scene_and_all_plots_on_white(chromium, report_of):
     path, _ = report_of(PLAIN)
-    with opened(chromium, path) as page:
+    with opened(chromium, path, width=794) as page:
         page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
         page.emulate_media(media="print")
         assert page.is_visible(".printed")
@@ -333,6 +333,16 @@ def test_the_printed_page_has_the_scene_and_all_plots_on_white(chromium, report_
         )
         assert corner == [255, 255, 255, 255]
         assert page.evaluate("document.documentElement.dataset.theme") == "light"
+        wider = """plotCards.filter(e => e.made.offsetParent &&
+            e.drawing.querySelector('.main-svg').getBoundingClientRect().right >
+            e.made.getBoundingClientRect().right + 1).length"""
+        assert page.evaluate(wider) == 0
+        page.emulate_media(media="screen")
+        page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+        page.wait_for_timeout(500)
+        assert page.evaluate(wider) == 0
+        narrow = "plotCards.filter(e => e.visible && e.made.clientWidth < 400).length"
+        assert page.evaluate(narrow) == 0
 
 
 # ---- fingers, narrow screens

@@ -86,10 +86,16 @@
     button.addEventListener("click", () => window.report.show(Number(button.dataset.time), button));
   }
 
-  /* paper is white, and has all plots */
+  /* paper is white, has all plots, and is narrow: a plot does not follow its card by itself */
   let before = "";
-  window.addEventListener("beforeprint", () => { before = root.dataset.theme; theme("light"); drawAll(); });
-  window.addEventListener("afterprint", () => theme(before));
+  window.addEventListener("beforeprint", () => {
+    before = root.dataset.theme;
+    theme("light");
+    root.classList.add("paper");
+    drawAll();
+    fitPlots();
+  });
+  window.addEventListener("afterprint", () => { root.classList.remove("paper"); theme(before); });
   window.report.ready = true;
   document.dispatchEvent(new Event("ready"));
 })();

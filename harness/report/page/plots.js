@@ -116,6 +116,12 @@ function drawAll() {
   for (const entry of plotCards) if (entry.made.offsetParent && (!entry.drawn || entry.stale === "yes")) draw(entry);
 }
 
+/* every plot as large as its card is now; drawing it again lets it follow the card as before */
+function fitPlots() {
+  for (const { drawn, made, drawing } of plotCards)
+    if (drawn && made.offsetParent) Plotly.relayout(drawing, { width: drawing.clientWidth, height: drawing.clientHeight });
+}
+
 /* what is out of sight is drawn again when it comes back */
 function redraw(entry) {
   entry.stale = "yes";

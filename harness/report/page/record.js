@@ -3,7 +3,7 @@
 function makeRecorder(view) {
   const { scene, canvas, stage, part, history } = view;
   const sheet = document.createElement("canvas"), pen = sheet.getContext("2d");
-  let recording = null;
+  let recording = null, halo = "";
 
   function background(light, width, height) {
     const fade = pen.createRadialGradient(width / 2, height / 5, 0, width / 2, height / 5, width * 0.7);
@@ -14,7 +14,8 @@ function makeRecorder(view) {
   }
   function write(text, x, y, size, colour, bold) {
     pen.font = `${bold ? "600 " : ""}${size}px system-ui, sans-serif`;
-    pen.fillStyle = colour;
+    Object.assign(pen, { fillStyle: colour, strokeStyle: halo, lineWidth: 3, lineJoin: "round" });
+    pen.strokeText(text, x, y); /* readable before a planet, too */
     pen.fillText(text, x, y);
   }
 
@@ -23,6 +24,7 @@ function makeRecorder(view) {
     const width = canvas.clientWidth, height = canvas.clientHeight, ratio = canvas.width / (width || 1);
     if (sheet.width !== canvas.width || sheet.height !== canvas.height) Object.assign(sheet, { width: canvas.width, height: canvas.height });
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    halo = light ? "#ffffff" : "#070b13";
     background(light, width, height);
     view.sky.stars.visible = !light;
     view.render();
