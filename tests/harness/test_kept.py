@@ -213,6 +213,17 @@ def test_a_finished_run_is_not_lost_to_a_format(tmp_path, monkeypatch):
     assert read(kept)["a.x"].tolist() == list(range(5))
 
 
+def test_a_run_that_can_be_written_nowhere_is_an_error(tmp_path, monkeypatch):
+    def refuse(*_):
+        raise RuntimeError("no")
+
+    for ending in (".nc", ".csv"):
+        monkeypatch.setitem(files.WRITERS, ending, refuse)
+    with pytest.raises(ResultsError, match=r"x\.nc: cannot be written \(no\)$"):
+        ResultFile(tmp_path / "x.nc").write(table())
+    assert list(tmp_path.iterdir()) == []
+
+
 ODD = ["p/q", "new\nline", "x[4000000000]", "x[99999999999999999999]", "trailing ", "a²[²]"]
 
 
