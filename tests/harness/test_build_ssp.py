@@ -16,6 +16,7 @@ from fmpy.ssp.ssd import read_ssd
 from lxml import etree
 
 from harness.errors import StructureError
+from harness.files.archive import pack
 from harness.ssp import reader as ssp
 from harness.ssp.build import build, main, system_of
 from harness.ssp.library import load
@@ -299,6 +300,18 @@ def test_a_parameter_set_says_what_its_units_are(tmp_path):
         assert units <= said
         used += len(units)
     assert used > 10
+
+
+def test_a_component_without_a_period_or_latency_steps_at_every_step(archive, tmp_path):
+    with zipfile.ZipFile(archive) as files:
+        entries = {name: files.read(name) for name in files.namelist()}
+    text = entries["SystemStructure.ssd"].decode()
+    bare = re.sub(r'(<run:Component name="\w+") every="\d+" latency="\d+"', r"\1", text)
+    assert bare != text
+    entries["SystemStructure.ssd"] = bare.encode()
+    pack(tmp_path / "x.ssp", entries)
+    with ssp.opened(tmp_path / "x.ssp") as back:
+        assert {(c.every, c.latency) for c in back.components} == {(1, 0)}
 
 
 def test_two_fmus_of_one_file_name_are_kept_apart(fmus, tmp_path):

@@ -399,6 +399,14 @@ def test_the_last_row_is_kept_though_no_stride_ends_there(system, tmp_path):
     assert made.data["time"].values.tolist() == [0, 4, 6]
 
 
+def test_every_row_of_a_block_stands_at_its_run(system, tmp_path):
+    given = table(system, runs=64, metrics={"seen": "parameter(twice.k)"})
+    store = campaign(given, tmp_path / "c.zarr", workers=0).store
+    assert store.block == 2
+    assert store.array("seen").tolist() == store.array("twice.k").tolist()
+    assert len({*store.array("seen")}) == 64
+
+
 def test_bands_are_the_percentiles_of_all_histories(serial):
     starts = serial.store.array("count.n_0")
     wanted = np.percentile(starts[:, None] + [0, 2, 4, 6], [5, 25, 50, 75, 95], axis=0)
