@@ -302,9 +302,33 @@ def test_a_parameter_set_says_what_its_units_are(tmp_path):
     assert used > 10
 
 
-def test_a_component_without_a_period_or_latency_steps_at_every_step(archive, tmp_path):
+@pytest.fixture
+def entries(archive):
     with zipfile.ZipFile(archive) as files:
-        entries = {name: files.read(name) for name in files.namelist()}
+        return {name: files.read(name) for name in files.namelist()}
+
+
+def test_a_system_of_ours_stays_strict_about_open_inputs(entries, archive, tmp_path):
+    with ssp.opened(archive) as back:
+        assert back.strict
+    text = entries["SystemStructure.ssd"].decode()
+    assert 'strict="true"' in text
+    entries["SystemStructure.ssd"] = text.replace(' strict="true"', "").encode()
+    pack(tmp_path / "x.ssp", entries)
+    with ssp.opened(tmp_path / "x.ssp") as back:
+        assert not back.strict
+
+
+def test_a_set_that_is_listed_has_its_files(entries, tmp_path):
+    lost = {name: data for name, data in entries.items() if not name.startswith("resources/sets/")}
+    assert 0 < len(lost) < len(entries)
+    pack(tmp_path / "x.ssp", lost)
+    problem = "parameter set other: is listed, but none of its files is in the archive"
+    with pytest.raises(StructureError, match=problem), ssp.opened(tmp_path / "x.ssp"):
+        pass
+
+
+def test_a_component_without_a_period_or_latency_steps_at_every_step(entries, tmp_path):
     text = entries["SystemStructure.ssd"].decode()
     bare = re.sub(r'(<run:Component name="\w+") every="\d+" latency="\d+"', r"\1", text)
     assert bare != text
