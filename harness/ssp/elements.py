@@ -84,9 +84,6 @@ class Element:
     parameters: Parameters = field(default_factory=dict)
     arrays: Mapping[str, Grid] = field(default_factory=dict)
 
-    def __str__(self) -> str:
-        return ".".join(self.place)
-
 
 @dataclass(frozen=True)
 class Leaf(Element):
