@@ -117,3 +117,12 @@ def _escaped(character: str) -> str:
 def file_stem(name: str) -> str:
     """A name as that of a file in the folder at hand: no path, nothing hidden, nothing odd."""
     return re.sub(r"[^\w.-]+", "_", name).lstrip(".-")[:100] or "system"
+
+
+def is_number(text: str) -> bool:
+    """Whether a text reads as a number."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

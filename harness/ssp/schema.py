@@ -22,6 +22,7 @@ from harness.files import cache
 from harness.files.archive import MAX_ENTRY
 from harness.files.paths import contents
 from harness.files.safe_xml import UnsafeXmlError, parsed
+from harness.spelling import is_number
 from harness.ssp.xml import XmlElement, tag
 
 Schema = Any
@@ -217,7 +218,7 @@ def _odd_values(element: XmlElement) -> Iterator[str]:
     kind = element.tag.rpartition("}")[2]
     for text in element.get("value", "").split()[1:]:
         if kind == "Real":
-            good = _is_number(text)
+            good = is_number(text)
         else:
             good = text in ("true", "false", "0", "1") if kind == "Boolean" else _is_whole(text)
         if not good:
@@ -226,11 +227,3 @@ def _odd_values(element: XmlElement) -> Iterator[str]:
 
 def _is_whole(text: str) -> bool:
     return _whole(text) in WHOLE
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

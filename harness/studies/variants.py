@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 from harness.errors import UsageError
 from harness.master.changes import Changes, pairs, unmapped
+from harness.spelling import is_number
 from harness.system.values import parse
 
 NAMED = ("swap", "latency", "set")
@@ -163,16 +164,8 @@ def _split(text: str) -> Iterator[str]:
 def _values(text: str, option: str, name: str) -> Sequence[str]:
     """The numbers of `first:last:step`, both ends included; anything else is itself."""
     parts = text.split(":")
-    ranged = len(parts) == 3 or (len(parts) > 1 and all(map(_is_number, parts)))
+    ranged = len(parts) == 3 or (len(parts) > 1 and all(map(is_number, parts)))
     return _range(text, name) if option == "set" and ranged else [text]
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _range(text: str, name: str) -> Sequence[str]:

@@ -9,10 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from astropy import units
-from astropy.coordinates import GCRS, TEME, CartesianDifferential, CartesianRepresentation
 from astropy.time import Time
-from astropy.utils import iers
-from sgp4.api import Satrec
 
 from harness import export, run
 from harness.cli import main
@@ -24,7 +21,7 @@ from harness.mission import library
 from harness.results.requirements import findings
 from harness.results.verdict import Verdict
 from harness.ssp.library import load
-from tests.harness.test_exchange import ISS
+from tests.harness.test_exchange import ISS, by_astropy
 
 MU = 3.986004415e14
 EXAMPLE = Path(__file__).parents[2] / "docs" / "own_mission.md"
@@ -45,17 +42,6 @@ def mission(folder, start, more=""):
 @pytest.fixture
 def inline(tmp_path):
     return mission(tmp_path / "mine", f'target = """\n{ISS}"""')
-
-
-def by_astropy(moment):
-    """State of the elements by SGP4 and astropy alone, GCRS [m, m/s]."""
-    error, r, v = Satrec.twoline2rv(*ISS.splitlines()).sgp4(moment.jd1, moment.jd2)
-    assert error == 0
-    velocity = CartesianDifferential(np.array(v) * units.km / units.s)
-    state = CartesianRepresentation(np.array(r) * units.km, differentials=velocity)
-    with iers.conf.set_temp("auto_download", False):
-        found = TEME(state, obstime=moment).transform_to(GCRS(obstime=moment)).cartesian
-    return found.xyz.to_value("m"), found.differentials["s"].d_xyz.to_value("m/s")
 
 
 def test_elements_in_the_file_start_the_target_at_their_epoch(inline):

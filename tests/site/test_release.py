@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 import shutil
 import subprocess
@@ -18,16 +17,14 @@ import harness
 from harness.files import paths
 from harness.master.simulation import Simulation
 from harness.system.interface import read_interface
+from tests.site.scripts import script
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")
 def release():
-    spec = importlib.util.spec_from_file_location("release", ROOT / ".ci/release.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return script("release")
 
 
 @pytest.fixture(scope="module")
@@ -79,9 +76,7 @@ def test_the_page_lists_every_artefact_with_its_checksum(folder, release):
 def test_every_system_has_a_twin_of_ssp_2_and_fmi_3(tmp_path):
     from harness.ssp.reader import opened
 
-    spec = importlib.util.spec_from_file_location("twins", ROOT / ".ci/reference_systems.py")
-    twins = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(twins)
+    twins = script("reference_systems")
     shutil.copytree(paths.fmus()["target"].parents[1] / "fmus3", tmp_path / "fmus3")
     (tmp_path / "ssp").mkdir()
     shutil.copy(paths.systems()["sync_approach"], tmp_path / "ssp")

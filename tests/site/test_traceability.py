@@ -16,8 +16,8 @@ import xmlschema
 
 from harness.files import paths
 from harness.mission.claim import Row
+from tests.site.scripts import script
 
-ROOT = Path(__file__).resolve().parents[2]
 SPACE = "{http://ssp-standard.org/SSPTraceability1/SSPTraceabilityCommon}"
 XLINK = "http://www.w3.org/1999/xlink"
 NAMES = ("type", "href", "role", "arcrole", "title", "show", "actuate", "label", "from", "to")
@@ -36,10 +36,7 @@ TOLD = [
 
 @pytest.fixture(scope="module")
 def traceability():
-    spec = importlib.util.spec_from_file_location("traceability", ROOT / ".ci/traceability.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return script("traceability")
 
 
 @pytest.fixture(scope="module")
@@ -55,16 +52,16 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def schema(tmp_path_factory):
     """That of a package, with a stand-in for the schema of links, which it would fetch."""
-    stub = tmp_path_factory.mktemp("schema") / "xlink.xsd"
+    links = tmp_path_factory.mktemp("schema") / "xlink.xsd"
     attributes = "".join(f'<xs:attribute name="{name}" type="xs:string"/>' for name in NAMES)
-    stub.write_text(
+    links.write_text(
         '<xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema" '
         f'targetNamespace="{XLINK}">{attributes}</xs:schema>',
         encoding="utf-8",
     )
     package = Path(importlib.util.find_spec("pyssp_standard").origin).parent
     file = package / "resources/SRMD11.xsd"
-    return xmlschema.XMLSchema11(str(file), locations={XLINK: str(stub)}, allow="local")
+    return xmlschema.XMLSchema11(str(file), locations={XLINK: str(links)}, allow="local")
 
 
 def entries(data, keyword):
