@@ -167,15 +167,15 @@ coverage: build $(LINTERS)
 	  --html-details build/coverage/c/index.html
 
 # the documentation pages in build/site: first runs what they quote, then writes the Markdown, then
-# HTML, strictly; they need no network to be read
+# HTML, strictly; they need no network to be read. Of the extra `fly` the compiler of the live pages
 SITE  := $(VENV)/.site
 PAGES := $(shell find .ci/pages docs examples -type f) mkdocs.yml CONTRIBUTING.md CHANGELOG.md
 $(SITE): $(TOOLS) pyproject.toml
 	$(PIP) $$($(BIN)/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); \
-	  print(*p['project']['optional-dependencies']['site'])")
+	  e = p['project']['optional-dependencies']; print(*e['site'], e['fly'][0])")
 	@touch $@
 
-build/site-facts/facts.json: $(READY)
+build/site-facts/facts.json: $(READY) $(SITE)
 	$(BIN)/python .ci/pages build/site-facts --facts
 
 # figures in user pages, from the runs that .ci/pages/quoted.py names; make figures writes them

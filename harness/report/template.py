@@ -18,6 +18,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from harness.errors import HarnessError
 from harness.report.arrays import Arrays
 
@@ -99,4 +101,12 @@ def text_of(name: str) -> str:
 
 def _json(data: Any) -> str:
     """JSON that no markup ends: a script of the page holds it."""
-    return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
+    text = json.dumps(data, separators=(",", ":"), default=_plain)
+    return text.replace("<", "\\u003c")
+
+
+def _plain(value: Any) -> Any:
+    """Numbers of numpy, which a mission's scene may hold, as Python's."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    raise TypeError(f"the page holds numbers and texts, not {type(value).__name__}")

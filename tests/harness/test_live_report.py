@@ -6,6 +6,7 @@ code for numpy, sliders of a system, refusals.
 from __future__ import annotations
 
 import importlib.util
+import json
 import tomllib
 
 import numpy as np
@@ -15,7 +16,7 @@ from harness import load, run
 from harness.errors import HarnessError, StructureError, UsageError
 from harness.files import paths
 from harness.master import web
-from harness.report import conditions, fly
+from harness.report import conditions, fly, template
 from harness.report.html import write
 from harness.report.trace import Trace, Traced, traces_kept
 from harness.results.expressions import FUNCTIONS
@@ -99,6 +100,16 @@ def test_the_replay_and_every_figure_of_an_approach_follow_another_run():
     marks = {c[axis] for p in plots for c in p["curves"] if "marker" in c for axis in ("x", "y")}
     assert canvas.traced.fixed <= marks  # a mark with its number in words goes
     assert len(canvas.drawn) > 100 and len(canvas.traced.made) > 20
+
+
+def test_a_body_whose_size_comes_from_parameters_is_written():
+    result = run("arm_capture", stop=1.0)
+    _, data = fly._traced(result, [])
+    (links,) = [b["links"] for b in data["scene"]["bodies"] if b["name"] == "servicer"]
+    assert any(isinstance(p["radius"], Traced) for link in links for p in link["parts"])
+    written = json.loads(template._json(data))["scene"]["bodies"]
+    sizes = [p["radius"] for b in written for link in b["links"] for p in link["parts"]]
+    assert sizes and all(0.01 < size < 1 for size in sizes)
 
 
 def test_the_page_translates_every_function_or_names_the_one_it_lacks(monkeypatch):
