@@ -152,7 +152,7 @@ class CExecutor:
         self.calls = [_marked(action) for action, _ in self._origin]
         self._calls = (_Call * len(self._origin))(*(_call(*origin) for origin in self._origin))
         table = recorder.table
-        self._keep = (plan, bus, table)
+        self._keep = (plan, bus)
         self._run = _Run(
             clock.start,
             clock.step,

@@ -3,10 +3,15 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import UsageError
+
+ALONE = 2
+"""References to a table: of its recorder, and of the call that counts them."""
 
 
 def recorded(steps: int, every: int) -> NDArray[np.int64]:
@@ -20,9 +25,12 @@ class Recorder:
     Thinning does not change the physics.
     """
 
-    def __init__(self, steps: int, slots: int, every: int = 1) -> None:
+    def __init__(
+        self, steps: int, slots: int, every: int = 1, earlier: Recorder | None = None
+    ) -> None:
         """Reserve room for `steps` macro steps; UsageError if every < 1 or the table does not fit
-        into memory.
+        into memory. earlier: a recorder of a run that is over, whose table is taken if it has the
+        shape and nobody looks at it any more: fresh memory costs as much as many steps.
         """
         if every < 1:
             raise UsageError(f"--every must be at least 1, not {every}")
@@ -30,12 +38,21 @@ class Recorder:
         self.every = min(every, steps + 1)  # more means the first and the last row
         self.marks: NDArray[np.int64] = np.zeros(3, dtype=np.int64)
         rows = -(-steps // every) + 1
+        self.table: NDArray[np.float64]
+        if earlier is not None and earlier.table.shape == (rows, slots) and earlier.unseen:
+            self.table = earlier.table
+            return
         try:
-            self.table: NDArray[np.float64] = np.empty((rows, slots))
+            self.table = np.empty((rows, slots))
         except (MemoryError, ValueError, OverflowError) as error:
             raise UsageError(
                 f"{rows} rows of {slots} values do not fit into memory: record fewer with --every"
             ) from error
+
+    @property
+    def unseen(self) -> bool:
+        """Whether no result and no view shows the table."""
+        return sys.getrefcount(self.table) == ALONE
 
     def keep_in(self, table: NDArray[np.float64], marks: NDArray[np.int64]) -> None:
         """Use other arrays of the same shapes, which another process shares."""

@@ -100,11 +100,17 @@ class Simulation:
         self._lay_out(changed, found, self._recorder(found, changed))
 
     def _recorder(
-        self, found: Checked, system: System, every: int | None = None, kept: Kept = None
+        self,
+        found: Checked,
+        system: System,
+        every: int | None = None,
+        kept: Kept = None,
+        earlier: Recorder | None = None,
     ) -> Recorder:
-        """The first that is said: of this run, of the simulation, of the system."""
+        """Every: the first that is said, of this run, of the simulation, of the system."""
         told = next(n for n in (every, self.every, system.experiment.every) if n is not None)
-        return Recorder(found.steps, len(found.graph.slots if kept is None else kept), told)
+        width = len(found.graph.slots if kept is None else kept)
+        return Recorder(found.steps, width, told, earlier)
 
     def _lay_out(
         self, system: System, found: Checked, recorder: Recorder, kept: Kept = None
@@ -201,7 +207,7 @@ class Simulation:
         self._apart = self._executor_name != FUSED
         everything = self._apart or wanted is None
         kept = None if everything else slots_of(found.graph.slots, frozenset(wanted or ()))
-        recorder = self._recorder(found, system, every, kept)
+        recorder = self._recorder(found, system, every, kept, self.recorder)
         if self._initialised and self.step >= self.recorder.every and self._unproved():
             self._rehearse()
         self._lay_out(system, found, recorder, kept)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from harness.results.expressions import (
     WINDOWED,
     Quantity,
     index_of,
+    parsed,
     path_of,
     variables,
 )
@@ -207,3 +209,26 @@ def unit_in(result: Result, path: str) -> str:
     word, _, parameter = path.partition(" ")
     table, name = (result.parameters, parameter) if word == "parameter" else (result, path)
     return table.unit(name) if table is not None and name in table else ""
+
+
+Units = tuple[tuple[str, str], ...]
+"""Names of an expression with their units, "" where that is not known."""
+
+
+def units_in(result: Result, text: str) -> Units:
+    """Of everything that an expression names; ValueError if the text is none."""
+    return tuple((path, unit_in(result, path)) for path in _named(text))
+
+
+@lru_cache(maxsize=256)
+def _named(text: str) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(variables(parsed(text))))
+
+
+@lru_cache(maxsize=256)
+def fitted(text: str, units: Units) -> ast.expr:
+    """The resolved() tree of a text, made once for all results with these units: nobody may change
+    it.
+    """
+    known = dict(units)
+    return resolved(parsed(text), lambda path: known.get(path, ""))

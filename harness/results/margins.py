@@ -20,7 +20,7 @@ from __future__ import annotations
 import ast
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -168,7 +168,7 @@ class Margins:
         """Margin of every row, or (1,) if the rows do not matter; -inf where it is not a number."""
         match node:
             case ast.Compare():
-                margin = self._elements(node).min(axis=1)
+                margin = by_row(np.min, self._elements(node))
                 if self.guarded and is_timing(node):  # says when, not how well
                     margin = np.where(self._holds(node), np.inf, -np.inf)
             case ast.UnaryOp(op=ast.Not() | ast.Invert(), operand=a):
@@ -235,7 +235,7 @@ class Margins:
         return self._known[side]
 
     def _holds(self, node: ast.expr) -> NDArray[np.bool_]:
-        return np.asarray((self.rows_of(self.truth(node)) == 1).all(axis=1))
+        return by_row(np.all, self.rows_of(self.truth(node)) == 1)
 
     def rows_of(self, values: Any) -> Array:
         """Values as (rows, elements), or (1, elements) where the rows do not matter."""
@@ -243,6 +243,11 @@ class Margins:
         rows = len(self.result.time)
         history = array.ndim > 0 and len(array) == rows
         return array.reshape(rows if history else 1, -1)
+
+
+def by_row(function: Callable[..., Any], elements: NDArray[Any]) -> NDArray[Any]:
+    """The least, all or any of the elements of every row; numpy takes long for rows of one."""
+    return elements[:, 0] if elements.shape[1] == 1 else np.asarray(function(elements, axis=1))
 
 
 STL: Mapping[str, Callable[..., Array]] = {
@@ -272,6 +277,7 @@ SIGNED: Mapping[type[ast.cmpop], Callable[[Array], Array]] = {
 """Margin of a comparison by the difference of its sides."""
 
 
+@lru_cache(maxsize=1024)
 def is_timing(node: ast.expr) -> bool:
     """Whether a condition is one on time alone, beside parameters."""
     named = variables(node)
@@ -317,6 +323,7 @@ def _is_windowed(node: ast.expr) -> bool:
     )
 
 
+@lru_cache(maxsize=1024)
 def has_window(tree: ast.expr) -> bool:
     """Whether a condition holds at the start of the run, not in every row."""
     return any(_is_windowed(node) for node in ast.walk(tree) if isinstance(node, ast.Call))

@@ -14,15 +14,16 @@ import logging
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from harness.results.evaluation import resolved, unit_in
+from harness.results.evaluation import Units, resolved, units_in
 from harness.results.expressions import Quantity, parsed, variables
 from harness.results.margins import (
     Margins,
+    by_row,
     has_window,
     is_timing,
     leaves,
@@ -231,14 +232,8 @@ def finding(result: Result, name: str, text: str) -> Finding:
     if not len(result.time):
         return Finding(name, text, Verdict.NOT_JUDGED, reason="nothing was recorded")
     try:
-        tree = condition(text)
-        found = Finding(
-            name,
-            text,
-            Verdict.NOT_JUDGED,
-            margin_unit=unit_of_margin(tree, partial(unit_in, result)),
-        )
-        tree = resolved(tree, partial(unit_in, result))
+        tree, unit = _stated(text, units_in(result, text))
+        found = Finding(name, text, Verdict.NOT_JUDGED, margin_unit=unit)
         with np.errstate(all="ignore"):
             if has_window(tree):
                 return _judged_at_start(result, found, tree)
@@ -246,6 +241,16 @@ def finding(result: Result, name: str, text: str) -> Finding:
     except (KeyError, ValueError, IndexError, TypeError, ZeroDivisionError, OverflowError) as error:
         reason = str(error.args[0]) if error.args else type(error).__name__
         return Finding(name, text, Verdict.NOT_JUDGED, reason=reason)
+
+
+@lru_cache(maxsize=256)
+def _stated(text: str, units: Units) -> tuple[ast.expr, str]:
+    """The tree of a requirement with its numbers in these units of its variables, and the unit of
+    its margin: made once for all runs, so nobody may change it.
+    """
+    tree, known = condition(text), dict(units)
+    unit = unit_of_margin(tree, lambda path: known.get(path, ""))
+    return resolved(tree, lambda path: known.get(path, "")), unit
 
 
 def _lasting(result: Result, found: Finding) -> Finding:
@@ -291,7 +296,7 @@ def _judged(result: Result, found: Finding, tree: ast.expr) -> Finding:
     if met and not margins.exercised(tree):
         reason = f"the run ends at {result.time[-1]:g} s, before its time"
         return replace(found, verdict=Verdict.NOT_EXERCISED, reason=reason)
-    undecided = np.isnan(margins.rows_of(truth)).any(axis=1)
+    undecided = by_row(np.any, np.isnan(margins.rows_of(truth)))
     least = np.where(undecided, -np.inf, margins.of(tree))
     row = int(np.argmax(undecided) if undecided.any() else np.argmin(least))
     value, unit = margins.value(margins.decisive(tree, row), row)

@@ -18,6 +18,7 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
+from functools import lru_cache
 from typing import NamedTuple
 
 from harness.spelling import did_you_mean
@@ -212,7 +213,12 @@ def convert(value: float, given: str, wanted: str) -> float:
     """A number in another unit; ValueError if there is no way."""
     if given == wanted:
         return value
-    return compose(unit(given), (), unit(wanted))(value)
+    return _between(given, wanted)(value)
+
+
+@lru_cache(maxsize=256)
+def _between(given: str, wanted: str) -> Affine:
+    return compose(unit(given), (), unit(wanted))
 
 
 def with_unit(name: str, units: Mapping[str, str]) -> str:

@@ -170,6 +170,18 @@ def test_what_is_within_the_limits_has_a_value(result):
     assert value("-" * 190 + "a.x", result).tolist() == result["a.x"].tolist()
 
 
+@pytest.mark.parametrize("width", range(1, 13))
+@pytest.mark.parametrize("rows", [1, 2, 1000])
+def test_lengths_and_sums_of_rows_have_the_bits_of_numpy(rows, width):
+    rng = np.random.default_rng(7)
+    table = rng.normal(size=(rows, 20)) * 10.0 ** rng.uniform(-140, 140, size=(rows, 20))
+    table[0, 3], table[rows // 2, 2 + width] = np.inf, np.nan
+    for x in (table[:, 3 : 3 + width], table[:, 3 : 3 + width].copy(), table[0, :width]):
+        norm, total = (FUNCTIONS[name].value(x) for name in ("norm", "total"))
+        assert norm.tobytes() == np.asarray(np.linalg.norm(x, axis=-1)).tobytes()
+        assert total.tobytes() == np.asarray(np.sum(x, axis=-1)).tobytes()
+
+
 @pytest.mark.parametrize("text", ["norm(a.r)[-1] < 5", "norm(a.r)[-1] < 5 cm"])
 def test_a_result_is_free_once_its_expression_is_known(text, result):
     """Else the tables of many flights stay in memory until garbage is collected."""

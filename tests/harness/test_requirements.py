@@ -16,6 +16,7 @@ from harness import read, run
 from harness.cli import main
 from harness.errors import StructureError, UsageError
 from harness.files import paths
+from harness.results import requirements
 from harness.results.expressions import FUNCTIONS
 from harness.results.requirements import finding, findings
 from harness.results.result import Result
@@ -92,6 +93,26 @@ def test_a_condition_is_judged_with_its_worst_row(result, text, verdict, value, 
     found = finding(result, "name", text)
     assert (found.verdict, found.unit, found.time) == (verdict, unit, time), found
     assert found.value == (value if value is None else pytest.approx(value, rel=1e-12))
+
+
+def test_a_requirement_is_read_once_for_all_runs(result, monkeypatch):
+    read = []
+    condition = requirements.condition
+    monkeypatch.setattr(
+        requirements, "condition", lambda text: read.append(text) or condition(text)
+    )
+    assert [finding(result, "", "a.x <= 10.25 m").verdict for _ in range(3)] == [MET] * 3
+    assert read == ["a.x <= 10.25 m"]
+
+
+def test_the_same_text_is_judged_in_the_units_of_every_result(result):
+    """A swapped FMU may have others."""
+    longer = replace(result, units=("km", *result.units[1:]))
+    plain = replace(result, units=("", *result.units[1:]))
+    for _ in range(2):
+        found = [finding(each, "", "a.x <= 900 cm") for each in (result, longer, plain)]
+        assert [f.value for f in found] == [pytest.approx(1000), pytest.approx(1e6), None]
+        assert [f.verdict for f in found] == [MISSED, MISSED, OPEN]
 
 
 def test_a_value_that_is_no_number_does_not_meet_a_requirement(result):

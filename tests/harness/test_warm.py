@@ -109,6 +109,21 @@ def test_a_result_is_not_touched_by_later_runs():
     assert first.values.tobytes() == before.tobytes()
 
 
+@pytest.mark.parametrize("kept", ["values", "range", "time"])
+def test_the_table_of_a_run_that_nobody_looks_at_is_used_again(kept):
+    with load("sync_approach") as system, Simulation(system) as simulation:
+        first = simulation.fly(stop=2.0)
+        table = simulation.recorder.table.ctypes.data
+        views = {"values": first.values, "time": first.time, "range": first["guidance.range"][1:]}
+        view = views.pop(kept)
+        before = view.copy()
+        del first, views
+        further = simulation.fly(stop=2.0, set={"servicer.mass_0": 50.0})
+        assert (simulation.recorder.table.ctypes.data != table) is (kept != "time")
+        assert same_bits(further, run("sync_approach", stop=2.0, set={"servicer.mass_0": 50.0}))
+    assert view.tobytes() == before.tobytes()
+
+
 # ---- runs that ended early
 
 

@@ -8,7 +8,6 @@ function is `FILE.py:NAME` and takes the Result.
 
 from __future__ import annotations
 
-import ast
 import importlib.util
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,7 +20,7 @@ import numpy as np
 
 from harness.mission import Limits, Measure
 from harness.mission.library import everything, of_result
-from harness.results.evaluation import evaluate, history, resolved, unit_in, unit_of
+from harness.results.evaluation import evaluate, fitted, history, unit_in, unit_of, units_in
 from harness.results.expressions import parsed
 from harness.results.expressions import variables as named
 from harness.results.requirements import condition, finding
@@ -42,8 +41,8 @@ def metric(text: str, folder: Path) -> Metric:
     file, colon, name = text.rpartition(":")
     if colon and file.endswith(".py"):
         return _function(folder / file, name)
-    tree = parsed(text, list(known), "measure")
-    return partial(_evaluated, tree)
+    parsed(text, list(known), "measure")
+    return partial(_evaluated, text)
 
 
 def read(name: str, text: str, folder: Path) -> Metric:
@@ -71,9 +70,8 @@ def _measures() -> dict[str, Measure]:
     return {m.name: m for m in reversed(everything().measures)}
 
 
-def _evaluated(tree: ast.expr, result: Result) -> Any:
-    plain = resolved(tree, partial(unit_in, result))
-    return evaluate(plain, partial(history, result))
+def _evaluated(text: str, result: Result) -> Any:
+    return evaluate(fitted(text, units_in(result, text)), partial(history, result))
 
 
 def _measured(measure: Measure, result: Result) -> float:
