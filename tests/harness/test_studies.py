@@ -117,14 +117,14 @@ def interrupted(monkeypatch, after):
 def test_a_study_goes_on_to_the_same_bits_whoever_flies(system, tmp_path, monkeypatch):
     given = table(system, worst={"of": "small", "flights": 36})
     whole = found_by(worst(given, tmp_path / "a.zarr", workers=0))
-    two = found_by(worst(given, tmp_path / "b.zarr", workers=2))
+    four = found_by(worst(given, tmp_path / "b.zarr", workers=4))
     with monkeypatch.context() as patch:
         interrupted(patch, 2)
         with pytest.raises(KeyboardInterrupt):
             worst(given, tmp_path / "c.zarr", workers=0)
     resumed = found_by(worst(given, tmp_path / "c.zarr", workers=0, resume=True))
     once_more = found_by(worst(given, tmp_path / "c.zarr", workers=0, resume=True))
-    for others in (two, resumed, once_more):
+    for others in (four, resumed, once_more):
         for ours, theirs in zip(whole, others, strict=True):
             np.testing.assert_array_equal(ours, theirs)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Flights of a study about sync_approach repeat."""
+"""Answers of studies: the same bits whoever flies, flights that repeat, the edges of a map."""
 
 from __future__ import annotations
 
@@ -10,20 +10,62 @@ import numpy as np
 import pytest
 
 import ssp
-from harness import run, worst
+from harness import boundary, probability, run, sensitivity, worst
 from harness.results.requirements import margin
 from harness.studies.campaign.campaign import like
 
-FILE = Path(ssp.__file__).parent / "sync_approach" / "campaigns" / "sync_approach_studies.toml"
+pytestmark = pytest.mark.long
+
+SYSTEMS = Path(ssp.__file__).parent
+FILE = SYSTEMS / "sync_approach" / "campaigns" / "sync_approach_studies.toml"
+STUDIES = {
+    "worst": (worst, {"flights": 28}),
+    "sensitivity": (sensitivity, {"flights": 26}),
+    "probability": (probability, {"method": "random", "flights": 40}),
+}
 
 
-@pytest.mark.long
+def answered(name, path, workers):
+    study, entry = STUDIES[name]
+    given = tomllib.loads(FILE.read_text()) | {name: entry | {"of": "clearance"}}
+    return study(given, path, workers=workers, said=lambda _: None)
+
+
+def bits(study):
+    """What was asked and answered."""
+    names = ("numbers", "margin", "status", "generation")
+    return [study.store.array(name).tobytes() for name in names]
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_one_worker_and_four_answer_with_equal_bits(name, tmp_path):
+    one, four = (answered(name, tmp_path / f"{n}.zarr", n) for n in (1, 4))
+    assert one.store.runs == four.store.runs > 20
+    assert bits(one) == bits(four)
+    assert one.estimate == four.estimate
+
+
 def test_twenty_flights_of_a_study_repeat_with_equal_bits(tmp_path):
-    given = tomllib.loads(FILE.read_text()) | {"worst": {"of": "clearance", "flights": 28}}
-    study = worst(given, tmp_path / "w.zarr", workers=0, said=lambda _: None)
+    study = answered("worst", tmp_path / "w.zarr", 0)
     place = study.store.array("requirement").tolist().index("clearance")
     kept, text = study.store.array("margin")[:, place], "guidance.range >= 3.95 m"
     runs = np.random.default_rng(20).choice(np.arange(1, study.store.runs), 20, replace=False)
     assert len(set(kept[runs])) == 20
     for k in runs:
         assert margin(run("sync_approach", **like(f"{study.path}#{k}")[1]), text) == kept[k]
+
+
+def test_a_map_of_100_flights_finds_both_edges_of_the_unsafe_abort_times(tmp_path):
+    """Of the rendezvous benchmark: its unsafe instances (15 300, 15 600 s) lie inside, SRA04
+    (14 400 s) outside. An edge is known to the distance of neighbours of unlike verdict.
+    """
+    path = SYSTEMS / "arch_rendezvous" / "campaigns" / "arch_rendezvous_boundary.toml"
+    store = boundary(path, tmp_path / "m.zarr", workers=0).store
+    distance = store.array("requirement").tolist().index("distance")
+    abort, failed = store.array("controller.t_abort"), store.array("margin")[:, distance] < 0
+    assert len(abort) == 1 + 100
+    first, last, safe = abort[failed].min(), abort[failed].max(), abort[~failed]
+    assert 14_400 < first <= 15_300
+    assert 15_600 < last < 16_800
+    assert first - safe[safe < first].max() <= 300
+    assert safe[safe > last].min() - last <= 300
