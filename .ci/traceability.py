@@ -6,8 +6,9 @@ python .ci/traceability.py build -o build/traceability.zip      # make traceabil
 
 The folder has FMUs in fmus/ and fmus3/ and systems in ssp/. Of an FMU the file tells the equations
 and their source, the hash of its sources, the options of its compiler and what became of the cases
-of `harness validate`; of a parameter set what became of requirements and claims in its run. What is
-not known is left out. The same build gives the same bytes: there is no date and no person.
+of `harness validate`; of a parameter set what became of requirements and claims in its run, of
+which the same system with FMUs of the other FMI has none of its own. What is not known is left out.
+The same build gives the same bytes: there is no date and no person.
 """
 
 from __future__ import annotations
@@ -16,8 +17,12 @@ import argparse
 import hashlib
 import sys
 import zipfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 from harness import load, run
@@ -25,10 +30,11 @@ from harness.claims.case import validate
 from harness.claims.report import judged
 from harness.errors import HarnessError
 from harness.files.archive import pack
+from harness.master.changes import set_names
 from harness.mission.claim import Row
 from harness.results.requirements import findings
 from harness.results.verdict import Kind
-from harness.system.model import DEFAULT_SET
+from harness.system.model import System
 from ssp.validation.case import cases
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -38,6 +44,9 @@ from package_fmu import opening_comment  # noqa: E402
 SRMD = "http://ssp-standard.org/SSPTraceability1/SimulationResourceMetaData"
 STC = "http://ssp-standard.org/SSPTraceability1/SSPTraceabilityCommon"
 TYPE = "io.github.servicing-fmus"
+
+BEGIN = 100
+"""Macro steps that systems must have in common."""
 
 Entry = tuple[str, str]
 """A keyword and its value."""
@@ -86,8 +95,12 @@ def _validated(rows: Sequence[Row]) -> str:
     return f"{rows[0].case} ({rows[0].source['name']}): {shown}; {verdict}"
 
 
-def about_set(system: Path, params: str) -> Iterator[Entry]:
+def about_set(system: Path, params: str) -> list[Entry]:
     """What became of the run of a parameter set."""
+    return list(_about_run(system, params))
+
+
+def _about_run(system: Path, params: str) -> Iterator[Entry]:
     try:
         result = run(system, params=params)
     except HarnessError as error:
@@ -103,7 +116,45 @@ def about_set(system: Path, params: str) -> Iterator[Entry]:
             yield "claim.verdict", f"{paper.title}: {claim.name}: {verdict}{other}"
 
 
-def contents(folder: Path, rows: Sequence[Row]) -> dict[str, bytes]:
+# ---- which systems are flown
+
+
+def tellers(files: Sequence[Path]) -> dict[Path, Path]:
+    """Of every system the one whose runs tell about it: itself, or an earlier one that has the same
+    components, values and connections and begins with the same bits (FMUs of FMI 2.0 and 3.0).
+    """
+    flown: list[tuple[Path, object]] = []
+    found = {}
+    for path in files:
+        with load(path) as system:
+            content = _content(system)
+        alike = (other for other, known in flown if known == content and _same_begin(other, path))
+        found[path] = next(alike, path)
+        if found[path] == path:
+            flown.append((path, content))
+    return found
+
+
+def _content(system: System) -> object:
+    """All that a run depends on, but for what is in the FMUs."""
+    parts = [replace(component, fmu=Path(component.fmu.name)) for component in system.components]
+    values = system.sets, system.experiment, system.requirements
+    return system.name, parts, system.connections, values
+
+
+def _same_begin(one: Path, other: Path) -> bool:
+    """Whether the first steps of two systems with the same content have the same bits."""
+    with load(one) as system:
+        stop = system.experiment.start + BEGIN * (system.experiment.step or 0.0)
+    a, b = (run(path, stop=stop, every=1) for path in (one, other))
+    return a.columns == b.columns and a.values.tobytes() == b.values.tobytes()
+
+
+Fly = Callable[[Callable[[Path, str], list[Entry]], Sequence[Path], Sequence[str]], Iterable[Any]]
+"""map(), or that of a pool of processes."""
+
+
+def contents(folder: Path, rows: Sequence[Row], fly: Fly = map) -> dict[str, bytes]:
     """Files of the archive by name."""
     found = {}
     for kind, ending in (("fmus", ""), ("fmus3", ".fmi3")):
@@ -113,15 +164,26 @@ def contents(folder: Path, rows: Sequence[Row]) -> dict[str, bytes]:
             found[f"{name}.srmd"] = srmd(
                 name, f"{kind}/{path.name}", path.read_bytes(), "model", about
             )
-    for path in sorted((folder / "ssp").glob("*.ssp")):
-        with load(path) as system:
-            sets = [DEFAULT_SET, *(each.name for each in system.sets)]
-        for params in sets:
-            name, about = f"{path.stem}.{params}", about_set(path, params)
+    teller = tellers(sorted((folder / "ssp").glob("*.ssp"), key=lambda p: (len(p.name), p.name)))
+    flights = [(path, name) for path in dict.fromkeys(teller.values()) for name in _sets(path)]
+    told = dict(zip(flights, fly(about_set, *_columns(flights)), strict=True))
+    for path, other in sorted(teller.items()):
+        told_by = [("run.of", other.name)] if other != path else []
+        for params in _sets(other):
+            name, about = f"{path.stem}.{params}", told_by + told[other, params]
             found[f"{name}.srmd"] = srmd(
                 name, f"ssp/{path.name}", path.read_bytes(), "parameters", about
             )
     return found
+
+
+def _sets(path: Path) -> list[str]:
+    with load(path) as system:
+        return set_names(system)
+
+
+def _columns(flights: Sequence[tuple[Path, str]]) -> tuple[list[Path], list[str]]:
+    return [path for path, _ in flights], [name for _, name in flights]
 
 
 def main() -> None:
@@ -130,7 +192,8 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("-o", "--output", type=Path, required=True)
     a = parser.parse_args()
-    pack(a.output, contents(a.folder, validate()))
+    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
+        pack(a.output, contents(a.folder, validate(), pool.map))
     print(a.output)
 
 

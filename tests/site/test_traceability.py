@@ -14,8 +14,11 @@ from xml.etree import ElementTree
 import pytest
 import xmlschema
 
+from harness import load, run
 from harness.files import paths
+from harness.master.changes import apply
 from harness.mission.claim import Row
+from harness.ssp.writer import write_ssp
 from tests.site.scripts import script
 
 SPACE = "{http://ssp-standard.org/SSPTraceability1/SSPTraceabilityCommon}"
@@ -98,6 +101,45 @@ def test_what_a_set_is_worth_is_what_its_run_says(traceability, schema):
     assert [v.partition(" (")[0] for v in verdicts][:2] == ["NOT MET: distance", "met: tracking"]
     claims = entries(data, "claim.verdict")
     assert any(text.endswith(": arrival: reproduced") for text in claims)
+
+
+@pytest.fixture
+def systems(tmp_path):
+    """One system under two names, and with another end."""
+    folder = tmp_path / "ssp"
+    folder.mkdir()
+    with load("sync_approach") as system:
+        for name, changes in (("a.fmi3", {}), ("a", {}), ("b", {"stop": 900.0})):
+            write_ssp(apply(system, **changes), folder / f"{name}.ssp")
+    return tmp_path
+
+
+def test_the_same_system_with_fmus_of_the_other_fmi_is_not_run_again(
+    traceability, systems, monkeypatch
+):
+    flown = []
+
+    def about_set(path, params):
+        flown.append((path.stem, params))
+        return [("run", f"{path.stem} {params}")]
+
+    monkeypatch.setattr(traceability, "about_set", about_set)
+    found = traceability.contents(systems, ROWS)
+    assert sorted(flown) == sorted({*flown})
+    assert {name for name, _ in flown} == {"a", "b"}
+    assert entries(found["a.fmi3.robust.srmd"], "run") == ["a robust"]
+    of = {name: entries(found[f"{name}.default.srmd"], "run.of") for name in ("a", "a.fmi3", "b")}
+    assert of == {"a": [], "a.fmi3": ["a.ssp"], "b": []}
+
+
+def test_unless_its_run_begins_with_other_bits(traceability, systems, monkeypatch):
+    def other(path, **changes):
+        also = {"servicer.mass_0": 99.0} if path.stem == "a.fmi3" else {}
+        return run(path, **changes, set=also)
+
+    monkeypatch.setattr(traceability, "run", other)
+    files = [systems / "ssp" / f"{name}.ssp" for name in ("a", "a.fmi3")]
+    assert traceability.tellers(files) == dict(zip(files, files, strict=True))
 
 
 def test_the_command_packs_the_same_bytes_again(traceability, folder, tmp_path, monkeypatch):
