@@ -96,6 +96,18 @@ def test_thrusters_lose_the_attitude_with_the_gains_of_the_paper_and_keep_it_wit
     assert margin(kept, ATTITUDE) > np.radians(0.5)
 
 
+def test_small_wheels_on_thrusters_do_not_follow_the_roll_past_the_orbit_normal_either():
+    """A limit of the actuators: robust gains fail by 27.3 deg, without limits of the wheels not."""
+    rates = [-0.0005, 0.0102, -0.0026]
+    free = {"servicer.wheel_accel_max": 0, "servicer.wheel_speed_max": 0}
+    small, large = (
+        flown("sync_approach_thrusters", rates, **ROBUST, **more) for more in ({}, free)
+    )
+    assert small["guidance.attitude_guard"].any()
+    assert np.degrees(margin(small, ATTITUDE)) == pytest.approx(-27.3, abs=1)
+    assert margin(large, ATTITUDE) > np.radians(1.5)
+
+
 def test_a_fast_target_makes_the_relay_approach_close_too_fast():
     """The law closes with twice the speed of the target, the limit is a number."""
     text = "monitor.speed_margin >= 0 m/s"
