@@ -115,6 +115,7 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     every: int | None = None,
     patience: float = PATIENCE,
     progress: Callable[[int], None] | None = None,
+    executor: str = "c",
 ) -> Comparison:
     """Run every combination of the given values in parallel, and measure the runs.
 
@@ -123,7 +124,7 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     algorithm: names; set, map, on, step, stop, require: as for run(), the same for all; limits:
     bands and keep-out radius; every: record every N-th macro step (default: at most 20 000 rows);
     patience: limit for one call into a third-party FMU [s]; progress: called with the number of
-    completed runs.
+    completed runs; executor: `c`, `python` or `fused`, as for run().
 
     Raises UsageError, the exceptions of run() before its first step, and ResultsError. A run that
     fails later ends early and is listed in Comparison.failures; the other runs continue.
@@ -146,6 +147,7 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
         every=every,
         patience=patience,
         progress=progress,
+        executor=executor,
     )
 
 

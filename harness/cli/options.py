@@ -234,6 +234,9 @@ PatienceOption = Annotated[
         help="Limit one call into a third-party FMU to this time [s]",
     ),
 ]
+ExecutorOption = Annotated[
+    str | None, typer.Option(help="Step with c, python (to debug) or fused (compiled): equal bits")
+]
 QuietOption = Annotated[
     bool, typer.Option("--quiet", "-q", help="Print no progress bar and no summary")
 ]

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from harness.cli.options import (
+    ExecutorOption,
     PatienceOption,
     QuietOption,
     StrictOption,
@@ -30,9 +31,6 @@ app = typer.Typer()
 
 OutputOption = Annotated[
     Path | None, typer.Option("--output", "-o", help="File to write: .nc, .csv, .mat or .parquet")
-]
-ExecutorOption = Annotated[
-    str | None, typer.Option(help="Step with c, python (to debug) or fused (compiled): equal bits")
 ]
 RecordOption = Annotated[int | None, typer.Option(help="Record every N-th macro step")]
 LikeOption = Annotated[

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from harness.cli.options import (
+    ExecutorOption,
     PatienceOption,
     Pictures,
     QuietOption,
@@ -154,6 +155,7 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option or grou
     system: SystemArgument,
     varied: Any = None,
     output: FolderOption = None,
+    executor: ExecutorOption = None,
     every: ThinOption = None,
     bands: Any = None,
     measures: MeasuresOption = None,
@@ -181,8 +183,9 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option or grou
     limits, wait = _limits(bands.band, bands.keep_out), PATIENCE if patience is None else patience
     with progress_bar(f"{len(variants)} runs", len(variants), shown) as show:
         found = compare(
-            system, variants, folder, limits=limits, every=every, patience=wait, progress=show
-        )
+            system, variants, folder, limits=limits, every=every, patience=wait, progress=show,
+            executor=executor or "c",
+        )  # fmt: skip
     if found.results and not quiet:
         typer.echo(printable(found.text(names)))
     drawn = _overlaid(found.results, folder, pictures) if pictures.figures else ""

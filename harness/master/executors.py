@@ -250,3 +250,11 @@ FUSED = "fused"
 """The loop in C over one FMU of the whole system (harness.master.fused)."""
 
 EXECUTORS: dict[str, Factory] = {"c": CExecutor, "python": PythonExecutor, FUSED: CExecutor}
+
+
+def known_executor(name: str) -> str:
+    """The name; UsageError if there is no such executor."""
+    if name not in EXECUTORS:
+        *names, last = EXECUTORS
+        raise UsageError(f"there is no executor {name}, only {', '.join(names)} and {last}")
+    return name

@@ -49,14 +49,20 @@ def _is_python(interface: Interface) -> bool:
     return "PythonFMU" in str(interface.model.generationTool or "")
 
 
-def loaded(
-    name: str, interface: Interface, folder: Path, files: ExitStack, label: str = ""
+def loaded(  # noqa: PLR0913, PLR0917 - of an instance
+    name: str,
+    interface: Interface,
+    folder: Path,
+    files: ExitStack,
+    label: str = "",
+    ours: bool | None = None,
 ) -> Calls:
     """An instance of an FMU, unpacked below `folder` until `files` are closed; FmuError, which
-    begins with the label.
+    begins with the label. ours: whether it keeps no globals (None: as its place says).
     """
     label += interface.path.name
-    unpacked = _unpacked(interface.path, folder, files)
+    ours = is_ours(interface.path) if ours is None else ours
+    unpacked = _unpacked(interface.path, folder, files, ours)
     library = _library(interface, unpacked, label)
     messages.forget(name)
     try:
@@ -66,13 +72,13 @@ def loaded(
         raise FmuError(f"{label} cannot be loaded: {reason}") from error
 
 
-def _unpacked(path: Path, folder: Path, files: ExitStack) -> Path:
+def _unpacked(path: Path, folder: Path, files: ExitStack, ours: bool) -> Path:
     """The unpacked FMU: in the cache, or as a copy of its own below `folder`.
 
     An FMU from elsewhere may keep globals, and a library that is loaded twice from one file has
     them once: each of its instances needs files of its own.
     """
-    kept = files.enter_context(cache.unpacked(path)) if is_ours(path) else None
+    kept = files.enter_context(cache.unpacked(path)) if ours else None
     if kept is not None:
         return kept
     own = folder / f"fmu-{secrets.token_hex(4)}"
@@ -96,8 +102,10 @@ def _library(interface: Interface, folder: Path, label: str) -> Path:
 class Instance:
     """An instance of an FMU in its place in the system."""
 
-    def __init__(self, node: Node, folder: Path) -> None:
-        """Unpack below `folder`, load and instantiate; FmuError if that fails."""
+    def __init__(self, node: Node, folder: Path, ours: bool | None = None) -> None:
+        """Unpack below `folder`, load and instantiate; FmuError if that fails. ours: as for
+        loaded().
+        """
         self.name = node.component.name
         self._states: list[ctypes.c_void_p] = []
         self._status = OK
@@ -107,7 +115,7 @@ class Instance:
         self._files = ExitStack()
         try:
             label = f"{self.name}: "
-            self.calls = loaded(self.name, node.interface, folder, self._files, label)
+            self.calls = loaded(self.name, node.interface, folder, self._files, label, ours)
             self._listen()
         except BaseException:
             self._files.close()

@@ -133,7 +133,7 @@ class WholeInstance(Instance):
     """The instance of a whole system: all its values are set in one call."""
 
     def __init__(self, node: Node, folder: Path, whole: Whole) -> None:
-        super().__init__(node, folder)
+        super().__init__(node, folder, whole.ours)
         self.whole = whole
         self.resettable = True if whole.ours else None
         n = len(whole.references)

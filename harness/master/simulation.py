@@ -18,7 +18,7 @@ from harness.files import signals
 from harness.files.temporary import PrivateFolder
 from harness.master import messages
 from harness.master.changes import Changes, apply
-from harness.master.executors import EXECUTORS, FUSED, Clock
+from harness.master.executors import EXECUTORS, FUSED, Clock, known_executor
 from harness.master.fmu import Instance
 from harness.master.fused import Whole, WholeInstance, compiled, slots_of
 from harness.master.initialization import initialize
@@ -80,9 +80,6 @@ class Simulation:
         every: record every N-th macro step, None: as the system says. pacer: lets macro steps begin
         when they are due; None: as soon as they can. Raises StructureError, FmuError or UsageError.
         """
-        if executor not in EXECUTORS:
-            *names, last = EXECUTORS
-            raise UsageError(f"there is no executor {executor}, only {', '.join(names)} and {last}")
         now()  # a SOURCE_DATE_EPOCH that is none is refused before the run, not after it
         self.base = system
         self.every = every
@@ -90,7 +87,7 @@ class Simulation:
         self.timing = ""
         """How well the pacer was followed, in a line."""
         self.instances: list[Instance] = []
-        self._executor_name = executor
+        self._executor_name = known_executor(executor)
         self._whole: Whole | None = None
         self._apart = executor != FUSED
         """Whether the FMUs are loaded one by one; else there is one for the whole system."""

@@ -28,6 +28,8 @@ from harness.errors import HarnessError, RunError, UsageError
 from harness.files.output import command_line, work_for
 from harness.master.changes import apply
 from harness.master.child import end_with_parent
+from harness.master.executors import FUSED, known_executor
+from harness.master.fused import Whole, compiled
 from harness.master.isolated import PATIENCE
 from harness.master.messages import said_once
 from harness.master.refusals import as_typed, without
@@ -132,6 +134,7 @@ def compare(  # noqa: PLR0913 - what a comparison can be told
     every: int | None = None,
     patience: float = PATIENCE,
     progress: Callable[[int], None] | None = None,
+    executor: str = "c",
 ) -> Comparison:
     """Run all variants in parallel and measure them; results go to `directory` as LABEL.nc, the
     table to comparison.csv.
@@ -139,15 +142,18 @@ def compare(  # noqa: PLR0913 - what a comparison can be told
     limits: bands and keep-out radius that the runs are held against; every: record every N-th
     macro step (default: as many that a run has at most 20 000 rows);
     patience: how long an FMU that is not ours may take for one call [s]; progress: called with the
-    number of runs that are over. Raises what run() raises before its first step, and ResultsError;
-    a run that fails under way ends early, the others go on.
+    number of runs that are over; executor: as for run(). Raises what run() raises before its first
+    step, and ResultsError; a run that fails under way ends early, the others go on.
     """
+    known_executor(executor)
     variants, in_force = _in_force(system, variants)
-    steps = _check(system, variants, ResultFile(directory / "any.nc"), every, patience)
+    if every is not None and every < 1:
+        raise UsageError(f"--every must be at least 1, not {every}")
+    steps = _check((system, executor), variants, ResultFile(directory / "any.nc"), patience)
     files = [ResultFile(directory / f"{variant.file}.nc").path for variant in variants]
     thinning = [_thinning(n) if every is None else every for n in steps]
     flights = list(zip(variants, files, thinning, strict=True))
-    outcomes = _run_all(system, flights, patience, progress)
+    outcomes = _run_all((system, executor), flights, patience, progress)
     results = {outcome.variant.label: read(outcome.file) for outcome in outcomes if outcome.file}
     offered = together(map(of_result, results.values()))
     held = offered.limits(limits or Limits(), results)
@@ -186,25 +192,27 @@ def _in_force(system: str | Path, variants: Sequence[Variant]) -> tuple[Sequence
 
 
 def _check(
-    system: str | Path,
+    flown: tuple[str | Path, str],
     variants: Sequence[Variant],
     file: ResultFile,
-    every: int | None,
     patience: float,
 ) -> list[int]:
     """Find everything that is wrong with a variant before any is run; returns the macro steps of
     each.
     """
     steps = []
-    if every is not None and every < 1:
-        raise UsageError(f"--every must be at least 1, not {every}")
+    system, executor = flown
     with load(system) as found, said_once():
         systems = [_applied(found, variant) for variant in variants]
         say_warnings(*systems)
         say_inconsistencies(*systems)
+        wholes: list[Whole | None] = []
         for changed in systems:
             file.accept(changed)
-            steps.append(checked(changed).steps)
+            graph, count = checked(changed)
+            steps.append(count)
+            if executor == FUSED and not any(w and w.fits(changed, graph) for w in wholes):
+                wholes.append(compiled(changed, graph))  # said here if it cannot be
         _try_fixed_values(variants, systems, patience)
     return steps
 
@@ -254,19 +262,20 @@ def _thinning(steps: int) -> int:
 
 
 def _run_all(
-    system: str | Path,
+    flown: tuple[str | Path, str],
     variants: Sequence[tuple[Variant, Path, int]],
     patience: float,
     progress: Callable[[int], None] | None,
 ) -> tuple[Outcome, ...]:
     """Run as many variants at once as there are processors.
 
-    variants: with the file for the results and the macro steps per row.
+    flown: the system and the executor; variants: with the file for the results and the macro steps
+    per row.
     """
     count = min(len(variants), os.cpu_count() or 1)
     free: SimpleQueue[_Lane] = SimpleQueue()
     for _ in range(count):
-        free.put(_Lane(system, patience))
+        free.put(_Lane(flown, patience))
     with ThreadPoolExecutor(count) as pool:
         jobs = [pool.submit(_in_a_lane, free, *variant) for variant in variants]
         try:
@@ -294,8 +303,8 @@ def _end(jobs: Iterable[Future[Outcome]]) -> None:
 class _Lane:
     """A process that runs one variant after the other, exchanged when one has ended it."""
 
-    def __init__(self, system: str | Path, patience: float) -> None:
-        self.system = system
+    def __init__(self, flown: tuple[str | Path, str], patience: float) -> None:
+        self.flown = flown
         self.patience = patience
         self.process: ProcessPoolExecutor | None = None
 
@@ -303,7 +312,7 @@ class _Lane:
         """Run one variant."""
         if self.process is None:
             context = multiprocessing.get_context("spawn")
-            given = self.system, command_line()
+            given = *self.flown, command_line()
             self.process = ProcessPoolExecutor(1, context, _get_ready, given)
         try:
             return self.process.submit(_attempt, variant, file, every, self.patience).result()
@@ -333,7 +342,7 @@ def _in_a_lane(free: SimpleQueue[_Lane], variant: Variant, file: Path, every: in
 _warm: Warm | None = None
 
 
-def _get_ready(system: str | Path, command: str | None) -> None:
+def _get_ready(system: str | Path, executor: str, command: str | None) -> None:
     """Leave Ctrl-C and the warnings that _check() has already logged to the parent, end when it
     ends, and clean up at the end.
     """
@@ -342,7 +351,7 @@ def _get_ready(system: str | Path, command: str | None) -> None:
     _log.setLevel(logging.ERROR)
     end_with_parent()
     work_for(command)
-    _warm = Warm(system)
+    _warm = Warm(system, executor)
     atexit.register(_warm.close)
 
 

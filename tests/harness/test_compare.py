@@ -59,6 +59,25 @@ def test_every_flight_gives_the_bits_of_a_run_of_its_own(system, fmus, tmp_path)
     assert read(tmp_path / "out" / "plus_one.nc")["twice.y"].tolist() == [1, 2, 3, 4, 5]
 
 
+def test_the_fused_executor_gives_the_same_bits_and_refuses_nobody(system, tmp_path, caplog):
+    def fused(system, *varied, **changes):
+        chosen = combinations(changes, varied)
+        return compare(system, chosen, tmp_path / "out", executor="fused").results
+
+    found = fused("space_robot", ("set", "robot.e=0,0.1"), stop=50.0)
+    for e, result in zip((0.0, 0.1), found.values(), strict=True):
+        alone = run("space_robot", set={"robot.e": e}, stop=50.0)
+        assert result.values.tobytes() == alone.values.tobytes()
+        assert result.provenance.executor == "fused"
+    assert not caplog.text
+    foreign = fused(system, ("algorithm", "jacobi,gauss-seidel"), stop=4.0)["jacobi"]
+    alone = run(system, algorithm="jacobi", stop=4.0)
+    assert foreign.values.tobytes() == alone.values.tobytes()
+    assert caplog.text.count("runs with the executor c: ") == 1
+    with pytest.raises(UsageError, match="there is no executor rust, only c, python and fused"):
+        compare(system, [], tmp_path / "out", executor="rust")
+
+
 def test_the_table_has_one_line_per_flight_and_is_kept_with_all_digits(system, tmp_path):
     found = flown(system, tmp_path, ("algorithm", "jacobi,gauss-seidel"))
     lines = table.text(found.measures, found.labels).splitlines()
