@@ -115,6 +115,17 @@ def test_every_link_and_picture_leads_somewhere_and_nothing_is_loaded_from_elsew
                 assert place in known[target].places, f"{path.relative_to(SITE)}: {address}"
 
 
+def test_the_live_page_of_every_mission_repeats_its_run(opened):
+    pages = sorted((SITE / "fly").glob("*.html"))
+    missions = {p.stem for p in (SITE / "reference/missions").glob("*.html")} - {"index"}
+    assert {p.stem for p in pages} == missions
+    for path in pages:
+        opened.goto(path.as_uri())
+        opened.wait_for_function("window.report?.live?.ready", timeout=120_000)
+        text = opened.inner_text("#live .bits")
+        assert text.startswith("Bits of this page = bits of the file"), path.name
+
+
 def test_search_finds_a_parameter_without_a_network(opened):
     opened.goto((SITE / "index.html").as_uri())
     opened.click("input.md-search__input")
