@@ -22,8 +22,11 @@ from harness.system.interface import Interface, read_interface
 FLAGS = (
     *("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fno-common"),
     *("-ffunction-sections", "-fdata-sections"),
+    "-DLONGEST_CALL=64",
 )
-"""As for every other machine (the same bits), and only what is used goes into the image."""
+"""As for every other machine (the same bits), only what is used goes into the image, and what an
+instance keeps of a master's calls is small: 2 kB instead of 20.
+"""
 
 LIBRARY = f"--specs={SPECS}"
 

@@ -10,7 +10,10 @@
 
 #include "interface.h"
 
-enum { KNOWN_CALLS = 2, LONGEST_CALL = 1024, MOST_RUNS = 64 };
+#ifndef LONGEST_CALL /* references; a processor with little memory says less */
+#define LONGEST_CALL 1024
+#endif
+enum { KNOWN_CALLS = 2, MOST_RUNS = LONGEST_CALL < 256 ? 16 : 64 };
 
 typedef struct {
     size_t first, count; /* doubles of the model */
