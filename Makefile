@@ -169,7 +169,8 @@ coverage: build $(LINTERS)
 # the documentation pages in build/site: first runs what they quote, then writes the Markdown, then
 # HTML, strictly; they need no network to be read. Of the extra `fly` the compiler of the live pages
 SITE  := $(VENV)/.site
-PAGES := $(shell find .ci/pages docs examples -type f) mkdocs.yml CONTRIBUTING.md CHANGELOG.md
+PAGES := $(shell find .ci/pages docs examples -type f) $(wildcard ssp/*/*.md) mkdocs.yml \
+  CONTRIBUTING.md CHANGELOG.md
 $(SITE): $(TOOLS) pyproject.toml
 	$(PIP) $$($(BIN)/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); \
 	  e = p['project']['optional-dependencies']; print(*e['site'], e['fly'][0])")
@@ -178,12 +179,14 @@ $(SITE): $(TOOLS) pyproject.toml
 build/site-facts/facts.json: $(READY) $(SITE)
 	$(BIN)/python .ci/pages build/site-facts --facts
 
-# figures in user pages, from the runs that .ci/pages/quoted.py names; make figures writes them
-build/site-facts/quoted.json: $(READY) .ci/pages/quoted.py docs/targets.md
+# figures in pages, from the runs that .ci/pages/quoted.py names, and claims as the site has them;
+# make figures writes them
+build/site-facts/quoted.json: $(READY) .ci/pages/quoted.py $(wildcard .ci/pages/results/*.py) \
+  docs/targets.md
 	$(BIN)/python .ci/pages build/site-facts --quoted
 
 .PHONY: figures
-figures: build/site-facts/quoted.json
+figures: build/site-facts/facts.json build/site-facts/quoted.json
 	$(BIN)/python .ci/pages build/site-facts --fill
 
 build/site/index.html: build/site-facts/facts.json build/site-facts/quoted.json $(PAGES) $(SITE)

@@ -35,7 +35,8 @@ PAGES = ("README.md", "docs/*.md", "docs/how_to/*.md")
 GENERATED = {"flight_code.md", "gallery.md", "targets.md", "tools.md", "validation.md"}
 """Pages that a make target writes, from runs and texts of the code."""
 DEVELOPERS = {
-    *("architecture.md", "faults.md", "notebook.md", "performance.md", "release.md", "tests.md")
+    *("architecture.md", "faults.md", "notebook.md", "notebook_missions.md", "performance.md"),
+    *("release.md", "tests.md"),
 }
 """Pages that users need not read."""
 CODE = re.compile(r"^```.*?^```|^ {4}[^\n]*$|`[^`\n]*`|\]\([^)\n]*\)", re.MULTILINE | re.DOTALL)

@@ -3,7 +3,7 @@
 
 python .ci/pages build/site-facts --facts   # runs cases and missions: facts.json and figures
 python .ci/pages build/site-facts --quoted  # runs what user pages quote: quoted.json
-python .ci/pages build/site-facts --fill    # writes that into the pages of docs/
+python .ci/pages build/site-facts --fill    # writes that into the pages of docs/ and ssp/
 python .ci/pages build/site-facts build/site-pages      # the Markdown that mkdocs reads
 """
 
@@ -109,13 +109,14 @@ def main(facts: Path, target: str) -> None:
     if target in {"--facts", "--quoted"}:
         collect(facts, target)
         return
-    figures = _read(facts / "quoted.json")
+    found = _read(facts / "facts.json")
+    figures = _read(facts / "quoted.json") | missions.claims(found["missions"])
     if target == "--fill":
         quoted.fill(figures)
         return
     folder = Path(target)
     shutil.rmtree(folder, ignore_errors=True)
-    write(folder, _read(facts / "facts.json") | {"quoted": figures})
+    write(folder, found | {"quoted": figures})
     shutil.copytree(facts / "figures", folder / "reference/missions/figures")
     if (facts / missions.LIVE).is_dir():
         shutil.copytree(facts / missions.LIVE, folder / missions.LIVE)

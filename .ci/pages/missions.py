@@ -67,9 +67,7 @@ def _cases(name: str) -> list[Any]:
     """The default run of a mission and the cases of its papers, those of one claim set once."""
     from harness.mission import Case
 
-    found = mission(name)
-    assert found is not None
-    cases = [Case(name), *(paper.cases[0] for paper in found.claims if paper.cases)]
+    cases = [Case(name), *_papers(name)]
     return list({(c.system, c.params, c.swap): c for c in cases}.values())[:MOST_CASES]
 
 
@@ -187,6 +185,43 @@ def _verdicts(run: Mapping[str, Any]) -> Iterator[str]:
         if paper["deviations"]:
             yield f"Not the case of the paper: {'; '.join(paper['deviations'])}.\n"
         yield table(("Claim", "Where", "Reproduced if", "Here", "Verdict"), paper["claims"])
+
+
+def claims(facts: Mapping[str, Any]) -> dict[str, str]:
+    """Tables of claims that pages quote, by name: those of the runs of a mission's own systems."""
+    return {f"claims_{name}": _claims(name, facts[name]) for name in claiming() if name in facts}
+
+
+def claiming() -> list[str]:
+    """Missions with a paper whose case is a system of their own."""
+    return [name for name in names() if any(c.system in _own(name) for c in _papers(name))]
+
+
+def _papers(name: str) -> list[Any]:
+    """The first case of each paper that has one."""
+    found = mission(name)
+    assert found is not None
+    return [paper.cases[0] for paper in found.claims if paper.cases]
+
+
+def _own(name: str) -> Mapping[str, Any]:
+    return systems_in(places()[name].folder)
+
+
+def _claims(name: str, runs: Any) -> str:
+    """Claim, place in the paper, figure and verdict, run by run."""
+    own = [run for run in runs if run["papers"] and run["command"].split()[2] in _own(name)]
+    rows = []
+    for run in own:
+        changes = " ".join(run["command"].split()[3:-2])
+        case = [f"`{changes}`" if changes else "default"] if len(own) > 1 else []
+        rows += [
+            [*case, text, where, figure, verdict]
+            for paper in run["papers"]
+            for text, where, _, figure, verdict in paper["claims"]
+        ]
+    titles = [*(["Run"] if len(own) > 1 else []), "Claim", "Where", "Here", "Verdict"]
+    return f"\n{table(titles, rows)}"
 
 
 def _system(system: System) -> Iterator[str]:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Figures that user pages quote from runs: <!--=NAME-->TEXT<!---->, with NAME one of FIGURES.
+"""Figures that user pages quote from runs: <!--=NAME-->TEXT<!---->, with NAME one of FIGURES or a
+table of claims, which the page of the mission has, too.
 
 `make figures` runs what they come from and writes the texts into the pages; `make site` runs it too
 and fails where a page says otherwise or quotes what no run gives.
@@ -14,8 +15,8 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
+import results
 from text import ROOT, table
 
 QUOTE = re.compile(r"(<!--=(\w+)-->)(.*?)(<!---->)", re.DOTALL)
@@ -25,7 +26,7 @@ TARGETS = ROOT / "docs/targets.md"
 
 def pages() -> list[Path]:
     """Files that may quote figures."""
-    return sorted((ROOT / "docs").rglob("*.md"))
+    return sorted([*(ROOT / "docs").rglob("*.md"), *(ROOT / "ssp").glob("*/*.md")])
 
 
 def facts() -> dict[str, str]:
@@ -50,10 +51,10 @@ def plain(text: str, figures: Mapping[str, str], source: str) -> str:
 
 
 def fill(figures: Mapping[str, str]) -> None:
-    """Write the figures into the pages that quote them."""
+    """Write the figures into the pages that quote them; a mark that no run knows stays."""
     for page in pages():
         old = page.read_text(encoding="utf-8")
-        new = QUOTE.sub(lambda m: f"{m[1]}{figures[m[2]]}{m[4]}", old)
+        new = QUOTE.sub(lambda m: f"{m[1]}{figures.get(m[2], m[3])}{m[4]}", old)
         if new != old:
             page.write_text(new, encoding="utf-8")
 
@@ -95,7 +96,7 @@ def energy_per_step() -> str:
 
 def restitution() -> str:
     """Error of the restitution of a head-on blow at 0.03 m/s, by macro step."""
-    fly = _of_the_tests("docking_case").fly
+    fly = results.of_the_tests("docking_case").fly
     errors = []
     for step in (0.04, 0.02, 0.01, 0.005):
         blow = fly(step=step, speed=0.03, **{"mechanism.latch_enable": 0})
@@ -108,14 +109,6 @@ def restitution() -> str:
 def _printed(*arguments: str, cwd: str) -> str:
     command = [sys.executable, *arguments]
     return subprocess.run(command, cwd=cwd, check=True, capture_output=True, text=True).stdout
-
-
-def _of_the_tests(name: str) -> Any:
-    sys.path.append(str(ROOT))
-    try:
-        return importlib.import_module(f"tests.systems.{name}")
-    finally:
-        sys.path.remove(str(ROOT))
 
 
 # ---- the page of the flight processors
@@ -183,3 +176,5 @@ FIGURES: dict[str, Callable[[], str]] = {
     "compared": compared,
     "overloads": overloads,
 }
+for _mission in results.MISSIONS:
+    FIGURES |= importlib.import_module(f"results.{_mission}").FIGURES

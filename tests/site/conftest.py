@@ -11,7 +11,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 MODULES = (
-    *("commands", "keys", "missions", "models", "papers", "python", "quoted", "text", "validation"),
+    *("commands", "keys", "missions", "models", "papers", "python", "quoted", "results", "text"),
+    "validation",
 )
 
 
@@ -23,5 +24,5 @@ def writer():
         yield {name: importlib.import_module(name) for name in MODULES}
     finally:
         sys.path.remove(str(ROOT / ".ci/pages"))
-        for name in MODULES:
+        for name in [name for name in sys.modules if name.partition(".")[0] in MODULES]:
             sys.modules.pop(name)

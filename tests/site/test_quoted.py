@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Figures that user pages quote: each is one that a run or a generated page gives."""
+"""Figures that user pages and pages of missions quote: each is one that a run or a generated page
+gives.
+"""
 
 from __future__ import annotations
 
 import re
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 GENERATED = ("note", "compared", "overloads")
@@ -16,6 +20,16 @@ def quoted(writer):
     return writer["quoted"]
 
 
+@pytest.fixture(scope="module")
+def missions(writer):
+    return writer["missions"]
+
+
+@pytest.fixture(scope="module")
+def results(writer):
+    return writer["results"]
+
+
 def quotations(quoted):
     return [
         (page.name, found[2], found[3])
@@ -24,12 +38,19 @@ def quotations(quoted):
     ]
 
 
-def test_every_figure_of_a_page_has_a_run_and_every_run_a_page(quoted):
+def test_every_figure_of_a_page_has_a_run_and_every_run_a_page(quoted, missions):
     found = quotations(quoted)
-    assert {name for _, name, _ in found} == set(quoted.FIGURES)
+    claims = {f"claims_{name}" for name in missions.claiming()}
+    assert {name for _, name, _ in found} == {*quoted.FIGURES, *claims}
     assert all(text.strip() for _, _, text in found)
     marks = sum(p.read_text(encoding="utf-8").count("<!--=") for p in quoted.pages())
     assert marks == len(found), "a mark is not closed"
+
+
+def test_no_quotation_within_a_paragraph_begins_a_line(quoted):
+    """A comment at the beginning of a line ends the paragraph for other readers of Markdown."""
+    for page in quoted.pages():
+        assert not re.search(r"^<!--=\w+-->.", page.read_text(encoding="utf-8"), re.M), page
 
 
 def test_pages_quote_the_table_of_processors_as_it_is(quoted):
@@ -61,3 +82,79 @@ def test_figures_are_written_into_the_pages(quoted, tmp_path, monkeypatch):
     monkeypatch.setattr(quoted, "pages", lambda: [page])
     quoted.fill({"wait": "4 s"})
     assert page.read_text() == "It takes <!--=wait-->4 s<!----> here.\n"
+
+
+def test_filling_a_page_with_what_it_has_changes_nothing(quoted, tmp_path, monkeypatch):
+    """And filled, it is the page that the site shows, without its marks."""
+    for page in quoted.pages():
+        text = page.read_text(encoding="utf-8")
+        figures = {found[2]: found[3] for found in quoted.QUOTE.finditer(text)}
+        emptied = quoted.QUOTE.sub(lambda m: m[1] + m[4], text)
+        copy = tmp_path / page.name
+        copy.write_text(emptied, encoding="utf-8")
+        monkeypatch.setattr(quoted, "pages", lambda copy=copy: [copy])
+        quoted.fill(figures)
+        filled = copy.read_text(encoding="utf-8")
+        assert filled == text, page
+        shown = quoted.plain(filled, figures, page.name)
+        assert "<!--=" not in shown
+        assert shown == re.sub(r"<!--=\w+-->|<!---->", "", text)
+        monkeypatch.undo()
+
+
+# ---- tables of runs
+
+
+def test_no_page_of_a_mission_types_a_verdict(quoted):
+    """Verdicts of claims stand in the tables that the runs have filled."""
+    for page in quoted.pages():
+        if "ssp" in page.parts[-3:]:
+            left = quoted.QUOTE.sub("", page.read_text(encoding="utf-8"))
+            rows = [line for line in left.splitlines() if line.startswith("|")]
+            assert not [row for row in rows if re.search(r"\|\s*(not )?reproduced", row)], page
+
+
+def test_a_table_of_runs_has_a_row_per_command(results, monkeypatch):
+    runs = {"short": "sync_approach --stop 1", "long": "sync_approach --stop 3 --set a.b=[1,2]"}
+    monkeypatch.setattr(results, "flown", lambda c: SimpleNamespace(options=results.options(c)))
+    columns = [
+        results.Column("end", lambda r: r.options["stop"], "{:.1f} s"),
+        results.Column("set", lambda r: str(r.options.get("set", "-"))),
+        results.Column("none", lambda _: np.nan),
+    ]
+    by_run = results.of_runs("run", runs, columns).splitlines()
+    assert by_run[1:] == [
+        "| run | end | set | none |",
+        "| --- | --- | --- | --- |",
+        "| short | 1.0 s | - | - |",
+        "| long | 3.0 s | ['a.b=[1,2]'] | - |",
+    ]
+    across = results.of_runs("run", runs, columns, across=True).splitlines()
+    assert across[1] == "| run | short | long |"
+    assert across[3] == "| end | 1.0 s | 3.0 s |"
+
+
+def test_a_figure_is_a_measure_an_expression_or_a_function_of_a_run(results):
+    command = "sync_approach --stop 2"
+    assert results.figure(command, "last(time)", "{:.0f} s")() == "2 s"
+    assert results.figure(command, "minimum range", "{:.1f} m")() == "20.0 m"
+    assert results.figure(command, lambda r: (len(r.time), 0.5), "{:g} rows, {:g}")() == (
+        "21 rows, 0.5"
+    )
+
+
+def test_claims_of_a_mission_are_those_of_its_own_runs(missions):
+    """A mission page also shows runs of other missions' systems, whose claims stand there."""
+    paper = {"claims": [("it docks", "figure 1", "<= 1 m", "0.5 m", "reproduced")]}
+    runs = [
+        {"command": "harness run transposition -o out.nc", "papers": [paper]},
+        {"command": "harness run transposition --params cluster -o out.nc", "papers": [paper]},
+        {"command": "harness run arm_capture -o out.nc", "papers": [paper]},
+    ]
+    found = missions.claims({"transposition": runs})
+    assert found["claims_transposition"].splitlines()[1:] == [
+        "| Run | Claim | Where | Here | Verdict |",
+        "| --- | --- | --- | --- | --- |",
+        "| default | it docks | figure 1 | 0.5 m | reproduced |",
+        "| `--params cluster` | it docks | figure 1 | 0.5 m | reproduced |",
+    ]

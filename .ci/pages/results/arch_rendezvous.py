@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Rendezvous with proved safety: the instances of the benchmark."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from results import Column, of_runs
+
+INSTANCES = {
+    "SRNA01": ("none", "safe"), "SRA01": ("120", "safe"), "SRA02": ("120 to 125", "safe"),
+    "SRA03": ("120 to 145", "safe"), "SRA04": ("240", "safe"), "SRA05": ("235 to 240", "safe"),
+    "SRA06": ("230 to 240", "safe"), "SRA07": ("50 to 150", "safe"),
+    "SRA08": ("0 to 240", "safe"), "SRU01": ("260", "unsafe"), "SRU02": ("0 to 260", "unsafe"),
+}  # fmt: skip
+"""Abort [min] and verdict as published."""
+
+
+def box(result: Any) -> tuple[float, ...]:
+    """Distance kept to the box [m], end of thrust [min]."""
+    from ssp.arch_rendezvous.claims import box as measure
+
+    return measure(result)
+
+
+def verdict(result: Any) -> str:
+    """Verdict of this run."""
+    return "unsafe" if box(result)[0] < 0 else "safe"
+
+
+def instances() -> str:
+    """Every set of the system."""
+    runs = {f"{name}, {abort}, {word}": f"arch_rendezvous --params {name} --every 50"
+            for name, (abort, word) in INSTANCES.items()}  # fmt: skip
+    return of_runs("instance, abort [min], published", runs, [
+        Column("least margin to the box [m], no thrust from [min] on", box, "{:.2f}, {:.0f}"),
+        Column("here", verdict),
+    ])  # fmt: skip
+
+
+FIGURES = {"arch_instances": instances}

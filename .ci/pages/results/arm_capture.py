@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Capture by the arm: its sets, on truth and on estimates, what compensation does, its reach."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from results import Column, of_runs
+
+SETS = ("default", "fast", "friction", "limited")
+CLEAN = "arm_capture --params clean"
+CAPTURE = [
+    Column("error of E in ALIGN, CLOSE [mm]", "tip error, aligning and closing", "{:.2g}"),
+    Column("late, rms [mm]", "tip error, late", "{:.2g}"),
+    Column("grip [s]", "grip", "{:.2f}"),
+    Column("miss in truth at the grip [mm]", "miss at the grip", "{:.2g}"),
+    Column("hard capture [s]", "hard capture", "{:.2f}"),
+    Column("load of the mechanism [N]", "load of the gripper", "{:.2g}"),
+]
+
+
+def by_set(system: str) -> str:
+    """The sets of a system side by side."""
+    return of_runs("set", {f"`{s}`": f"{system} --params {s}" for s in SETS}, CAPTURE)
+
+
+def deployment() -> str:
+    """The base while the arm deploys, from its reference on."""
+    runs = {
+        "torque compensated, as the system has it": CLEAN,
+        "nothing compensated": f"{CLEAN} --set arm_controller.compensate_torque=0",
+        "torque and force compensated": f"{CLEAN} --set arm_controller.compensate_force=1",
+    }
+    return of_runs("set `clean`, deployment", runs, [
+        Column("attitude error of the base [deg]", "base attitude, deploying", "{:.3f}"),
+        Column("position error of the base [mm]", "base position, deploying", "{:.1f}"),
+    ])  # fmt: skip
+
+
+def approach(name: str) -> Any:
+    """Figure and verdict of a claim of the paper of the synchronised approach."""
+
+    def measure(result: Any) -> str:
+        from harness.results.verdict import Kind
+        from ssp.arm_capture.claims import APPROACH
+
+        found = next(c for c in APPROACH.claims if c.name == name).evaluate(result)
+        return f"{found.figure}: {Kind.CLAIM.word(found.verdict)}"
+
+    return measure
+
+
+def reach() -> str:
+    """What the approach leaves to the arm."""
+    runs = {"nominal": "arm_capture", "`fast`": "arm_capture --params fast"}
+    return of_runs("claim", runs, [
+        Column('"within reach of the arm, and then remains"', approach("within reach")),
+        Column('"can be grasped at any time"', approach("grasped at any time")),
+    ], across=True)  # fmt: skip
+
+
+FIGURES = {
+    "arm_deployment": deployment,
+    "arm_sets": lambda: by_set("arm_capture"),
+    "arm_estimates": lambda: by_set("arm_capture_navigated"),
+    "arm_reach": reach,
+}

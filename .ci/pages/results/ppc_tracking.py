@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Prescribed performance tracking: controllers, bounds of the range, four laws and two tasks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from text import table
+
+from results import Column, flown, of_runs, value
+
+LAWS = {"ppc": "", "theta-D": " --swap controller=theta_d_controller",
+        "PID": " --swap controller=pid_controller"}  # fmt: skip
+FAST = " --step 0.01 --set guidance.sample_period=0.01 --set controller.sample_period=0.01"
+BOUNDS = ("2", "0.5", "0.1", "0.05")
+FOUR = ("adaptive", "ppc", "pid", "theta_d")
+TASKS = {
+    "sync": "sync_approach --params default",
+    "sync, manoeuvre": "sync_approach --params manoeuvre",
+    "LOS": "ppc_tracking --params nominal",
+    "LOS, manoeuvre": "ppc_tracking --params manoeuvre",
+}
+
+
+def converged(result: Any) -> float:
+    """When the range has come into 2 % of its first error for good [s]."""
+    from ssp.ppc_tracking.evaluations import convergence
+
+    return convergence(result)[0]
+
+
+def after_a_minute(error: str) -> Any:
+    """Largest error of range [m] or attitude [deg] after 60 s."""
+    from ssp.ppc_tracking import evaluations
+    from ssp.shared.relative_motion import attitude_error
+
+    def measure(result: Any) -> float:
+        late = result.time >= evaluations.SETTLED
+        if error == "range":
+            return float(np.abs(evaluations.range_error(result)[late]).max())
+        return float(np.degrees(attitude_error(result)[late]).max())
+
+    return measure
+
+
+def effort(result: Any) -> float:
+    """Integral of the commanded acceleration over its axes [m/s]."""
+    command = np.abs(result["controller.a_cmd_L"]).sum(axis=1)
+    return float(np.sum(command[1:] * np.diff(result.time)))
+
+
+def by_law() -> str:
+    """The controllers of the paper in both scenarios."""
+    runs = {f"{law}, {params}": f"ppc_tracking --params {params}{swap}"
+            for params in ("nominal", "manoeuvre") for law, swap in LAWS.items()}  # fmt: skip
+    return of_runs("controller, set", runs, [
+        Column("converged [s]", converged, "{:.1f}"),
+        Column("range error [m]", after_a_minute("range"), "{:.3g}"),
+        Column("attitude error [deg]", after_a_minute("attitude"), "{:.2g}"),
+        Column("minimum range [m]", "minimum range", "{:.2f}"),
+        Column("control effort [m/s]", effort, "{:.0f}"),
+    ])  # fmt: skip
+
+
+def by_bound() -> str:
+    """Largest range error over the bound at the end, at 100 Hz and at 20 Hz."""
+    error = after_a_minute("range")
+
+    def line(title: str, rate: str) -> list[str]:
+        system = f"ppc_tracking --params manoeuvre{rate} --set controller.range.alpha_inf="
+        return [title, *(f"{value(error, flown(system + bound)):.3f}" for bound in BOUNDS)]
+
+    rows = [
+        line("largest range error after 60 s at 100 Hz [m]", FAST),
+        line("at 20 Hz [m]; the last two leave the funnel, flagged", ""),
+    ]
+    return f"\n{table(('set `manoeuvre`, `alpha_inf` of the range [m]', *BOUNDS), rows)}"
+
+
+def settles(error: str) -> Any:
+    """Time after which the error of position or attitude stays within 2 % of its largest [s]."""
+    from harness.results.expressions import settling_time
+    from ssp.shared import relative_motion as motion
+
+    def measure(result: Any) -> float:
+        found = motion.position_error if error == "position" else motion.attitude_error
+        begun = result.time >= (0.0 if error == "position" else motion.release_time(result))
+        size = found(result)[begun]
+        return settling_time(result.time[begun], size, 0.02 * size.max())
+
+    return measure
+
+
+def by_task() -> str:
+    """Four laws, two tasks, two scenarios."""
+    runs = {f"{task}: {law.replace('pid', 'PID').replace('theta_d', 'theta-D')}":
+            f"{command} --swap controller={law}_controller"
+            for task, command in TASKS.items() for law in FOUR}  # fmt: skip
+    return of_runs("task, controller", runs, [
+        Column("t pos", settles("position"), "{:.1f}"),
+        Column("t att", settles("attitude"), "{:.1f}"),
+        Column("e pos", "position error", "{:.2g}"),
+        Column("e att", "attitude error", "{:.2g}"),
+        Column("range", "minimum range", "{:.3f}"),
+        Column("delta-v", "delta-v", "{:.3g}"),
+        Column("impulse", "torque impulse", "{:.0f}"),
+    ])  # fmt: skip
+
+
+FIGURES = {"ppc_laws": by_law, "ppc_bounds": by_bound, "ppc_tasks": by_task}

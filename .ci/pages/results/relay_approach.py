@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Relay approach: its sets, a tick of latency, real thrusters in the synchronised approach."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from text import table
+
+from results import Column, cell, flown, of_runs
+
+SETS = ("paper", "paper_small_thrust", "newton", "geo")
+THRUSTERS = {
+    "ideal propulsion (`sync_approach`)": "sync_approach",
+    "continuous throttles": "sync_approach_thrusters",
+    "`pulsed`": "sync_approach_thrusters --params pulsed",
+    "`pulsed`, `propulsion.T2dn=0.3`":
+        "sync_approach_thrusters --params pulsed --set propulsion.T2dn=0.3",
+    "`torque_by_thrusters`": "sync_approach_thrusters --params torque_by_thrusters",
+}  # fmt: skip
+
+
+def runs(latency: int = 0) -> dict[str, str]:
+    """A run of every set."""
+    late = f" --latency controller={latency}" if latency else ""
+    return {name: f"relay_approach --params {name} --every 10{late}" for name in SETS}
+
+
+def arrived(result: Any) -> float:
+    """When 50 m are reached [s]."""
+    there = result.time[result["guidance.range"] <= 50.0]
+    return float(there[0]) if len(there) else float("nan")
+
+
+def held(result: Any) -> tuple[float, ...]:
+    """Least and largest range from 1000 s after that [m]."""
+    late = result["guidance.range"][result.time >= arrived(result) + 1000.0]
+    return (float(late.min()), float(late.max())) if len(late) else (float("nan"),)
+
+
+def leg_speed(result: Any) -> float:
+    """Mean speed of the servicer on the first leg, on an orbit relative to the target [m/s]."""
+    from ssp.shared.relative_motion import relative_speed
+
+    leg = (result.time >= 2000.0) & (result.time <= arrived(result) - 2000.0)
+    speed = np.linalg.norm(result["servicer.v_SN_N"], axis=1)
+    found = speed if speed.max() < 100.0 else relative_speed(result)
+    return float(found[leg].mean())
+
+
+def pointed(result: Any) -> float:
+    """When X of the servicer first points within 2 deg at the target [s]."""
+    from harness.results.alignment import turned
+
+    axis = turned(result["servicer.q_SN"], np.tile([1.0, 0.0, 0.0], (len(result.time), 1)))
+    to_target = result["target.r_TN_N"] - result["servicer.r_SN_N"]
+    cosine = np.sum(axis * to_target, axis=1) / np.linalg.norm(to_target, axis=1)
+    return float(result.time[(np.degrees(np.arccos(np.minimum(cosine, 1.0))) < 2.0).argmax()])
+
+
+def impulses(result: Any) -> tuple[float, float]:
+    """Impulse of main engine and of the brakes [N s]."""
+    last = result["propulsion.impulse"][-1]
+    return float(last[12]), float(last[8:12].sum())
+
+
+def by_set() -> str:
+    """The sets side by side."""
+    return of_runs("set", runs(), [
+        Column("50 m reached [s]", arrived, "{:.0f}"),
+        Column("range from 1000 s after that [m]", held, "{:.2f} to {:.2f}"),
+        Column("mean speed on the first leg, `geo`: relative [m/s]", leg_speed, "{:.4f}"),
+        Column("first pointing below 2 deg [s]", pointed, "{:.0f}"),
+        Column("impulse of main engine, brakes [N s]", impulses, "{:.1f}, {:.1f}"),
+    ], across=True)  # fmt: skip
+
+
+def by_latency() -> str:
+    """Velocity increments on time and a tick late."""
+    shown = Column("", "delta-v", "{:.4g}")
+    cells = [[cell(shown, flown(c)) for c in runs(late).values()] for late in (0, 1)]
+    rows = zip(SETS, *cells, strict=True)
+    return f"\n{table(('set', 'delta-v on time [m/s]', 'one tick late [m/s]'), rows)}"
+
+
+def tracking(result: Any) -> float:
+    """Position error from 600 to 1200 s, rms [cm]."""
+    from ssp.shared.relative_motion import position_error
+
+    error, time = position_error(result), result.time[: len(position_error(result))]
+    rows = (time >= 600.0) & (time <= 1200.0)
+    return float(100 * np.sqrt(np.mean(error[rows] ** 2)))
+
+
+def thrusters() -> str:
+    """Real thrusters in the synchronised approach."""
+    return of_runs("`sync_approach_thrusters`", THRUSTERS, [
+        Column("position error, rms from 600 to 1200 s [cm]", tracking),
+        Column("impulse [N s]", "total(last(propulsion.impulse))", "{:.1f}"),
+    ])  # fmt: skip
+
+
+FIGURES = {"relay_sets": by_set, "relay_latency": by_latency, "relay_thrusters": thrusters}

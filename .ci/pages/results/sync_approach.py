@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Synchronised approach: what adaptation costs, how far the estimates move."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from results import Column, figure, of_runs
+
+ETA = "controller.eta_hat_0=[200,0,0,250,0,150,12,0,0,15,0,10]"
+ADAPTATION = {
+    "nothing: as printed": "sync_approach",
+    "`--set controller.Gamma_scale=0.1`": "sync_approach --set controller.Gamma_scale=0.1",
+    "`--set controller.Gamma_scale=0`": "sync_approach --set controller.Gamma_scale=0",
+    "the same and the true inertias, `--set 'controller.eta_hat_0=ETA'`":
+        f"sync_approach --set controller.Gamma_scale=0 --set {ETA}",
+    "`--params informed`: also the true mass, and `M_dist` known to the guidance":
+        "sync_approach --params informed",
+}  # fmt: skip
+POINTING = "degrees(last(angle(guidance.q_DN, servicer.q_SN)))"
+LONG = "sync_approach --stop 14400 --every 10"
+
+
+def adaptation() -> str:
+    """Attitude error with adaptation as printed, less of it, and none."""
+    return of_runs("`harness run sync_approach` with", ADAPTATION,
+                   [Column("attitude error at 1800 s", POINTING, "{:.2g} deg")])  # fmt: skip
+
+
+def span(begin: float) -> Any:
+    """Largest change of an element of the estimated inertias after a time [kg m2]."""
+
+    def measure(result: Any) -> float:
+        late = result.time >= begin
+        return float(np.ptp(result["controller.eta_hat"][late], axis=0).max())
+
+    return measure
+
+
+def mass_moves(result: Any) -> float:
+    """Largest distance of the estimated mass from its start value [g]."""
+    mass = result["controller.m_hat"]
+    return float(1e3 * np.abs(mass - mass[0]).max())
+
+
+FIGURES = {
+    "sync_adaptation": adaptation,
+    "sync_mass": figure("sync_approach", mass_moves, "{:.0f} g"),
+    "sync_inertia": figure("sync_approach", span(1500.0), "{:.1f} kg m2"),
+    "sync_inertia_hour": figure(LONG, span(3600.0), "{:.1f} kg m2"),
+    "sync_inertia_late": figure(LONG, span(5400.0), "{:.1f} kg m2"),
+}
