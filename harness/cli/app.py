@@ -13,6 +13,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import cache
 from typing import Annotated, Any
 
 import typer
@@ -114,7 +115,7 @@ def _main(arguments: Sequence[str] | None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
         with commanded(shlex.join(["harness", *given])):
-            status = app(given or ["--help"], "harness", standalone_mode=False)
+            status = _command()(given or ["--help"], "harness", standalone_mode=False)
     except HarnessError as error:
         return _complain(str(error), error.exit_status)
     except (KeyboardInterrupt, typer.Abort):
@@ -126,6 +127,12 @@ def _main(arguments: Sequence[str] | None) -> int:
     if status == INTERRUPTED:
         return _complain("interrupted", 1)
     return status if isinstance(status, int) else 0
+
+
+@cache
+def _command() -> Any:
+    """All commands, which typer would put together anew for every call of main()."""
+    return typer.main.get_command(app)
 
 
 def _unexpected(error: Exception) -> int:

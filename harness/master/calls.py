@@ -105,6 +105,24 @@ class Calls(ABC):
         """Free the instance and unload the library."""
 
 
+class FMU2Library(FMU2Slave):  # type: ignore[misc]
+    """FMPy's, which looks up the types of its functions for every instance anew: here the first one
+    hands them on. From the beginning of the name FMPy knows which version of FMI it is.
+    """
+
+    _types: ClassVar[dict[str, tuple[Any, ...]]] = {}
+
+    def _loadFunctions(self) -> None:
+        if not self._types:
+            super()._loadFunctions()
+            self._types.update(
+                {n: (f.argnames, f.argtypes, f.restype) for n, f in self._functions.items()}
+            )
+        for name, types in self._types.items():
+            self._functions[name] = function = getattr(self.dll, name)
+            function.argnames, function.argtypes, function.restype = types
+
+
 class Fmi2(Calls):
     """FMI 2.0, over what FMPy has loaded."""
 
@@ -115,7 +133,7 @@ class Fmi2(Calls):
     ) -> None:
         self.name = name
         with contextlib.chdir(Path.cwd()):  # FMPy does not return from a library that fails
-            self.slave = FMU2Slave(
+            self.slave = FMU2Library(
                 guid=interface.model.guid,
                 modelIdentifier=interface.model.coSimulation.modelIdentifier,
                 unzipDirectory=str(folder),

@@ -15,7 +15,8 @@ from pathlib import Path
 
 import numpy as np
 from fmpy import extract, read_model_description
-from fmpy.fmi2 import FMU2Slave
+
+from harness.master.calls import FMU2Library
 
 Values = Mapping[str, object]
 ROOT = Path(__file__).resolve().parents[2]
@@ -58,7 +59,7 @@ class Unit:
     def __init__(self, kind: Kind, parameters: Values, inputs: Values, start: float) -> None:
         self.kind, self.time = kind, start
         d = kind.description
-        self.slave = FMU2Slave(
+        self.slave = FMU2Library(
             guid=d.guid, modelIdentifier=d.coSimulation.modelIdentifier, unzipDirectory=kind.folder
         )
         self.slave.instantiate()

@@ -29,6 +29,8 @@ SAME_BITS = ("-std=c99", "-ffp-contract=off", "-fno-tree-slp-vectorize", "-fno-m
 second flag where -march has it, unless the third is there.
 """
 FLAGS = (*SAME_BITS, "-O2", "-fPIC", "-fvisibility=hidden")
+RUN_ONCE = ("-O0",)
+"""Of a program that says what a model is: it takes longer to optimize than to run."""
 DATE = "1980-01-01T00:00:00Z"
 
 
@@ -42,7 +44,8 @@ def build(source: Path, output: Path, compiler: list[str], fmi: str) -> None:
         describe, xml = Path(folder) / "describe", Path(folder) / "modelDescription.xml"
         compile_c = [*compiler, *FLAGS, *include, source]
         adapter = ADAPTER[fmi]
-        subprocess.run([*compile_c, CORE / "build/describe.c", "-o", describe, "-lm"], check=True)
+        tool = [CORE / "build/describe.c", *RUN_ONCE, "-o", describe, "-lm"]
+        subprocess.run([*compile_c, *tool], check=True)
         with xml.open("wb") as file:
             names = [path.name for path in (source, *adapter)]
             subprocess.run([describe, fmi, "0", DATE, *names], check=True, stdout=file)

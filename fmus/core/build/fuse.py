@@ -145,7 +145,7 @@ class Build:
         lines = [f"MODEL({symbol})" for symbol in dict.fromkeys(symbols)]
         (self.folder / "parts.inc").write_text("\n".join(lines) + "\n", encoding="utf-8")
         source = build_fmu.CORE / "build/layout.c"
-        tool = self._link(source, *objects, output=self.folder / "layout")
+        tool = self._link(*build_fmu.RUN_ONCE, source, *objects, output=self.folder / "layout")
         text = subprocess.run([tool], check=True, capture_output=True, encoding="utf-8").stdout
         models = read_layout(text)
         parts = [
@@ -165,7 +165,8 @@ class Build:
         names = (("startTime", "start"), ("stopTime", "stop"), ("stepSize", "step"))
         span = " ".join(f'{name}=\\"{self.spec[key]:.17g}\\"' for name, key in names)
         tool = build_fmu.CORE / "build/describe.c"
-        describe = self._link(f'-DEXPERIMENT="{span}"', tool, *own, output=self.folder / "describe")
+        options = (*build_fmu.RUN_ONCE, f'-DEXPERIMENT="{span}"')
+        describe = self._link(*options, tool, *own, output=self.folder / "describe")
         xml = self.folder / "modelDescription.xml"
         with xml.open("wb") as file:
             listed = [path.name for path in sources]

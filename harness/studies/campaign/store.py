@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from harness.errors import ResultsError, UsageError
 from harness.files.output import naming, new_beside
+from harness.files.paths import Stamp, stamp
 from harness.files.sealed import Taken, locked, on_the_disk
 from harness.ssp.library import name_of
 from harness.studies.campaign.layout import SCRATCH, Field, fields
@@ -46,6 +47,7 @@ class Store:
     def __init__(self, path: Path, group: Any) -> None:
         self.path, self.group = path, group
         self._written: dict[str, Any] = {}  # opening an array costs as much as writing to it
+        self._seen: dict[str, tuple[Stamp, Any]] = {}
 
     # ---- life
 
@@ -108,10 +110,13 @@ class Store:
         return sorted(each.name for each in self.path.iterdir() if each.is_dir())
 
     def _found(self, name: str) -> Any:
-        """An array, None if it cannot be read."""
+        """An array, None if it cannot be read; opened anew only where its file has changed."""
         try:
-            return self.group[name]
-        except (KeyError, ValueError, TypeError, AttributeError):
+            now = stamp(self.path / name / "zarr.json")
+            if name not in self._seen or self._seen[name][0] != now:
+                self._seen[name] = now, self.group[name]
+            return self._seen[name][1]
+        except (OSError, KeyError, ValueError, TypeError, AttributeError):
             return None
 
     def _arrays(self) -> Iterator[tuple[str, Any]]:
