@@ -21,7 +21,7 @@ FILES = flight_rules.included()
 CALLS_ALLOWED = {"sqrt", "copysign", "memcpy", "memset", "strlen", "snprintf"}
 MOST_STACK = 20 * 1024
 """Bytes: of the initialization of theta_d_controller with some room for other compilers."""
-STEPS = 5_000
+STEPS = 2_000
 
 SOME = [path for path in SOURCES if path.stem in {"theta_d_controller", "safety_monitor"}]
 """The deepest stack and the longest loops; `make flight-rules` and the long tests compile all."""

@@ -8,7 +8,6 @@ In `step` variables go by their names; arrays are C arrays.
 
 from __future__ import annotations
 
-import subprocess
 import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +15,8 @@ from typing import NamedTuple
 
 import fmpy
 from fmpy import platform_tuple, sharedLibraryExtension
+
+from tests.compiled import compiled
 
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 NUMBERS = ("Float64", "Float32", *(f"{u}Int{n}" for u in ("", "U") for n in (8, 16, 32, 64)))
@@ -160,8 +161,7 @@ def build(model: Model, folder: Path) -> Path:
     """The FMU in a folder."""
     source, library = folder / f"{model.name}.c", folder / f"{model.name}{sharedLibraryExtension}"
     source.write_text(_c(model), encoding="utf-8")
-    command = ["gcc", "-shared", "-fPIC", "-O1", f"-I{HEADERS}", source, "-o", library, "-lm"]
-    subprocess.run(command, check=True)
+    compiled(source, library, "-O1", f"-I{HEADERS}")
     path = folder / f"{model.name}.fmu"
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("modelDescription.xml", _xml(model))

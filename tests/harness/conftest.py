@@ -13,13 +13,14 @@ import pytest
 
 from harness.system.model import Component, Connection, Experiment, Parameter, Port, System
 from tests.harness.foreign_fmu import MODELS, build
+from tests.shared import shared
 from tests.sketches import sketched
 
 
 @pytest.fixture(scope="session", autouse=True)
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A cache for the tests alone."""
-    folder = tmp_path_factory.mktemp("cache")
+    """A cache for the tests alone, one for all workers."""
+    folder = shared(tmp_path_factory, "cache")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HARNESS_CACHE", str(folder))
         yield folder

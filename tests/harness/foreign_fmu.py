@@ -11,7 +11,6 @@ of initialization. All may `return fail(status, text)`.
 from __future__ import annotations
 
 import re
-import subprocess
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -20,6 +19,8 @@ from typing import NamedTuple
 from xml.sax.saxutils import quoteattr
 
 import fmpy
+
+from tests.compiled import compiled
 
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 
@@ -297,19 +298,7 @@ def build(model: Model, folder: Path, text: str | None = None) -> Path:
     """Compile and pack a model; returns the .fmu. text: its C source, if it is not as usual."""
     source, library = folder / f"{model.name}.c", folder / f"{model.name}.so"
     source.write_text(text or source_text(model))
-    command = [
-        "gcc",
-        "-O1",
-        "-shared",
-        "-fPIC",
-        "-w",
-        f"-I{HEADERS}",
-        str(source),
-        "-o",
-        str(library),
-        "-lm",
-    ]
-    subprocess.run(command, check=True)
+    compiled(source, library, "-O1", "-w", f"-I{HEADERS}")
     fmu = folder / f"{model.name}.fmu"
     with zipfile.ZipFile(fmu, "w") as archive:
         archive.writestr("modelDescription.xml", description(model))

@@ -76,7 +76,7 @@ def test_its_twin_in_python_commands_the_same(twins):
 @pytest.mark.parametrize(
     ("place", "language", "stop"),
     [
-        ("space_robot.joints", "c", 10.0),
+        pytest.param("space_robot.joints", "c", 10.0, marks=pytest.mark.long),
         ("relay_approach.controller", "python", 1.0),
         ("sync_approach.guidance", "c", 1.0),
         pytest.param("arch_rendezvous.controller", "c", 1.0, marks=pytest.mark.long),

@@ -71,7 +71,7 @@ def system(fmus, tmp_path_factory):
 def table(system, **more):
     return {
         "system": str(system),
-        "runs": 24,
+        "runs": 8,
         "seed": 5,
         "factors": {
             "twice.k": {"normal": {"mean": 2.0, "sigma": 0.5}},
@@ -350,7 +350,7 @@ def test_no_block_of_runs_repeats_the_warnings_of_its_flights(system, tmp_path, 
         "import logging\n\ndef loud(result):\n"
         "    logging.getLogger('harness').warning('from a flight')\n    return 1.0\n"
     )
-    given = table(system, runs=48, metrics={"loud": f"{tmp_path}/loud.py:loud"})
+    given = table(system, runs=4, metrics={"loud": f"{tmp_path}/loud.py:loud"})
     campaign(given, tmp_path / "out.zarr", workers=0)
     assert "from a flight" not in caplog.text
 
@@ -374,7 +374,7 @@ def with_bands(system):
 
 def test_every_run_is_a_run_of_its_own_to_the_bit(system, serial):
     store = serial.store
-    for k in (0, 7, 23):
+    for k in (0, 3, 7):
         alone = run(system, **like(f"{serial.path}#{k}", system)[1])
         assert store.array("last")[k].tobytes() == alone.values[-1].tobytes()
         assert store.array("end")[k] == alone["twice.y"][-1]
@@ -417,7 +417,7 @@ def test_bands_are_the_percentiles_of_all_histories(serial):
 def test_xarray_opens_the_dataset_with_labelled_factors_and_metrics(serial):
     data = serial.data
     assert data["end"].dims == ("run",)
-    assert data.sizes == {"run": 24, "column": 6, "time": 4, "percentile": 5} | {
+    assert data.sizes == {"run": 8, "column": 6, "time": 4, "percentile": 5} | {
         k: v for k, v in data.sizes.items() if k.endswith("_element")
     }
     assert float(data["end"][3]) == serial.store.array("end")[3]
@@ -466,7 +466,7 @@ def test_an_interrupted_campaign_goes_on_where_it_was(system, tmp_path):
     given = with_bands(system)
     text = f"""
 system = "{system}"
-runs = 12
+runs = 8
 seed = 5
 success = "{given["success"]}"
 [metrics]
@@ -620,7 +620,7 @@ def test_a_run_in_which_nothing_changes_has_no_figures_and_is_no_failure(tmp_pat
     ("text", "problem"),
     [
         ("few", "expected a dataset and the number of a run"),
-        ("serial.zarr#99", "there are runs 0 to 23"),
+        ("serial.zarr#99", "there are runs 0 to 7"),
     ],
 )
 def test_runs_that_do_not_exist_cannot_be_repeated(system, serial, monkeypatch, text, problem):
@@ -868,11 +868,11 @@ def changed(given, place, value):
     return changed_one
 
 
-@pytest.mark.parametrize("every", [4, pytest.param(1, marks=pytest.mark.long)])
+@pytest.mark.parametrize("every", [8, pytest.param(1, marks=pytest.mark.long)])
 def test_every_entry_of_a_campaign_may_be_anything(system, every):
     """Each entry in turn is something else: a plan or a line per problem, never another error.
 
-    Every fourth pair of the two has every entry and, since ODD has an odd length, every value.
+    Every eighth pair of the two has every entry and, since ODD has an odd length, every value.
     """
     given = ordinary(system)
     read_plan(given)

@@ -323,7 +323,7 @@ def test_a_symmetric_factor_has_one_row_per_element(tmp_path):
     spread = {
         "servicer.J_S": {"inertia": {"principal": [200, 250, 150], "spread": 0.1, "axes": 0.1}}
     }
-    given = {"system": "sync_approach", "fixed": {"stop": 0.2}, "runs": 8, "factors": spread}
+    given = {"system": "sync_approach", "fixed": {"stop": 0.2}, "runs": 3, "factors": spread}
     found = campaign(given, tmp_path / "c.zarr", workers=0)
     names = [f"servicer.J_S[{k}]" for k in ("1,1", "1,2", "1,3", "2,2", "2,3", "3,3")]
     assert [*summary.varying_factors(found.store)] == names

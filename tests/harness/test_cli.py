@@ -374,7 +374,7 @@ def test_no_progress_bar_in_a_pipe(folder):
 
 
 def test_a_reader_that_goes_away_is_no_error_message(folder):
-    running = process("list", cwd=folder)
+    running = process("list", "demo.ssp", cwd=folder)
     running.stdout.close()
     assert "Traceback" not in running.stderr.read()
     running.stderr.close()

@@ -20,6 +20,8 @@ from tests.harness.foreign_fmu import GAIN as GAIN_MODEL
 from tests.harness.foreign_fmu import KILOMETRES, description
 from tests.harness.foreign_ssp import component, inline, linear, ssm, ssv, system, write
 
+pytestmark = pytest.mark.usefixtures("trusted")
+
 COUNT = component("count", "counter", "n>", "t_last>")
 GAIN = component("gain", "gain", "u<", "y>", "k=")
 WIRE = ["count.n gain.u"]

@@ -162,8 +162,8 @@ def run_with(folder, vice, phase, call=in_process):
 
 NOT_ENDLESS = [name for name, vice in VICES.items() if vice.kind != HANG]
 CASES = list(itertools.product(NOT_ENDLESS, PHASES))
-SOME = [case for i, case in enumerate(CASES) if i % (len(PHASES) + 1) == 0]
-"""A diagonal of the matrix, with every phase and nearly every vice once."""
+SOME = [case for i, case in enumerate(CASES) if i % (2 * len(PHASES) + 1) == 0]
+"""A diagonal of the matrix, with every phase twice and every other vice once."""
 
 
 @pytest.mark.parametrize(("vice", "phase"), SOME)
@@ -177,8 +177,8 @@ def test_every_vice_in_every_phase_of_a_run(folder, vice, phase):
     judge_run(folder, vice, phase, run_with(folder, vice, phase))
 
 
-def test_the_sample_has_every_phase_and_nine_vices_of_ten():
-    assert len({vice for vice, _ in SOME}) >= 0.9 * len(NOT_ENDLESS)
+def test_the_sample_has_every_phase_and_nearly_half_of_the_vices():
+    assert len({vice for vice, _ in SOME}) >= 0.45 * len(NOT_ENDLESS)
     assert {phase for _, phase in SOME} == set(PHASES)
 
 

@@ -18,6 +18,8 @@ from harness.errors import StructureError
 from harness.ssp import reader as ssp
 from tests.harness.foreign_ssp import component, inline, linear, ssm, ssv, system, write
 
+pytestmark = pytest.mark.usefixtures("trusted")
+
 COUNT = component("count", "counter", "n>", "t_last>")
 GAIN = component("gain", "gain", "u<", "y>", "k=")
 

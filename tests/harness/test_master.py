@@ -16,6 +16,8 @@ from harness import run
 from harness.errors import FmuError, InterruptionError, RunError, StructureError, UsageError
 from harness.master.simulation import Simulation, simulate
 
+pytestmark = pytest.mark.usefixtures("trusted")
+
 EXECUTORS = pytest.mark.parametrize("executor", ["c", "python"])
 
 
@@ -72,8 +74,9 @@ def test_a_run_repeats_to_the_bit(make):
     [(4, [0, 4, 8, 10]), (5, [0, 5, 10]), (7, [0, 7, 10]), (11, [0, 10]), (2**62, [0, 10])],
 )
 def test_recording_every_nth_step_keeps_those_rows_and_the_last(
-    make, executor, in_process, every, rows
+    make, monkeypatch, executor, in_process, every, rows
 ):
+    monkeypatch.setattr("harness.master.isolated.all_ours", lambda _: in_process)
     system = make({"gain": "gain", "counter": "counter"}, ["counter.n > gain.u"], stop=10.0)
     how = {"executor": executor, "in_process": in_process}
     full, thin = run(system, **how), run(system, every=every, **how)

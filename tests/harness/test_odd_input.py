@@ -109,10 +109,10 @@ def test_values_of_options_of_run(option, text):
         outcome("run", "demo.ssp", "-q", "-o", "out/x.csv", option, value)
 
 
-@pytest.mark.parametrize("every", [3, pytest.param(1, marks=pytest.mark.long)])
+@pytest.mark.parametrize("every", [6, pytest.param(1, marks=pytest.mark.long)])
 @pytest.mark.parametrize("option", [option for option in OPTIONS if option != "-o"])
 def test_known_odd_values_of_options_of_run(option, every):
-    """A third of the values for each option, all of them for three options after one another."""
+    """A sixth of the values for each option, all of them for six options after one another."""
     first = list(OPTIONS).index(option) % every
     for text in ODD[first::every]:
         value = OPTIONS[option].format(text)

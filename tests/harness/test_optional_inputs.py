@@ -15,6 +15,8 @@ from harness.ssp.writer import write_ssp
 from harness.system.model import Connection, Port
 from tests.harness.foreign_fmu import Model, Var, build, p, u, y
 
+pytestmark = pytest.mark.usefixtures("trusted")
+
 LAW = "y = k * u + extra;"
 OPTIONAL = Var("extra", "input", 5.0, "1", "Real", True)
 MODELS = {

@@ -16,6 +16,8 @@ from harness.ssp.writer import write_ssp
 from harness.system.model import Parameter
 from tests.harness.foreign_fmu import Model, build, p, u, y
 
+pytestmark = pytest.mark.usefixtures("trusted")
+
 TOML = """
 name = "demo"
 [experiment]

@@ -12,6 +12,8 @@ from harness.errors import StructureError
 from harness.system.model import Experiment
 from harness.system.schedule import gauss_seidel, jacobi, macro_steps, schedule
 
+pytestmark = pytest.mark.usefixtures("trusted")
+
 
 def unit(name, every=1, latency=0):
     return SimpleNamespace(name=name, every=every, latency=latency)

@@ -12,6 +12,7 @@ import pytest
 from harness.files.paths import fmus
 from harness.master.serve import StandIn
 from tests.link.frames import Peer
+from tests.shared import shared
 
 PATIENCE = 20.0
 """After which a test that waits for a frame fails [s]."""
@@ -19,9 +20,8 @@ PATIENCE = 20.0
 
 @pytest.fixture(scope="session", autouse=True)
 def cache(tmp_path_factory):
-    """A cache for the tests alone."""
-    folder = tmp_path_factory.mktemp("cache")
-    folder.chmod(0o700)
+    """A cache for the tests alone, one for all workers."""
+    folder = shared(tmp_path_factory, "cache")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HARNESS_CACHE", str(folder))
         yield folder

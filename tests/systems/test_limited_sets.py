@@ -14,6 +14,7 @@ from harness.master.changes import apply
 from harness.results.requirements import findings, say_inconsistencies
 from harness.results.verdict import Verdict
 from harness.studies.check import check
+from tests.each import some
 
 SYSTEMS = (
     "arm_capture",
@@ -25,10 +26,14 @@ SYSTEMS = (
 
 
 @pytest.mark.parametrize("system", SYSTEMS)
-def test_a_comparison_takes_the_limited_set_and_no_set_contradicts_itself(system):
+def test_a_comparison_takes_the_limited_set(system):
     with load(system) as found:
         assert found.compared == "limited"
         assert "limited" in [s.name for s in found.sets]
+
+
+@pytest.mark.parametrize("system", some(SYSTEMS, 2))
+def test_no_set_contradicts_itself(system):
     assert not [w for w in check(system).warnings if "expected" in w]
 
 
