@@ -69,6 +69,35 @@ def test_a_lag_within_that_limit_closes_too_fast_and_the_guarded_approach_aborts
     assert margin(aborted, "norm(servicer.r_SN_N - target.r_TN_N) >= 34 m") > 0
 
 
+def test_a_guarded_approach_enters_the_sphere_with_a_lag_of_almost_half_a_second():
+    """A limit: it aborts 130 m away at 32 m/s, with 490 N on 107.8 kg."""
+    at_worst = {
+        "propulsion.tau": 0.458,
+        "servicer.mass_0": 107.8,
+        "target.omega_TN_T_0": [-0.0009, 0.0005, 0.0135],
+    }
+    text = "norm(servicer.r_SN_N - target.r_TN_N) >= 17 m"
+    worst_found, less = (
+        run("ppc_tracking_guarded", stop=20.0, set=at_worst | {"propulsion.tau": lag})
+        for lag in (0.458, 0.36)
+    )
+    assert worst_found["monitor.abort"].any()
+    assert margin(worst_found, text) == pytest.approx(-1.38, abs=0.02)
+    assert margin(less, text) > 0
+
+
+def test_a_target_that_turns_faster_than_the_rule_of_speed_knows_is_approached_too_fast():
+    """The slope of the limit is the rate of the nominal target and beta: 1.85 % of the range."""
+    changes = {"target.omega_TN_T_0": [0.005, 0.013, -0.0029], "propulsion.tau": 2.0}
+    text = "time < 60 s or monitor.speed_margin >= 0 m/s"
+    nominal, fast = (
+        margin(run("sync_approach", params="robust", stop=120.0, set=more), text)
+        for more in ({}, changes)
+    )
+    assert nominal > 0.05
+    assert fast == pytest.approx(-6.2e-3, abs=5e-4)
+
+
 ATTITUDE = "time < 29 min or angle(guidance.q_DN, servicer.q_SN) <= 5 deg"
 ROBUST = {
     "controller.projection": 1, "controller.damping_in_regressor": 1, "controller.Gamma_scale": 0.1,
@@ -118,6 +147,17 @@ def test_a_fast_target_makes_the_relay_approach_close_too_fast():
     )
     assert slow > 0.005
     assert fast == pytest.approx(-4.2e-3, abs=5e-4)
+
+
+def test_a_relay_approach_closes_too_fast_while_its_filter_settles():
+    """A limit of the camera at 500 m: a velocity 3.7 cm/s off, beside a limit of 3 cm/s."""
+    text = "monitor.speed_margin >= 0 m/s"
+    cold, known = (
+        run("relay_approach_navigated", stop=300.0, set={"monitor.passive_time": 0} | more)
+        for more in ({}, {"relative_filter.sigma_drho_0": 0.003})
+    )
+    assert margin(cold, text) == pytest.approx(-0.0355, abs=2e-3)
+    assert margin(known, text) > 0.005
 
 
 PLANAR = {"monitor.passive_time": 0, "controller.t_abort": 14_400.0}
