@@ -125,6 +125,8 @@ class Margins:
         self.guarded = guarded
         self.look_up = partial(history, result)
         self._known: dict[ast.expr, Any] = {}
+        self._truths: dict[ast.expr, Array] = {}
+        self._margins: dict[ast.expr, Array] = {}
         self.undecided = False
         """Whether some condition of a window hangs on what is no number."""
 
@@ -150,6 +152,11 @@ class Margins:
         """1 where a condition holds, 0 where it does not, NaN where that hangs on what is no
         number, with the rows and elements of its parts.
         """
+        if node not in self._truths:
+            self._truths[node] = self._truth(node)
+        return self._truths[node]
+
+    def _truth(self, node: ast.expr) -> Array:
         match node:
             case ast.Compare(left=a, ops=[op], comparators=[b]):
                 sides = [self._evaluated(side) for side in (a, b)]
@@ -166,6 +173,11 @@ class Margins:
 
     def of(self, node: ast.expr) -> Array:
         """Margin of every row, or (1,) if the rows do not matter; -inf where it is not a number."""
+        if node not in self._margins:
+            self._margins[node] = self._margin(node)
+        return self._margins[node]
+
+    def _margin(self, node: ast.expr) -> Array:
         match node:
             case ast.Compare():
                 margin = by_row(np.min, self._elements(node))
