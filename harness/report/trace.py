@@ -10,6 +10,7 @@ compares that with the code itself finds what was lost on the way.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -159,7 +160,8 @@ def _spelt(index: Any, shape: Sequence[int]) -> list[dict[str, Any]] | None:
         elif part is None:
             found.append({"n": 1})
         elif isinstance(part, slice):
-            found.append({"s": [None if x is None else int(x) for x in _ends(part)]})
+            ends = (part.start, part.stop, part.step)
+            found.append({"s": [None if x is None else int(x) for x in ends]})
         elif isinstance(part, int | np.integer):
             found.append({"i": int(part)})
         elif (places := _places(part)) is not None:
@@ -167,10 +169,6 @@ def _spelt(index: Any, shape: Sequence[int]) -> list[dict[str, Any]] | None:
         else:
             return None
     return found if sum("t" in each for each in found) <= 1 else None
-
-
-def _ends(part: slice) -> tuple[Any, Any, Any]:
-    return part.start, part.stop, part.step
 
 
 def _places(part: Any) -> list[int] | None:
@@ -302,12 +300,7 @@ class Trace:
     """Operations by place, each once; roots: the arrays that a flight brings, by name."""
 
     def __init__(self) -> None:
-        import json
-
-        self._json = json.dumps
         self._known: dict[Operation, int] = {}
-        self._repeat: list[Callable[[Sequence[Any], Mapping[str, Array]], Any]] = []
-        self._constants: dict[int, Any] = {}
         self.about: list[dict[str, Any]] = []
 
     @property
@@ -362,7 +355,7 @@ class Trace:
         return self._place("constant", (), {"shape": list(array.shape), "values": values})
 
     def _place(self, name: str, parts: tuple[int, ...], about: dict[str, Any]) -> int:
-        key = (name, parts, self._json(about))
+        key = (name, parts, json.dumps(about))
         if key not in self._known:
             self._known[key] = len(self._known)
             self.about.append(about)

@@ -17,8 +17,12 @@ from ssp.validation.judge import judge
 from ssp.validation.library import Library
 
 ALL = cases()
+LONG = {"basilisk-wheels"}
+"""Cases of seconds."""
 WRONG = [
-    pytest.param(case, wrong, id=f"{case.id}-{k}", marks=pytest.mark.long if k else ())
+    pytest.param(
+        case, wrong, id=f"{case.id}-{k}", marks=pytest.mark.long if k or case.id in LONG else ()
+    )
     for case in ALL
     for k, wrong in enumerate(case.wrong)
 ]

@@ -185,8 +185,9 @@ def fly(built, tmp_path):
 
     def fly_system(top, **options):
         path = write(tmp_path / "foreign.ssp", top, built, version="2.0", **options)
-        result = run(path)
-        assert np.array_equal(result.values, run(path, executor="python").values)
+        result = run(path, in_process=True)
+        again = run(path, executor="python", in_process=True)
+        assert np.array_equal(result.values, again.values)
         return result
 
     return fly_system
