@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Answers of studies: the same bits whoever flies, flights that repeat, the edges of a map."""
+"""Answers of studies: the same bits whoever flies, flights that repeat, the edges of a map, gains
+that are found again.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,7 @@ import numpy as np
 import pytest
 
 import ssp
-from harness import boundary, probability, run, sensitivity, worst
+from harness import Flights, boundary, probability, run, sensitivity, tune, worst
 from harness.results.requirements import margin
 from harness.studies.campaign.campaign import like
 
@@ -69,3 +71,24 @@ def test_a_map_of_100_flights_finds_both_edges_of_the_unsafe_abort_times(tmp_pat
     assert 15_600 < last < 16_800
     assert first - safe[safe < first].max() <= 300
     assert safe[safe > last].min() - last <= 300
+
+
+def test_gains_tuned_from_spoilt_ones_are_no_worse_than_the_shipped_ones(tmp_path):
+    """Over 60 draws that the study has not seen: worst margins, each in parts of its limit."""
+    path = SYSTEMS / "sync_approach" / "campaigns" / "sync_approach_tune.toml"
+    table = tomllib.loads(path.read_text())
+    gains, of = table["tune"].pop("gains"), table["tune"].pop("of")
+    (found,) = tune(path, tmp_path / "t.zarr", workers=0).estimate["of"].values()
+    least = {}
+    for name, given in (("shipped", {}), ("spoilt", spoilt(gains)), ("tuned", found["gains"])):
+        fixed = table["fixed"] | {"set": table["fixed"]["set"] | given}
+        with Flights(table | {"fixed": fixed}, workers=0) as flights:
+            z = np.random.default_rng(99).standard_normal((60, flights.d))
+            least[name] = flights(z)[:, [flights.names.index(each) for each in of]].min(axis=0)
+    assert least["spoilt"].min() < -0.01
+    assert (least["tuned"] >= least["shipped"]).all()
+
+
+def spoilt(gains):
+    """The medians that the study starts from."""
+    return {name: draw["log_normal"]["median"] for name, draw in gains.items()}
