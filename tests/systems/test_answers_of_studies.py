@@ -73,6 +73,21 @@ def test_a_map_of_100_flights_finds_both_edges_of_the_unsafe_abort_times(tmp_pat
     assert safe[safe > last].min() - last <= 300
 
 
+def test_subset_simulation_and_importance_sampling_agree_with_random_flights(tmp_path):
+    """At 3.97 m, which 29 of 6 000 random flights pass: 3.2e-3 to 6.9e-3."""
+    given = tomllib.loads(FILE.read_text())
+    given["requirements"]["near"] = "guidance.range >= 3.97 m"
+    entry, found = {"of": "near", "flights": 1400}, []
+    for name, more in (("s", {}), ("i", {"method": "importance", "flights": 500})):
+        given["probability"] = entry | more
+        study = probability(given, tmp_path / f"{name}.zarr", workers=0, said=lambda _: None)
+        entry["centres"] = str(tmp_path / "s.zarr")
+        found.append(study.estimate["of"]["near"])
+    assert 1 / 3 < found[0]["p"] / found[1]["p"] < 3
+    assert all(each["low"] < 6.9e-3 and each["high"] > 3.2e-3 for each in found)
+    assert found[1]["cov"] <= 0.3
+
+
 def test_gains_tuned_from_spoilt_ones_are_no_worse_than_the_shipped_ones(tmp_path):
     """Over 60 draws that the study has not seen: worst margins, each in parts of its limit."""
     path = SYSTEMS / "sync_approach" / "campaigns" / "sync_approach_tune.toml"
