@@ -13,6 +13,7 @@
  * stays out of the feed-forward: a joint that stands in its friction must not turn the base.
  * Sampled. Equations: docs/models.md K.4. */
 /* SPDX-License-Identifier: BSD-2-Clause */
+#include "arm_dynamics.h"
 #include "arm_rows.h"
 #include "mat3.h"
 #include "time_grid.h"
@@ -119,12 +120,12 @@ static void pass_on(const Parameters *p, const Input *u, Output *y)
 }
 
 /* planned motion only, w and dq as measured */
-static Wrench reaction_of_arm(const Input *u, const MassMatrix *H, const Forces *b)
+static Wrench reaction_of_arm(const Input *u, const Tree *t, const Forces *b)
 {
     Speeds planned = {.w = {0, 0, 0}};
-    memcpy(planned.joint, u->joint_accel_ref, sizeof planned.joint);
-    Wrench r = plus_wrench(base_rows(H, &planned), 1, b->base);
-    return plus_wrench(r, -1, turning_terms(&H->whole, u->omega_SN_S));
+    memcpy(planned.joint, u->joint_accel_ref, sizeof u->joint_accel_ref);
+    Wrench r = plus_wrench(base_rows(t, &planned), 1, b->base);
+    return plus_wrench(r, -1, turning_terms(&t->whole, u->omega_SN_S));
 }
 
 static void feed_forward(const Parameters *p, Wrench reaction, vec3 c, Output *y)
@@ -152,29 +153,29 @@ static Speeds wanted_accelerations(const Parameters *p, const Input *u, int join
 }
 
 /* du = [du_0; v]: what the base does under the commands while the joints do v */
-static Speeds motion_with(const Parameters *p, const Input *u, const MassMatrix *H, const Forces *b,
+static Speeds motion_with(const Parameters *p, const Input *u, const Tree *t, const Forces *b,
                           const Output *y)
 {
-    Mobility base = mobility_of(&H->whole, 1);
+    Mobility base = mobility_of(&t->whole, 1);
     vec3 w = u->omega_SN_S;
     vec3 wheels = add(mul(p->A_w, y->wheel_accel_sum), cross(w, mul(p->A_w, u->wheel_speed)));
-    Speeds du = wanted_accelerations(p, u, H->tree->joints);
+    Speeds du = wanted_accelerations(p, u, (int)t->joints);
     Wrench Q_0 = {y->F_sum_S, sub(y->M_sum_S, wheels)};
 
     Twist du_0 =
-        base_answer(&base, plus_wrench(Q_0, -1, plus_wrench(base_rows(H, &du), 1, b->base)));
+        base_answer(&base, plus_wrench(Q_0, -1, plus_wrench(base_rows(t, &du), 1, b->base)));
     du.v = du_0.v;
     du.w = du_0.w;
     return du;
 }
 
-static void drive_joints(const Parameters *p, const Input *u, const MassMatrix *H, const Forces *b,
+static void drive_joints(const Parameters *p, const Input *u, const Tree *t, const Forces *b,
                          Output *y)
 {
-    Speeds du = motion_with(p, u, H, b, y);
-    int joints = H->tree->joints;
-    double row[ARM_JOINTS];
-    set_joint_rows(row, H, &du);
+    Speeds du = motion_with(p, u, t, b, y);
+    int joints = (int)t->joints;
+    double row[COLUMNS];
+    set_joint_rows(row, t, &du);
     for (int i = 0; i < joints; i++) {
         double wanted = row[i] + b->joint[i] + friction_torque(&p->joint, i, u->joint_rate_ref[i]);
         y->joint_torque[i] = limited(wanted, p->joint.torque_max[i]);
@@ -204,18 +205,21 @@ static void control(const Parameters *p, const Input *u, State *x, Output *y, do
     for (int i = 0; i < ARM_JOINTS; i++) y->joint_lock[i] = locked;
     if (locked) return;
 
+    Chain arm;
     Tree tree;
-    MassMatrix H;
-    Loads loads;
+    Links links;
+    Speeds measured = {.w = u->omega_SN_S};
     Composite base = body_at_S(p->mass_0, p->J_S);
     const Tide none = {.at_S = {0, 0, 0}};
-    place(&tree, &p->arm, u->joint_angle);
-    weigh(&tree, &p->arm);
-    set_mass_matrix(&H, &p->arm, &tree, &base);
-    set_velocity_loads(&loads, &tree, &base, u->omega_SN_S, u->joint_rate, &none);
-    Forces b = projected(&tree, &loads);
-    if (u->arm_mode != REST) feed_forward(p, reaction_of_arm(u, &H, &b), centre_of(&H.whole), y);
-    drive_joints(p, u, &H, &b, y);
+    memcpy(measured.joint, u->joint_rate, sizeof u->joint_rate);
+    set_chain(&arm, &p->arm);
+    place(&tree, &links, &arm, u->joint_angle);
+    weigh(&links, &arm);
+    set_mass_matrix(&tree, &links, &base);
+    Forces b = velocity_forces(&tree, &links, &base, &measured, &none);
+    if (u->arm_mode != REST)
+        feed_forward(p, reaction_of_arm(u, &tree, &b), centre_of(&tree.whole), y);
+    drive_joints(p, u, &tree, &b, y);
 }
 
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)

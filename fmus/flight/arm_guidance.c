@@ -165,7 +165,9 @@ static void check(const Parameters *p, Problems *problems)
 
 /* ---- where E is, seen from Q ---- */
 typedef struct {
+    Chain arm;
     Tree tree;
+    Links links;
     mat3 C_SN, C_QN;
     quat q_QN, q_EN, q_EQ;
     vec3 port, tip, w_T; /* Q and E from T, rate of T; N axes */
@@ -173,30 +175,31 @@ typedef struct {
     double misalignment, speed, rate;
 } View;
 
-static View view_of(const Parameters *p, const Input *u)
+static void set_view(View *v, const Parameters *p, const Input *u)
 {
     quat q_SN = canonical(u->S.q), q_TN = canonical(u->T.q);
-    View v;
-    place(&v.tree, &p->arm, u->joint_angle);
+    Speeds measured = {.w = u->S.omega};
+    memcpy(measured.joint, u->joint_rate, sizeof u->joint_rate);
+    set_chain(&v->arm, &p->arm);
+    place(&v->tree, &v->links, &v->arm, u->joint_angle);
     mat3 C_TN = dcm_of_quat(q_TN);
-    Twist motion = tip_twist(&v.tree, u->S.omega, u->joint_rate);
+    Twist motion = tip_twist(&v->tree, &measured);
 
-    v.C_SN = dcm_of_quat(q_SN);
-    v.q_QN = product(q_TN, p->q_QT);
-    v.C_QN = dcm_of_quat(v.q_QN);
-    v.q_EN = product(q_SN, tip_attitude(&p->arm, &v.tree));
-    v.q_EQ = canonical(product(conjugate(v.q_QN), v.q_EN));
-    v.port = tmul(C_TN, p->p_QT_T);
-    v.tip = add(sub(u->S.r, u->T.r), tmul(v.C_SN, v.tree.p_E));
-    v.w_T = tmul(C_TN, u->T.omega);
-    v.e = mul(v.C_QN, sub(v.tip, v.port));
-    v.X = dcm_of_quat(v.q_EQ).row[0];
+    v->C_SN = dcm_of_quat(q_SN);
+    v->q_QN = product(q_TN, p->q_QT);
+    v->C_QN = dcm_of_quat(v->q_QN);
+    v->q_EN = product(q_SN, tip_attitude(&p->arm, &v->tree));
+    v->q_EQ = canonical(product(conjugate(v->q_QN), v->q_EN));
+    v->port = tmul(C_TN, p->p_QT_T);
+    v->tip = add(sub(u->S.r, u->T.r), tmul(v->C_SN, v->tree.p_E));
+    v->w_T = tmul(C_TN, u->T.omega);
+    v->e = mul(v->C_QN, sub(v->tip, v->port));
+    v->X = dcm_of_quat(v->q_EQ).row[0];
 
-    vec3 v_E = add(sub(u->S.v, u->T.v), tmul(v.C_SN, velocity_at(motion, v.tree.p_E)));
-    v.misalignment = arc_tangent(sqrt(v.X.y * v.X.y + v.X.z * v.X.z), -v.X.x);
-    v.speed = norm(sub(v_E, cross(v.w_T, v.tip)));
-    v.rate = norm(sub(tmul(v.C_SN, motion.w), v.w_T));
-    return v;
+    vec3 v_E = add(sub(u->S.v, u->T.v), tmul(v->C_SN, velocity_at(motion, v->tree.p_E)));
+    v->misalignment = arc_tangent(sqrt(v->X.y * v->X.y + v->X.z * v->X.z), -v->X.x);
+    v->speed = norm(sub(v_E, cross(v->w_T, v->tip)));
+    v->rate = norm(sub(tmul(v->C_SN, motion.w), v->w_T));
 }
 
 /* ---- modes ---- */
@@ -333,13 +336,12 @@ static void track(const Parameters *p, const Input *u, View *v, const State *x, 
     vec3 angle = rotation_vector(product(q_r, conjugate(v->q_EN)));
     vec3 linear = add(sub(v_r, u->S.v), scale(p->K_E[0], miss));
     vec3 angular = add(w_r, scale(p->K_E[1], angle));
-    Six xd = six(mul(v->C_SN, linear), mul(v->C_SN, angular));
+    Twist xd = {mul(v->C_SN, linear), mul(v->C_SN, angular)};
     Composite base = body_at_S(p->mass_0, p->J_S);
-    MassMatrix H;
-    weigh(&v->tree, &p->arm);
-    set_mass_matrix(&H, &p->arm, &v->tree, &base);
+    weigh(&v->links, &v->arm);
+    set_mass_matrix(&v->tree, &v->links, &base);
     JointRates rates =
-        joint_rates(&p->law, &H, &v->tree, u->S.omega, u->joint_angle, u->joint_rate, xd);
+        joint_rates(&p->law, &v->tree, u->S.omega, u->joint_angle, u->joint_rate, xd);
 
     memcpy(y->joint_angle_ref, x->q_ref, sizeof x->q_ref);
     memcpy(y->joint_rate_ref, rates.dq, sizeof rates.dq);
@@ -353,8 +355,9 @@ static void track(const Parameters *p, const Input *u, View *v, const State *x, 
 
 static void guide(const Parameters *p, const Input *u, State *x, Output *y, double t, double period)
 {
-    View v = view_of(p, u);
-    int joints = v.tree.joints;
+    View v;
+    set_view(&v, p, u);
+    int joints = (int)v.tree.joints;
     change_mode(p, u, &v, x, t);
     int mode = (int)x->mode, tracking = mode == ALIGN || mode == CLOSE;
     double since = t - x->t_m;

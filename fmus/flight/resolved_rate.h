@@ -14,6 +14,7 @@
 #define RESOLVED_RATE_H
 
 #include "arm.h"
+#include "cholesky.h"
 
 typedef struct {
     double ready[ARM_JOINTS], angle_min[ARM_JOINTS], angle_max[ARM_JOINTS], rate_max[ARM_JOINTS];
@@ -25,58 +26,67 @@ typedef struct {
     double manipulability, damping, rate_scale;
 } JointRates;
 
-typedef struct { double at[6]; } Six; /* velocity and rate of E, base axes */
+/* columns: velocity and rate of E for a unit rate of each joint, base axes */
 typedef struct {
     int joints;
-    Six column[ARM_JOINTS];
+    vec3s v, w;
 } Jacobian;
 
-static inline Six six(vec3 linear, vec3 angular)
+static inline Twist motion_at(const Jacobian *J, int i)
 {
-    return (Six){{linear.x, linear.y, linear.z, angular.x, angular.y, angular.z}};
-}
-static inline Six tip_motion(Twist t, vec3 p_E) { return six(velocity_at(t, p_E), t.w); }
-static inline Six plus_six(Six a, double k, const Six *b) /* a + k b */
-{
-    for (int i = 0; i < 6; i++) a.at[i] += k * b->at[i];
-    return a;
+    return (Twist){vec_at(&J->v, i), vec_at(&J->w, i)};
 }
 
-static inline double dot_six(const Six *a, const Six *b)
-{
-    double sum = 0;
-    for (int i = 0; i < 6; i++) sum += a->at[i] * b->at[i];
-    return sum;
-}
+static inline Twist tip_motion(Twist t, vec3 p_E) { return (Twist){velocity_at(t, p_E), t.w}; }
+static inline double dot_twist(Twist a, Twist b) { return dot(a.v, b.v) + dot(a.w, b.w); }
 
 /* motion of the base for a unit rate of each joint at constant momentum: -H_00^-1 H_0m */
-typedef struct { Twist joint[ARM_JOINTS]; } Reaction;
+typedef struct { vec3s v, w; } Reaction;
 
-static inline void set_reaction(Reaction *base, const MassMatrix *H)
+static inline void set_reaction(Reaction *restrict base, const Tree *restrict t)
 {
-    Mobility mobility = mobility_of(&H->whole, 1);
-    int joints = H->tree->joints;
-    for (int j = 0; j < joints; j++) {
-        Twist answer = base_answer(&mobility, H->joint[j]);
-        base->joint[j] = (Twist){neg(answer.v), neg(answer.w)};
+    const Mobility mobility = mobility_of(&t->whole, 1);
+    for (int i = 0; i < COLUMNS; i++) {
+        Twist answer = base_answer(&mobility, column_at(t, i));
+        put_vec(&base->v, i, neg(answer.v));
+        put_vec(&base->w, i, neg(answer.w));
+    }
+}
+
+static inline void set_jacobian(Jacobian *restrict J, const Tree *restrict t,
+                                const Reaction *restrict base)
+{
+    const vec3 p_E = t->p_E;
+    for (int i = 0; i < COLUMNS; i++) {
+        vec3 v = add(vec_at(&t->oa, i), vec_at(&base->v, i));
+        vec3 w = add(vec_at(&t->a, i), vec_at(&base->w, i));
+        put_vec(&J->v, i, add(v, cross(w, p_E)));
+        put_vec(&J->w, i, w);
     }
 }
 
 /* ---- one pass: the joints that are not fixed ---- */
-typedef struct { double at[6][8]; } Gram; /* upper half, y in column 6 */
+typedef struct { double at[6][UPPER]; } Gram; /* upper half, y in column 6 */
 
-static inline Gram gram_of(const Jacobian *J, const JointRates *r, const Six *y)
+static inline Gram gram_of(const Jacobian *J, const JointRates *r, Twist y)
 {
-    Gram G = {{{0}}};
+    sym3 vv = sym_diagonal(0, 0, 0), ww = vv;
+    mat3 vw = identity(0);
     int joints = J->joints;
     for (int k = 0; k < joints; k++) {
-        const double *c = J->column[k].at;
+        vec3 v = vec_at(&J->v, k), w = vec_at(&J->w, k);
         if (r->limited[k]) continue;
-        for (int i = 0; i < 6; i++)
-            for (int j = i; j < 6; j++) G.at[i][j] += c[i] * c[j];
+        vv = sym_add(vv, upper(v, v));
+        vw = plus(vw, outer(v, w));
+        ww = sym_add(ww, upper(w, w));
     }
-    for (int i = 0; i < 6; i++) G.at[i][6] = y->at[i];
-    return G;
+    vec3 a = vw.row[0], b = vw.row[1], c = vw.row[2];
+    return (Gram){{{vv.xx, vv.xy, vv.xz, a.x, a.y, a.z, y.v.x},
+                   {0, vv.yy, vv.yz, b.x, b.y, b.z, y.v.y},
+                   {0, 0, vv.zz, c.x, c.y, c.z, y.v.z},
+                   {0, 0, 0, ww.xx, ww.xy, ww.xz, y.w.x},
+                   {0, 0, 0, 0, ww.yy, ww.yz, y.w.y},
+                   {0, 0, 0, 0, 0, ww.zz, y.w.z}}};
 }
 
 /* sqrt(det J J^T) from the pivots of its elimination */
@@ -87,31 +97,33 @@ static inline double manipulability_of(const Gram *pivots)
     return sqrt(product);
 }
 
-static inline void solve_pass(const RateLaw *law, const Jacobian *J, const double z[], Six y,
+static inline void solve_pass(const RateLaw *law, const Jacobian *J, const double z[], Twist y,
                               JointRates *r)
 {
     int joints = J->joints, columns = 0;
     for (int i = 0; i < joints; i++) {
         columns += !r->limited[i];
         if (!r->limited[i]) r->dq[i] = z[i];
-        y = plus_six(y, -r->dq[i], &J->column[i]);
+        y = plus_twist(y, -r->dq[i], motion_at(J, i));
     }
-    const Gram G = gram_of(J, r, &y);
+    const Gram G = gram_of(J, r, y);
+    double x[6];
     Gram left = G;
-    int regular = solve_upper(&left.at[0][0], 6, 8, y.at);
+    int regular = solve_upper(left.at, 6, x);
     double m = regular && columns >= 6 ? manipulability_of(&left) : 0;
     double least = law->manipulability_min;
     double lambda = m < least ? law->damping_max * (1 - m / least) : 0;
     if (lambda > 0) {
         left = G;
         for (int i = 0; i < 6; i++) left.at[i][i] += lambda * lambda;
-        regular = solve_upper(&left.at[0][0], 6, 8, y.at);
+        regular = solve_upper(left.at, 6, x);
     }
     r->manipulability = m;
     r->damping = lambda;
     if (!regular) return; /* singular and undamped: the posture alone */
+    Twist load = {vec(x[0], x[1], x[2]), vec(x[3], x[4], x[5])};
     for (int i = 0; i < joints; i++)
-        if (!r->limited[i]) r->dq[i] += dot_six(&J->column[i], &y);
+        if (!r->limited[i]) r->dq[i] += dot_twist(motion_at(J, i), load);
 }
 
 /* fixes the joints that break a limit of angle; how many */
@@ -139,23 +151,23 @@ static inline void scale_rates(const RateLaw *law, int joints, JointRates *r)
 }
 
 /* xd: wanted motion of E relative to the motion of S, base axes; w: rate of the base */
-static inline JointRates joint_rates(const RateLaw *law, const MassMatrix *H, const Tree *t, vec3 w,
-                                     const double q[], const double dq[], Six xd)
+static inline JointRates joint_rates(const RateLaw *law, const Tree *t, vec3 w, const double q[],
+                                     const double dq[], Twist xd)
 {
-    int joints = t->joints;
-    Jacobian J = {.joints = joints};
+    int joints = (int)t->joints;
+    Jacobian J;
     Twist base = {vec(0, 0, 0), w}; /* v_0: base without arm motion, or with the same momentum */
-    Reaction reaction = {{{{0, 0, 0}, {0, 0, 0}}}};
+    Reaction reaction = {.v = {{0}, {0}, {0}}};
     double z[ARM_JOINTS];
-    if (law->base_floats) set_reaction(&reaction, H);
+    if (law->base_floats) set_reaction(&reaction, t);
     for (int i = 0; i < joints; i++) {
-        Twist r = reaction.joint[i], screw = t->link[i].screw;
+        Twist r = {vec_at(&reaction.v, i), vec_at(&reaction.w, i)};
         z[i] = law->K_posture * (law->ready[i] - q[i]);
-        base.v = sub(base.v, scale(dq[i], r.v));
-        base.w = sub(base.w, scale(dq[i], r.w));
-        J.column[i] = tip_motion((Twist){add(screw.v, r.v), add(screw.w, r.w)}, t->p_E);
+        base = plus_twist(base, -dq[i], r);
     }
-    Six y0 = tip_motion(base, t->p_E), y = plus_six(xd, -1, &y0);
+    J.joints = joints;
+    set_jacobian(&J, t, &reaction);
+    Twist y = plus_twist(xd, -1, tip_motion(base, t->p_E));
 
     JointRates found = {.rate_scale = 1};
     solve_pass(law, &J, z, y, &found);

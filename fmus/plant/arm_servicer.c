@@ -16,6 +16,7 @@
  * the base does not turn, the joints move. joints = 0 is `servicer`.
  * Equations: docs/models.md K.1, K.2. Classical Runge-Kutta on the grid k * max_step. */
 /* SPDX-License-Identifier: BSD-2-Clause */
+#include "arm_dynamics.h"
 #include "arm_rows.h"
 #include "body_rows.h"
 #include "rk4.h"
@@ -35,6 +36,20 @@ typedef struct {
 typedef struct {
     BaseState base; /* its mass: of the base body */
     double joint_angle[ARM_JOINTS], joint_rate[ARM_JOINTS];
+} Motion;
+typedef struct {
+    Tree tree;
+    Composite base;
+    mat3 C_SN;
+    Speeds u; /* S at rest */
+    Wrench momentum;
+    vec3 c;   /* centre of mass, from S, base axes */
+    PosVel C; /* and its motion, N axes */
+    Forces b; /* less Q_gg */
+} Vehicle;
+typedef struct {
+    Motion now;
+    Vehicle vehicle; /* at that motion: where a step ends the next one begins */
 } State;
 typedef struct {
     BaseOutput base;
@@ -90,88 +105,93 @@ static void check(const Parameters *p, Problems *problems)
     check_joints(problems, &p->joint, check_arm(problems, &p->arm));
 }
 
-/* ---- the vehicle at an instant ---- */
-typedef struct {
-    Tree own;
-    const Tree *tree;
-    Composite base;
-    MassMatrix H;
-    mat3 C_SN;
-    Speeds u;    /* S at rest */
-    vec3 c, v_c; /* centre of mass and its velocity, from S, base axes */
-} Vehicle;
-
-/* what holds over an internal step */
+/* ---- what holds over an internal step ---- */
 typedef struct {
     const Parameters *p;
     const Input *u;
-    const Tree *placed; /* the arm where it does not move, else 0 */
-    Composite base;     /* without its mass, which is at S */
-    Wrench tip;         /* load on the end effector, axes of the last link */
+    const Chain *arm;
+    const Vehicle *begin;
+    const Tree *rigid; /* the arm where all joints are locked and it is part of the base, else 0 */
+    Composite base;    /* without its mass, which is at S */
+    Wrench tip;        /* load on the end effector, axes of the last link */
     Moving moving;
-    vec3 wheel_accel;
-    double since; /* its start */
+    vec3 wheel_accel, wheel_torque; /* A_w dOmega */
+    double since;                   /* its start */
 } Context;
 
 static int locked(const Input *u, int i) { return u->joint_lock[i] != 0; }
 
-static Context context_at(const Parameters *p, const Input *u, const State *x, double t, double h)
+static Context context_at(const Parameters *p, const Input *u, const Chain *arm, const State *x,
+                          double t, double h)
 {
     mat3 C_EA = dcm_of_quat(p->arm.q_EA);
     Context c = {.p = p,
                  .u = u,
+                 .arm = arm,
+                 .begin = &x->vehicle,
                  .base = body_at_S(0, p->base.J_S),
                  .tip = {tmul(C_EA, u->F_contact_E), tmul(C_EA, u->M_contact_E)},
                  .moving = {.turns = reached(t, p->base.t_att)},
                  .wheel_accel =
-                     wheel_accels(&p->base, u->base.wheel_accel_cmd, x->base.wheel_speed, h),
+                     wheel_accels(&p->base, u->base.wheel_accel_cmd, x->now.base.wheel_speed, h),
                  .since = t};
-    for (int i = 0; i < (int)p->arm.joints; i++)
-        if (!locked(u, i)) c.moving.joint[c.moving.joints++] = i;
+    for (int i = 0; i < arm->joints; i++) {
+        c.moving.moves[i] = !locked(u, i);
+        c.moving.joints += !locked(u, i);
+    }
+    c.wheel_torque = mul(p->base.A_w, c.wheel_accel);
     return c;
 }
 
-static void place_arm(Tree *t, const Parameters *p, const State *x)
-{
-    place(t, &p->arm, x->joint_angle);
-    weigh(t, &p->arm);
-}
-
-static void find_vehicle(Vehicle *now, const Context *c, const State *x)
-{
-    now->tree = c->placed;
-    if (!now->tree) {
-        place_arm(&now->own, c->p, x);
-        now->tree = &now->own;
-    }
-    now->base = c->base;
-    now->base.m += x->base.mass;
-    set_mass_matrix(&now->H, &c->p->arm, now->tree, &now->base);
-    now->C_SN = dcm_of_mrp(x->base.sigma);
-    now->u = (Speeds){.w = c->moving.turns ? x->base.omega : vec(0, 0, 0)};
-    memcpy(now->u.joint, x->joint_rate, sizeof x->joint_rate);
-    now->c = centre_of(&now->H.whole);
-    now->v_c = velocity_of_centre(&now->H, &now->u);
-}
-
-static PosVel centre_of_mass(const Vehicle *now, const BaseState *x)
-{
-    return (PosVel){add(x->r, tmul(now->C_SN, now->c)), add(x->v, tmul(now->C_SN, now->v_c))};
-}
-
-/* ---- loads ---- */
-static Tide tide_on(const Parameters *p, const Vehicle *now, vec3 r_C)
+/* ---- the vehicle at an instant ---- */
+static Tide tide_on(const Parameters *p, const Vehicle *now)
 {
     if (!p->base.use_gravity_gradient || p->base.orbit.mu == 0)
         return tide_about(now->c, 0, vec(0, 0, 0));
-    double r = norm(r_C);
-    return tide_about(now->c, p->base.orbit.mu / (r * r * r), scale(1 / r, mul(now->C_SN, r_C)));
+    double r = norm(now->C.r);
+    return tide_about(now->c, p->base.orbit.mu / (r * r * r),
+                      scale(1 / r, mul(now->C_SN, now->C.r)));
 }
 
+static void place_arm(Tree *t, Links *k, const Chain *arm, const Motion *x)
+{
+    place(t, k, arm, x->joint_angle);
+    weigh(k, arm);
+}
+
+/* its arm is in place */
+static void find_vehicle(Vehicle *now, const Links *k, const Parameters *p, const Composite *base,
+                         int turns, const Motion *x)
+{
+    now->base = *base;
+    now->base.m += x->base.mass;
+    set_mass_matrix(&now->tree, k, &now->base);
+    now->C_SN = dcm_of_mrp(x->base.sigma);
+    now->u = (Speeds){.w = turns ? x->base.omega : vec(0, 0, 0)};
+    memcpy(now->u.joint, x->joint_rate, sizeof x->joint_rate);
+    now->momentum = base_rows(&now->tree, &now->u);
+    now->c = centre_of(&now->tree.whole);
+    vec3 v_c = scale(1 / now->tree.whole.m, now->momentum.F);
+    now->C =
+        (PosVel){add(x->base.r, tmul(now->C_SN, now->c)), add(x->base.v, tmul(now->C_SN, v_c))};
+    Tide tide = tide_on(p, now);
+    now->b = velocity_forces(&now->tree, k, &now->base, &now->u, &tide);
+}
+
+/* of the state, at its time */
+static void keep_vehicle(const Parameters *p, const Chain *arm, State *x, double t)
+{
+    Links links;
+    Composite base = body_at_S(0, p->base.J_S);
+    place_arm(&x->vehicle.tree, &links, arm, &x->now);
+    find_vehicle(&x->vehicle, &links, p, &base, reached(t, p->base.t_att), &x->now);
+}
+
+/* ---- loads ---- */
 static Wrench actuator_load(const Context *c, double t, const BaseState *x, vec3 w)
 {
     const BaseParameters *p = &c->p->base;
-    vec3 wheels = add(cross(w, mul(p->A_w, x->wheel_speed)), mul(p->A_w, c->wheel_accel));
+    vec3 wheels = add(cross(w, mul(p->A_w, x->wheel_speed)), c->wheel_torque);
     vec3 torque = add(torque_S(&c->u->base), sinusoid(&p->M_dist_S, c->since, t));
     return (Wrench){force_S(&c->u->base), sub(torque, wheels)};
 }
@@ -183,39 +203,41 @@ static Wrench tip_load(const Context *c, const Tree *t)
 }
 
 /* Q - b */
-static Forces loads_on(const Context *c, double t, const State *x, const Vehicle *now)
+static Forces loads_on(const Context *c, double t, const Motion *x, const Vehicle *now)
 {
-    const Tree *tree = now->tree;
-    int joints = tree->joints;
-    Loads loads;
-    Tide tide = tide_on(c->p, now, centre_of_mass(now, &x->base).r);
-    set_velocity_loads(&loads, tree, &now->base, now->u.w, x->joint_rate, &tide);
-    Wrench *last = joints > 0 ? &loads.link[joints - 1] : &loads.base;
-    *last = plus_wrench(*last, -1, tip_load(c, tree));
-    Forces b = projected(tree, &loads); /* less Q_gg and J_E^T of the load on the tip */
-    Forces Q = {.base = plus_wrench(actuator_load(c, t, &x->base, now->u.w), -1, b.base)};
+    const Tree *tree = &now->tree;
+    int joints = (int)tree->joints;
+    Wrench tip = tip_load(c, tree), base = actuator_load(c, t, &x->base, now->u.w);
+    Forces Q = {.base = plus_wrench(plus_wrench(base, 1, tip), -1, now->b.base)};
+    for (int i = 0; i < COLUMNS; i++) Q.joint[i] = power(screw_at(tree, i), tip) - now->b.joint[i];
     for (int i = 0; i < joints; i++) {
         double torque = limited(c->u->joint_torque[i], c->p->joint.torque_max[i]);
-        Q.joint[i] = locked(c->u, i) ? 0 : torque;
-        Q.joint[i] -= friction_torque(&c->p->joint, i, x->joint_rate[i]) + b.joint[i];
+        Q.joint[i] +=
+            (locked(c->u, i) ? 0 : torque) - friction_torque(&c->p->joint, i, x->joint_rate[i]);
     }
     return Q;
 }
 
 /* ---- motion ---- */
-static void derivative(const Context *c, double t, const State *x, State *dx)
+static void derivative(const Context *c, double t, const Motion *x, Motion *dx)
 {
     const BaseParameters *p = &c->p->base;
-    Vehicle now;
-    find_vehicle(&now, c, x);
-    PosVel C = centre_of_mass(&now, &x->base);
-    Forces y = loads_on(c, t, x, &now);
-    Speeds du = solved(&now.H, &c->moving, &y);
-    vec3 field = add(free_fall_N(p, &C.r, &C.v, c->since, t),
-                     velocity_turning_N(p, c->moving.turns, &x->base, C.v));
+    Vehicle found;
+    Links links;
+    const Vehicle *now = c->begin;
+    if (t > c->since) {
+        if (c->rigid) found.tree = *c->rigid;
+        else place_arm(&found.tree, &links, c->arm, x);
+        find_vehicle(&found, &links, c->p, &c->base, c->moving.turns, x);
+        now = &found;
+    }
+    Forces y = loads_on(c, t, x, now);
+    Speeds du = solved(&now->tree, &c->moving, &y);
+    vec3 field = add(free_fall_N(p, &now->C.r, &now->C.v, c->since, t),
+                     velocity_turning_N(p, c->moving.turns, &x->base, now->C.v));
 
-    *dx = (State){
-        .base = {.r = x->base.v, .v = add(field, tmul(now.C_SN, du.v)), .mass = -c->u->base.mdot}};
+    *dx = (Motion){
+        .base = {.r = x->base.v, .v = add(field, tmul(now->C_SN, du.v)), .mass = -c->u->base.mdot}};
     memcpy(dx->joint_angle, x->joint_rate, sizeof x->joint_rate);
     memcpy(dx->joint_rate, du.joint, sizeof x->joint_rate);
     if (!c->moving.turns) return;
@@ -224,21 +246,19 @@ static void derivative(const Context *c, double t, const State *x, State *dx)
     dx->base.wheel_speed = c->wheel_accel;
 }
 
-RK4(integrate, derivative, Context, State)
+RK4(integrate, derivative, Context, Motion)
 
 /* u_f += H_ff^-1 H_fl dq_l,  dq_l = 0: the joints stop, the momenta of base and free joints stay */
-static void stop_joints(const Context *c, State *x)
+static void stop_joints(const Context *c, const Vehicle *now, Motion *x)
 {
-    Vehicle now;
-    find_vehicle(&now, c, x);
     Speeds lost = {.joint = {0}};
-    int joints = now.tree->joints;
+    int joints = c->arm->joints;
     for (int i = 0; i < joints; i++) lost.joint[i] = locked(c->u, i) ? x->joint_rate[i] : 0;
-    Forces handed = {.base = base_rows(&now.H, &lost)};
-    set_joint_rows(handed.joint, &now.H, &lost);
-    Speeds gain = solved(&now.H, &c->moving, &handed);
+    Forces handed = {.base = base_rows(&now->tree, &lost)};
+    set_joint_rows(handed.joint, &now->tree, &lost);
+    Speeds gain = solved(&now->tree, &c->moving, &handed);
 
-    x->base.v = add(x->base.v, tmul(now.C_SN, gain.v));
+    x->base.v = add(x->base.v, tmul(now->C_SN, gain.v));
     x->base.omega = add(x->base.omega, gain.w);
     for (int i = 0; i < joints; i++)
         x->joint_rate[i] = locked(c->u, i) ? 0 : x->joint_rate[i] + gain.joint[i];
@@ -248,29 +268,33 @@ static void obey_locks(const Context *c, State *x)
 {
     int moving = 0;
     for (int i = 0; i < ARM_JOINTS; i++)
-        moving = moving || (locked(c->u, i) && x->joint_rate[i] != 0);
-    if (moving) stop_joints(c, x);
+        moving = moving || (locked(c->u, i) && x->now.joint_rate[i] != 0);
+    if (!moving) return;
+    stop_joints(c, &x->vehicle, &x->now);
+    keep_vehicle(c->p, c->arm, x, c->since);
 }
 
 /* ---- outputs ---- */
-static void publish_tip(const Parameters *p, const State *x, const Vehicle *now, Output *y)
+static void publish_tip(const Parameters *p, const State *x, Output *y)
 {
-    const Tree *t = now->tree;
+    const Vehicle *now = &x->vehicle;
+    const Tree *t = &now->tree;
+    const BaseState *base = &x->now.base;
     quat q_ES = tip_attitude(&p->arm, t);
-    Twist motion = tip_twist(t, now->u.w, x->joint_rate);
-    y->E = (Body){add(x->base.r, tmul(now->C_SN, t->p_E)),
-                  add(x->base.v, tmul(now->C_SN, velocity_at(motion, t->p_E))),
+    Twist motion = tip_twist(t, &now->u);
+    y->E = (Body){add(base->r, tmul(now->C_SN, t->p_E)),
+                  add(base->v, tmul(now->C_SN, velocity_at(motion, t->p_E))),
                   canonical(product(y->base.q_SN, q_ES)), mul(dcm_of_quat(q_ES), motion.w)};
 }
 
 /* about C: h = L_S - c x p, T = u.H u/2 - m v_c^2/2 */
 static void publish_momentum(const Parameters *p, const Vehicle *now, Output *y)
 {
-    int joints = now->tree->joints;
-    Wrench momentum = base_rows(&now->H, &now->u);
-    double twice = dot(now->u.w, momentum.M) - now->H.whole.m * dot(now->v_c, now->v_c);
-    double row[ARM_JOINTS];
-    set_joint_rows(row, &now->H, &now->u);
+    int joints = (int)now->tree.joints;
+    Wrench momentum = now->momentum;
+    double twice = dot(now->u.w, momentum.M) - dot(momentum.F, momentum.F) / now->tree.whole.m;
+    double row[COLUMNS];
+    set_joint_rows(row, &now->tree, &now->u);
     for (int i = 0; i < joints; i++) twice += now->u.joint[i] * row[i];
     vec3 wheels = mul(p->base.A_w, y->base.wheel_speed);
     vec3 h = sub(momentum.M, cross(now->c, momentum.F));
@@ -278,82 +302,75 @@ static void publish_momentum(const Parameters *p, const Vehicle *now, Output *y)
     y->kinetic_energy = twice / 2;
 }
 
-static void publish_joints(const Context *c, double t, const State *x, const Vehicle *now,
+static void publish_joints(const Context *c, double t, const Motion *x, const Vehicle *now,
                            Output *y)
 {
-    int joints = now->tree->joints;
+    int joints = (int)now->tree.joints;
     Forces Q = loads_on(c, t, x, now);
-    Speeds du = solved(&now->H, &c->moving, &Q);
+    Speeds du = solved(&now->tree, &c->moving, &Q);
     memcpy(y->joint_angle, x->joint_angle, sizeof y->joint_angle);
     memcpy(y->joint_rate, x->joint_rate, sizeof y->joint_rate);
     memcpy(y->joint_accel, du.joint, sizeof y->joint_accel);
-    double row[ARM_JOINTS] = {0};
-    if (c->moving.joints < joints) set_joint_rows(row, &now->H, &du);
+    double row[COLUMNS] = {0};
+    if (c->moving.joints < joints) set_joint_rows(row, &now->tree, &du);
     for (int i = 0; i < ARM_JOINTS; i++)
         y->lock_torque[i] = i < joints && locked(c->u, i) ? row[i] - Q.joint[i] : 0;
 }
 
-static void publish(const Parameters *p, const Input *u, const Tree *placed, const State *x,
-                    Output *y, double t)
+static void publish(const Context *c, const State *x, Output *y, double t)
 {
-    Context c = context_at(p, u, x, t, p->base.max_step);
-    c.placed = placed;
-    Vehicle now;
-    find_vehicle(&now, &c, x);
-    publish_base(&p->base, &x->base, &y->base, t);
-    if (x->base.mass >= 0) y->base.mass = now.H.whole.m;
-    publish_joints(&c, t, x, &now, y);
-    publish_tip(p, x, &now, y);
-    y->r_CS_S = now.c;
-    y->v_CN_N = centre_of_mass(&now, &x->base).v;
-    publish_momentum(p, &now, y);
+    const Parameters *p = c->p;
+    const Vehicle *now = &x->vehicle;
+    const BaseState *base = &x->now.base;
+    publish_base(&p->base, base, &y->base, t);
+    if (base->mass >= 0) y->base.mass = now->tree.whole.m;
+    publish_joints(c, t, &x->now, now, y);
+    publish_tip(p, x, y);
+    y->r_CS_S = now->c;
+    y->v_CN_N = now->C.v;
+    publish_momentum(p, now, y);
 }
 
 static void initialize(const Parameters *p, const Input *u, State *x, Output *y, double t)
 {
-    *x = (State){.base = base_at_start(&p->base)};
-    for (int i = 0; i < (int)p->arm.joints; i++) {
-        x->joint_angle[i] = p->joint_angle_0[i];
-        x->joint_rate[i] = p->joint_rate_0[i];
+    Chain arm;
+    set_chain(&arm, &p->arm);
+    *x = (State){.now.base = base_at_start(&p->base)};
+    for (int i = 0; i < arm.joints; i++) {
+        x->now.joint_angle[i] = p->joint_angle_0[i];
+        x->now.joint_rate[i] = p->joint_rate_0[i];
     }
-    Context c = context_at(p, u, x, t, p->base.max_step);
+    keep_vehicle(p, &arm, x, t);
+    Context c = context_at(p, u, &arm, x, t, p->base.max_step);
     obey_locks(&c, x);
-    publish(p, u, NULL, x, y, t);
+    publish(&c, x, y, t);
 }
 
 /* all joints locked: the arm is where it is for the whole step, and part of the base */
-static void hold_arm(Context *c, const Tree *arm, const Tree *none)
+static void hold_arm(Context *c, Tree *rigid)
 {
-    MassMatrix H;
-    set_mass_matrix(&H, &c->p->arm, arm, &c->base);
-    c->base = H.whole;
-    c->placed = none;
-}
-
-static int all_locked(const Parameters *p, const Input *u)
-{
-    int moving = 0;
-    for (int i = 0; i < (int)p->arm.joints; i++) moving += !locked(u, i);
-    return !moving;
+    const Tree *arm = &c->begin->tree;
+    *rigid = (Tree){.R_A = arm->R_A, .p_E = arm->p_E};
+    c->base = united(c->base, arm->links);
+    c->rigid = rigid;
 }
 
 static void step(const Parameters *p, const Input *u, State *x, Output *y, double t, double h)
 {
-    Tree arm, none;
-    int held = all_locked(p, u);
-    if (held) {
-        place_arm(&arm, p, x);
-        none = (Tree){.R_A = arm.R_A, .p_E = arm.p_E};
-    }
+    Chain arm;
+    Tree rigid;
+    set_chain(&arm, &p->arm);
     for (Substep s = first_substep(t, h, p->base.max_step); s.h > 0; s = next_substep(s)) {
-        Context c = context_at(p, u, x, s.t, s.h);
+        Context c = context_at(p, u, &arm, x, s.t, s.h);
         obey_locks(&c, x);
-        if (held) hold_arm(&c, &arm, &none);
-        integrate(&c, s.t, s.h, x);
-        x->base.sigma = mrp_inside(x->base.sigma);
-        if (rate_margin(&p->base, &x->base, s.t + s.h) < 0) break; /* refused: nothing to follow */
+        if (c.moving.joints == 0) hold_arm(&c, &rigid);
+        integrate(&c, s.t, s.h, &x->now);
+        x->now.base.sigma = mrp_inside(x->now.base.sigma);
+        keep_vehicle(p, &arm, x, s.t + s.h);
+        if (rate_margin(&p->base, &x->now.base, s.t + s.h) < 0) break; /* refused */
     }
-    publish(p, u, held ? &arm : NULL, x, y, t + h);
+    Context c = context_at(p, u, &arm, x, t + h, p->base.max_step);
+    publish(&c, x, y, t + h);
 }
 
 FMU_MODEL("arm_servicer", "Servicer with an arm of up to seven joints and its locks");

@@ -88,47 +88,67 @@ static void check(const Parameters *p, Problems *problems) { check_docking(probl
 
 /* ---- relative motion of the ports ---- */
 typedef struct {
-    vec3 p_PS_S, p_QT_T;
-    quat q_PS, q_QT;
+    vec3_pair p; /* p_PS_S, p_QT_T */
+    quat_pair q; /* q_PS, q_QT */
 } Ports;
 
 static Ports ports(const Parameters *p)
 {
-    return (Ports){p->p_PS_S, p->p_QT_T, canonical(p->q_PS), canonical(p->q_QT)};
+    Ports of;
+    set_vec(&of.p, BODY_S, p->p_PS_S);
+    set_vec(&of.p, BODY_T, p->p_QT_T);
+    set_quat(&of.q, BODY_S, canonical(p->q_PS));
+    set_quat(&of.q, BODY_T, canonical(p->q_QT));
+    return of;
 }
 
-static PortState port_state(const Ports *p, const TwoBodies *x, const TwoAttitudes *at)
+static PortState port_state(const Ports *restrict p, const TwoBodies *restrict x,
+                            const mat3_pair *restrict C)
 {
-    quat q_QN = product(x->q_T, p->q_QT);
-    mat3 C_QN = dcm_of_quat(q_QN);
-    vec3 d_S = tmul(at->C_SN, p->p_PS_S), d_T = add(x->rho, d_S);
-    vec3 w_S = tmul(at->C_SN, x->w_S), w_T = tmul(at->C_TN, x->w_T);
-    return (PortState){.d_S = d_S,
-                       .d_T = d_T,
-                       .e = mul(C_QN, sub(d_T, tmul(at->C_TN, p->p_QT_T))),
-                       .u = mul(C_QN, sum3(x->drho, cross(w_S, d_S), neg(cross(w_T, d_T)))),
-                       .w = mul(C_QN, sub(w_S, w_T)),
-                       .C_QN = C_QN,
-                       .q_PQ = canonical(product(conjugate(q_QN), product(x->q_S, p->q_PS)))};
+    PortState s;
+    quat_pair q;
+    vec3_pair port, w, v;
+    for (int i = 0; i < PAIR; i++) {
+        mat3 C_i = mat_of_pair(C, i);
+        set_quat(&q, i, product(quat_of(&x->q, i), quat_of(&p->q, i)));
+        set_vec(&port, i, tmul(C_i, vec_of(&p->p, i)));
+        set_vec(&w, i, tmul(C_i, vec_of(&x->w, i)));
+    }
+    vec3 d_S = vec_of(&port, BODY_S), d_T = add(x->rho, d_S);
+    set_vec(&s.d, BODY_S, d_S);
+    set_vec(&s.d, BODY_T, d_T);
+    for (int i = 0; i < PAIR; i++) set_vec(&v, i, cross(vec_of(&w, i), vec_of(&s.d, i)));
+    quat q_QN = quat_of(&q, BODY_T);
+    s.C_QN = dcm_of_quat(q_QN);
+    s.e = mul(s.C_QN, sub(d_T, vec_of(&port, BODY_T)));
+    s.u = mul(s.C_QN, sum3(x->drho, vec_of(&v, BODY_S), neg(vec_of(&v, BODY_T))));
+    s.w = mul(s.C_QN, sub(vec_of(&w, BODY_S), vec_of(&w, BODY_T)));
+    s.q_PQ = canonical(product(conjugate(q_QN), quat_of(&q, BODY_S)));
+    return s;
 }
 
 static PortState port_state_of(const Ports *p, const TwoBodies *x)
 {
-    TwoAttitudes at = two_attitudes(x);
+    mat3_pair at = two_attitudes(x);
     return port_state(p, x, &at);
 }
 
 /* an orbit radius costs seven digits: positions are subtracted first */
 static TwoBodies bodies(const Input *u)
 {
-    return (TwoBodies){sub(u->S.r, u->T.r), sub(u->S.v, u->T.v), canonical(u->S.q),
-                       u->S.omega,          canonical(u->T.q),   u->T.omega};
+    TwoBodies b = {.rho = sub(u->S.r, u->T.r), .drho = sub(u->S.v, u->T.v)};
+    set_quat(&b.q, BODY_S, canonical(u->S.q));
+    set_quat(&b.q, BODY_T, canonical(u->T.q));
+    set_vec(&b.w, BODY_S, u->S.omega);
+    set_vec(&b.w, BODY_T, u->T.omega);
+    return b;
 }
 
 /* ---- prediction ---- */
 typedef struct {
     TwoBodies body;
-    vec3 I, A_S, A_T, couple; /* integrals of F_N, of both torques and of M_N */
+    vec3 I, couple; /* integrals of F_N, M_N */
+    vec3_pair A;    /* and of both torques */
     double dissipated, drive;
 } Motion;
 typedef struct {
@@ -140,15 +160,16 @@ typedef struct {
 
 static void derivative(const Context *c, double t, const Motion *x, Motion *dx)
 {
-    TwoAttitudes at = two_attitudes(&x->body);
+    mat3_pair at = two_attitudes(&x->body);
     PortState s = port_state(&c->ports, &x->body, &at);
     PortLoad load = port_load(c->port, c->at, &s, t);
     vec3 F_N = tmul(s.C_QN, load.F), M_N = tmul(s.C_QN, load.M);
-    Wrench on = {F_N, add(cross(s.d_S, F_N), M_N), neg(add(cross(s.d_T, F_N), M_N))};
+    Wrench on = {.F = F_N};
+    for (int i = 0; i < PAIR; i++) set_vec(&on.M, i, add(cross(vec_of(&s.d, i), F_N), M_N));
+    set_vec(&on.M, BODY_T, neg(vec_of(&on.M, BODY_T)));
     two_bodies_derivative(&c->m, &x->body, &at, &on, &dx->body);
     dx->I = on.F;
-    dx->A_S = on.M_S;
-    dx->A_T = on.M_T;
+    dx->A = on.M;
     dx->couple = M_N;
     dx->dissipated = load.P_diss;
     dx->drive = load.P_drive;
@@ -164,7 +185,7 @@ typedef struct {
 static void held_derivative(const HeldLoad *c, double t, const TwoBodies *x, TwoBodies *dx)
 {
     (void)t;
-    TwoAttitudes at = two_attitudes(x);
+    mat3_pair at = two_attitudes(x);
     two_bodies_derivative(&c->m, x, &at, &c->on, dx);
 }
 
@@ -184,29 +205,31 @@ static void look(const Context *c, State *x, const TwoBodies *b, double t)
 /* one force, one line of action: m is the mean of r_S - r_T while F is held */
 static Wrench balanced(const TwoMasses *m, const TwoBodies *b, const Motion *end, double h)
 {
-    Wrench w = {scale(1 / h, end->I), scale(1 / h, end->A_S), scale(1 / h, end->A_T)};
+    Wrench w = {.F = scale(1 / h, end->I)};
+    vec3 M_S = scale(1 / h, vec_of(&end->A, BODY_S)), M_T = scale(1 / h, vec_of(&end->A, BODY_T));
     vec3 mean = sum3(b->rho, scale(h / 2, b->drho), scale(h * h / (6 * m->m_red), w.F));
-    vec3 half = scale(0.5, sum3(w.M_S, w.M_T, cross(mean, w.F)));
-    return (Wrench){w.F, sub(w.M_S, half), sub(w.M_T, half)};
+    vec3 half = scale(0.5, sum3(M_S, M_T, cross(mean, w.F)));
+    set_vec(&w.M, BODY_S, sub(M_S, half));
+    set_vec(&w.M, BODY_T, sub(M_T, half));
+    return w;
 }
 
 /* C(q_m): mean attitude of the step */
-static mat3 mean_attitude(quat q, vec3 w_begin, vec3 w_end, double h)
+static mat3 mean_attitude(const TwoBodies *b, const TwoBodies *end, int i, double h)
 {
-    vec3 a = scale(h / 6, add(scale(2, w_begin), w_end));
-    return dcm_of_quat(product(q, rotation(a)));
+    vec3 a = scale(h / 6, add(scale(2, vec_of(&b->w, i)), vec_of(&end->w, i)));
+    return dcm_of_quat(product(quat_of(&b->q, i), rotation(a)));
 }
 
 static void publish_loads(const TwoBodies *b, const TwoBodies *end, const Wrench *w, double h,
                           Output *y)
 {
-    mat3 C_SN = mean_attitude(b->q_S, b->w_S, end->w_S, h),
-         C_TN = mean_attitude(b->q_T, b->w_T, end->w_T, h);
+    mat3 C_SN = mean_attitude(b, end, BODY_S, h), C_TN = mean_attitude(b, end, BODY_T, h);
     vec3 none = vec(0, 0, 0); /* no load has no sign, predicted or not */
     y->F_contact_S = add(none, mul(C_SN, w->F));
-    y->M_contact_S = add(none, mul(C_SN, w->M_S));
+    y->M_contact_S = add(none, mul(C_SN, vec_of(&w->M, BODY_S)));
     y->F_T = sub(none, mul(C_TN, w->F));
-    y->M_T = add(none, mul(C_TN, w->M_T));
+    y->M_T = add(none, mul(C_TN, vec_of(&w->M, BODY_T)));
 }
 
 static void act(const Parameters *p, State *x, TwoBodies b, double t, double h, Output *y)
@@ -277,7 +300,7 @@ static void initialize(const Parameters *p, const Input *u, State *x, Output *y,
 static void rest(State *x, Output *y)
 {
     vec3 none = vec(0, 0, 0);
-    x->wrench = (Wrench){none, none, none};
+    x->wrench = (Wrench){.F = none};
     x->now.F_inner = x->now.load_force = x->now.load_moment = 0;
     y->F_contact_S = y->M_contact_S = y->F_T = y->M_T = none;
     y->energy_elastic = 0;

@@ -6,6 +6,7 @@
 #include "arc.h"
 #include "arm.h"
 #include "attitude.h"
+#include "cholesky.h"
 #include "finite.h"
 #include "interface.h"
 #include "line_of_sight.h"
@@ -35,20 +36,23 @@ void call_mass_matrix(const double *arm, double m_0, const double J_S[9], const 
     mat3 J;
     memcpy(&a, arm, sizeof a);
     memcpy(&J, J_S, sizeof J);
+    Chain chain;
+    Links links;
     Tree tree;
-    MassMatrix of;
     Composite base = body_at_S(m_0, J);
-    place(&tree, &a, q);
-    weigh(&tree, &a);
-    set_mass_matrix(&of, &a, &tree, &base);
+    set_chain(&chain, &a);
+    place(&tree, &links, &chain, q);
+    weigh(&links, &chain);
+    set_mass_matrix(&tree, &links, &base);
     memset(H, 0, SPEEDS * SPEEDS * sizeof *H);
-    for (int j = 0; j < 6 + tree.joints; j++) {
+    for (int j = 0; j < 6 + chain.joints; j++) {
         Speeds u = {.v = vec(j == 0, j == 1, j == 2), .w = vec(j == 3, j == 4, j == 5)};
-        double column[SPEEDS] = {0};
+        double column[SPEEDS] = {0}, row[COLUMNS] = {0};
         if (j >= 6) u.joint[j - 6] = 1;
-        Wrench rows = base_rows(&of, &u);
+        Wrench rows = base_rows(&tree, &u);
         memcpy(column, &rows, sizeof rows);
-        set_joint_rows(column + 6, &of, &u);
+        set_joint_rows(row, &tree, &u);
+        memcpy(column + 6, row, ARM_JOINTS * sizeof *row);
         for (int i = 0; i < SPEEDS; i++) H[i * SPEEDS + j] = column[i];
     }
 }
@@ -57,15 +61,14 @@ void call_mass_matrix(const double *arm, double m_0, const double J_S[9], const 
 int call_solve_upper(const double *A, int n, const double *b, double *x);
 int call_solve_upper(const double *A, int n, const double *b, double *x)
 {
-    enum { MOST = 8, STRIDE = MOST + 2 };
-    double a[MOST * STRIDE];
-    for (int i = 0; i < MOST * STRIDE; i++) a[i] = NAN;
+    double a[UPPER][UPPER];
+    for (int i = 0; i < UPPER; i++)
+        for (int j = 0; j < UPPER; j++) a[i][j] = NAN;
     for (int i = 0; i < n; i++) {
-        for (int j = i; j < n; j++) a[i * STRIDE + j] = A[i * n + j];
-        a[i * STRIDE + n] = b[i];
-        a[i * STRIDE + n + 1] = 0;
+        for (int j = i; j < n; j++) a[i][j] = A[i * n + j];
+        a[i][n] = b[i];
     }
-    return solve_upper(a, n, STRIDE, x);
+    return solve_upper(a, n, x);
 }
 
 /* vec3.h */

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 
-@pytest.mark.parametrize("n", range(1, 9))
+@pytest.mark.parametrize("n", range(1, 8))
 def test_solution_is_that_of_numpy_whatever_the_lower_half_holds(core, rng, n):
     for _ in range(10):
         root, b = rng.normal(size=(n, n)), rng.normal(size=n)

@@ -38,26 +38,25 @@ static inline void cholesky_solve(const double *l, int n, int stride, double *b)
     }
 }
 
-/* x of A x = b by elimination, without roots: A by its upper half in the first n columns of a, b in
- * column n, both overwritten. By rows of `stride` numbers, of which column n + 1 exists: two go at a
- * time. 0 if A is not positive definite. */
-static inline int solve_upper(double *a, int n, int stride, double *x)
+/* x of A x = b by elimination, without roots: A by its upper half in the first n < 8 columns of a, b
+ * in column n, both overwritten. A row goes from the half in which its diagonal lies, two numbers at
+ * a time, whatever those hold that are not of A and b. 0 if A is not positive definite. */
+enum { UPPER = 8, HALF = UPPER / 2 };
+static inline int solve_upper(double a[][UPPER], int n, double *x)
 {
     for (int j = 0; j < n; j++) {
-        const double *row = a + j * stride;
+        double row[UPPER];
+        for (int k = 0; k < UPPER; k++) row[k] = a[j][k];
         if (!(row[j] > 0)) return 0;
         double inverse = 1 / row[j];
         for (int i = j + 1; i < n; i++) {
-            double *below = a + i * stride, share = row[i] * inverse;
-            for (int k = i; k <= n; k += 2) {
-                double first = row[k], second = row[k + 1];
-                below[k] -= share * first;
-                below[k + 1] -= share * second;
-            }
+            double share = row[i] * inverse;
+            for (int half = i & HALF; half < UPPER; half += HALF)
+                for (int k = 0; k < HALF; k++) a[i][half + k] -= share * row[half + k];
         }
     }
     for (int i = n; i-- > 0;) {
-        const double *row = a + i * stride;
+        const double *row = a[i];
         double sum = row[n];
         for (int k = i + 1; k < n; k++) sum -= row[k] * x[k];
         x[i] = sum / row[i];

@@ -1,23 +1,22 @@
-/* arm.h - a base body with an arm of up to seven joints: geometry, mass matrix, velocity terms,
- * loads, in base axes.
+/* arm.h - a base body with an arm of up to seven joints, at an instant, in base axes: geometry,
+ * masses, mass matrix.
  *
  *   u = [v; w; dq]        velocity of S, angular velocity of the base, joint rates
- *   H du/dt + b = Q       H = sum_k Jw_k^T I_k Jw_k + m_k Jv_k^T Jv_k, joint_inertia on its diagonal
+ *   H = sum_k Jw_k^T I_k Jw_k + m_k Jv_k^T Jv_k, joint_inertia on its diagonal
  *
  * Everything refers to S, the centre of mass of the base: a joint at unit rate moves what is
  * outboard of it as the twist [o x a; a], momenta and loads are wrenches at S, and an element of H
- * or Q is the product of the two. So H takes one pass inward over composite bodies, b one outward
- * and one inward. The base leaves the system before it is solved, since H_00 is inverted by mass and
- * inertia about C. Every link frame is parallel to the base at joint angle zero.
- * Equations: docs/models.md K.1. */
+ * is the product of the two. So H takes one pass inward over composite bodies. Its block of the base
+ * is inverted by mass and inertia about C. Every link frame is parallel to the base at joint angle
+ * zero. What only sums along the arm goes from link to link, the rest goes over all of them at
+ * once. Equations: docs/models.md K.1. */
 /* SPDX-License-Identifier: BSD-2-Clause */
 #ifndef ARM_H
 #define ARM_H
 
 #include "attitude.h"
-#include "cholesky.h"
+#include "columns.h"
 #include "mat3.h"
-#include "sym3.h"
 
 enum { ARM_JOINTS = 7 };
 
@@ -43,11 +42,11 @@ typedef struct { vec3 v, w; } Twist;  /* of what moves: velocity of its point at
 typedef struct { vec3 F, M; } Wrench; /* force, and moment about S; or momentum */
 typedef struct {
     vec3 v, w;
-    double joint[ARM_JOINTS];
+    double joint[COLUMNS];
 } Speeds; /* u or du/dt */
 typedef struct {
     Wrench base;
-    double joint[ARM_JOINTS];
+    double joint[COLUMNS];
 } Forces; /* Q or b; or momenta */
 
 static inline double power(Twist t, Wrench load) { return dot(t.v, load.F) + dot(t.w, load.M); }
@@ -83,63 +82,144 @@ static inline Wrench turning_terms(const Composite *b, vec3 w)
 }
 
 /* ---- geometry ---- */
-typedef struct {
-    mat3 R;      /* link axes to base axes */
-    vec3 o;      /* the own joint, and */
-    Twist screw; /* its motion at unit rate */
-    double m;    /* masses: by weigh() */
-    vec3 c;
-    sym3 I; /* about c */
-} Link;
+/* the arm as a chain, link by link; links that do not exist weigh nothing and do not turn */
 typedef struct {
     int joints;
-    Link link[ARM_JOINTS];
-    mat3 R_A; /* last link: axes to base axes */
+    vec3 shoulder;             /* first joint from S */
+    vec3s axis, reach, centre; /* reach: from the own joint to the next, of the last link to E */
+    sym3s inertia;
+    double mass[COLUMNS], rotor[COLUMNS];
+} Chain;
+
+typedef struct {
+    double m[COLUMNS];
+    vec3s h;
+    sym3s I;
+} Composites;
+
+/* its links one by one, base axes */
+typedef struct {
+    mat3s R;        /* axes of the link to those of the base */
+    vec3s o, reach; /* the own joint; from there to the next, of the last link to E */
+    Composites own; /* by weigh() */
+} Links;
+
+/* the arm at an instant, base axes; doubles throughout */
+typedef struct {
+    double joints, rotor[COLUMNS];
+    vec3s a, oa; /* axis of each joint, o x a: at unit rate it moves as [o x a; a] */
+    mat3 R_A;    /* last link: axes to base axes */
     vec3 p_E;
+    Composite links; /* all of them: by set_mass_matrix() */
+    Composite whole; /* with the base, H_00 = [m 1, -h~; h~, I] */
+    vec3s F, M;      /* H_0m: momentum at unit rate of each joint */
 } Tree;
 
-/* R Rot(axis, q), Rodrigues: turns vectors by +q about the unit vector; a = R axis */
-static inline mat3 turned_about(mat3 R, vec3 axis, vec3 a, double q)
+static inline Composite composite_at(const Composites *b, int i)
 {
-    SineCosine t = sine_and_cosine(q);
-    vec3 sine = scale(t.s, axis), rest = scale(1 - t.c, axis);
-    return rows(sum3(scale(t.c, R.row[0]), cross(R.row[0], sine), scale(a.x, rest)),
-                sum3(scale(t.c, R.row[1]), cross(R.row[1], sine), scale(a.y, rest)),
-                sum3(scale(t.c, R.row[2]), cross(R.row[2], sine), scale(a.z, rest)));
+    return (Composite){b->m[i], vec_at(&b->h, i), sym_at(&b->I, i)};
+}
+static inline void put_composite(Composites *b, int i, Composite one)
+{
+    b->m[i] = one.m;
+    put_vec(&b->h, i, one.h);
+    put_sym(&b->I, i, one.I);
+}
+static inline Composite united(Composite a, Composite b)
+{
+    return (Composite){a.m + b.m, add(a.h, b.h), sym_add(a.I, b.I)};
 }
 
-/* a_i = R_(i-1) axis_i,  o_i = o_(i-1) + R_(i-1) offset_i,  R_i = R_(i-1) Rot(axis_i, q_i) */
-static inline void place(Tree *t, const Arm *arm, const double q[])
+static inline Twist screw_at(const Tree *t, int i)
 {
-    int joints = (int)arm->joints;
-    mat3 R = identity(1);
-    vec3 o = vec(0, 0, 0);
-    for (int i = 0; i < joints; i++) {
-        vec3 a = mul(R, arm->axis[i]);
-        o = add(o, mul(R, arm->offset[i]));
-        R = turned_about(R, arm->axis[i], a, q[i]);
-        t->link[i].R = R;
-        t->link[i].o = o;
-        t->link[i].screw = (Twist){cross(o, a), a};
+    return (Twist){vec_at(&t->oa, i), vec_at(&t->a, i)};
+}
+
+static inline void set_chain(Chain *c, const Arm *arm)
+{
+    static const Arm none = {.joints = 0};
+    int last = (int)arm->joints - 1;
+    c->joints = last + 1;
+    c->shoulder = last < 0 ? arm->p_EA_A : arm->offset[0];
+    for (int i = 0; i < COLUMNS; i++) {
+        const Arm *of = i <= last ? arm : &none;
+        int k = i <= last ? i : 0;
+        put_vec(&c->axis, i, of->axis[k]);
+        put_vec(&c->reach, i,
+                i == last  ? arm->p_EA_A
+                : i < last ? arm->offset[i + 1]
+                           : vec(0, 0, 0));
+        put_vec(&c->centre, i, of->centre[k]);
+        put_sym(&c->inertia, i, link_inertia(of, k));
+        c->mass[i] = of->mass[k];
+        c->rotor[i] = of->joint_inertia[k];
     }
-    t->joints = joints;
-    t->R_A = R;
-    t->p_E = add(o, mul(R, arm->p_EA_A));
 }
 
-/* c_i = o_i + R_i centre_i,  I_i = R_i L_i R_i^T, of the same trace */
-static inline void weigh(Tree *t, const Arm *arm)
+/* Rot(a, q) = c 1 + (1 - c) a a^T + s a~, Rodrigues: turns vectors by +q about the unit vector a */
+static inline mat3 turn_about(vec3 a, double s, double c)
 {
-    int joints = t->joints;
-    for (int i = 0; i < joints; i++) {
-        Link *k = &t->link[i];
-        vec3 x = k->R.row[0], y = k->R.row[1], z = k->R.row[2];
-        sym3 L = link_inertia(arm, i);
-        vec3 Lx = sym_mul(L, x), Ly = sym_mul(L, y);
-        double xx = dot(x, Lx), yy = dot(y, Ly), zz = L.xx + L.yy + L.zz - xx - yy;
-        k->m = arm->mass[i];
-        k->c = add(k->o, mul(k->R, arm->centre[i]));
-        k->I = (sym3){xx, yy, zz, dot(x, Ly), dot(z, Lx), dot(z, Ly)};
+    vec3 k = scale(1 - c, a), b = scale(s, a);
+    double xy = k.x * a.y, xz = k.x * a.z, yz = k.y * a.z;
+    return rows(vec(c + k.x * a.x, xy - b.z, xz + b.y), vec(xy + b.z, c + k.y * a.y, yz - b.x),
+                vec(xz - b.y, yz + b.x, c + k.z * a.z));
+}
+
+/* R_i = R_(i-1) Rot(axis_i, q_i) */
+static inline void turn_links(mat3s *restrict R, const Chain *restrict arm, const double q[])
+{
+    double s[COLUMNS] = {0}, c[COLUMNS] = {[ARM_JOINTS] = 1};
+    mat3s turn;
+    for (int i = 0; i < ARM_JOINTS; i++) {
+        SineCosine of = sine_and_cosine(i < arm->joints ? q[i] : 0);
+        s[i] = of.s;
+        c[i] = of.c;
+    }
+    for (int i = 0; i < COLUMNS; i++)
+        put_mat(&turn, i, turn_about(vec_at(&arm->axis, i), s[i], c[i]));
+    mat3 so_far = mat_at(&turn, 0);
+    put_mat(R, 0, so_far);
+    for (int i = 1; i < ARM_JOINTS; i++) {
+        so_far = matmul(so_far, mat_at(&turn, i));
+        put_mat(R, i, so_far);
+    }
+    put_mat(R, ARM_JOINTS, so_far);
+}
+
+/* a_i = R_i axis_i, the same on both sides of the joint,  o_i = o_(i-1) + R_(i-1) offset_i */
+static inline void place(Tree *restrict t, Links *restrict k, const Chain *restrict arm,
+                         const double q[])
+{
+    turn_links(&k->R, arm, q);
+    for (int i = 0; i < COLUMNS; i++) {
+        mat3 R = mat_at(&k->R, i);
+        put_vec(&t->a, i, mul(R, vec_at(&arm->axis, i)));
+        put_vec(&k->reach, i, mul(R, vec_at(&arm->reach, i)));
+    }
+    t->p_E = partial_sums(&k->o, arm->shoulder, &k->reach);
+    for (int i = 0; i < COLUMNS; i++) put_vec(&t->oa, i, cross(vec_at(&k->o, i), vec_at(&t->a, i)));
+    t->joints = arm->joints;
+    memcpy(t->rotor, arm->rotor, sizeof t->rotor);
+    t->R_A = mat_at(&k->R, COLUMNS - 1);
+}
+
+/* R L R^T, of the same trace */
+static inline sym3 turned(mat3 R, sym3 L)
+{
+    vec3 x = R.row[0], y = R.row[1], z = R.row[2], Lx = sym_mul(L, x), Ly = sym_mul(L, y);
+    double xx = dot(x, Lx), yy = dot(y, Ly);
+    return (sym3){xx, yy, L.xx + L.yy + L.zz - xx - yy, dot(x, Ly), dot(z, Lx), dot(z, Ly)};
+}
+
+/* c_i = o_i + R_i centre_i,  I_i = R_i L_i R_i^T, about S */
+static inline void weigh(Links *restrict k, const Chain *restrict arm)
+{
+    for (int i = 0; i < COLUMNS; i++) {
+        mat3 R = mat_at(&k->R, i);
+        double m = arm->mass[i];
+        vec3 c = add(vec_at(&k->o, i), mul(R, vec_at(&arm->centre, i)));
+        sym3 I = sym_add(turned(R, sym_at(&arm->inertia, i)), point_inertia(m, c));
+        put_composite(&k->own, i, (Composite){m, scale(m, c), I});
     }
 }
 
@@ -149,89 +229,76 @@ static inline quat tip_attitude(const Arm *arm, const Tree *t)
     return product(quat_of_dcm(transpose(t->R_A)), arm->q_EA);
 }
 
-/* motion of the last link, S at rest */
-static inline Twist tip_twist(const Tree *t, vec3 w, const double dq[])
+static inline Twist plus_twist(Twist a, double k, Twist b) /* a + k b */
 {
-    Twist sum = {vec(0, 0, 0), w};
-    int joints = t->joints;
-    for (int i = 0; i < joints; i++) {
-        sum.v = add(sum.v, scale(dq[i], t->link[i].screw.v));
-        sum.w = add(sum.w, scale(dq[i], t->link[i].screw.w));
-    }
+    return (Twist){add(a.v, scale(k, b.v)), add(a.w, scale(k, b.w))};
+}
+
+/* motion of the last link */
+static inline Twist tip_twist(const Tree *t, const Speeds *u)
+{
+    Twist sum = {u->v, u->w};
+    int joints = (int)t->joints;
+    for (int i = 0; i < joints; i++) sum = plus_twist(sum, u->joint[i], screw_at(t, i));
     return sum;
 }
 
 /* ---- H ---- */
-typedef struct {
-    const Arm *arm;
-    const Tree *tree;
-    Composite whole;          /* H_00 = [m 1, -h~; h~, I] */
-    Wrench joint[ARM_JOINTS]; /* H_0m: momentum at unit rate of each joint */
-} MassMatrix;
-
-static inline double joint_element(const MassMatrix *H, int i, int j) /* H_mm, i <= j */
+static inline Wrench column_at(const Tree *t, int i)
 {
-    double rotor = i == j ? H->arm->joint_inertia[i] : 0;
-    return power(H->tree->link[i].screw, H->joint[j]) + rotor;
+    return (Wrench){vec_at(&t->F, i), vec_at(&t->M, i)};
 }
 
-static inline Composite with_link(Composite b, const Link *k)
+static inline void set_mass_matrix(Tree *t, const Links *k, const Composite *base)
 {
-    return (Composite){b.m + k->m, add(b.h, scale(k->m, k->c)),
-                       sym_add(b.I, sym_add(k->I, point_inertia(k->m, k->c)))};
-}
-
-static inline void set_mass_matrix(MassMatrix *H, const Arm *arm, const Tree *t,
-                                   const Composite *base)
-{
-    Composite outboard = {0, vec(0, 0, 0), sym_diagonal(0, 0, 0)};
-    int joints = t->joints;
-    for (int i = joints; i-- > 0;) {
-        Twist screw = t->link[i].screw;
-        outboard = with_link(outboard, &t->link[i]);
-        H->joint[i] = momentum_of(&outboard, screw.v, screw.w);
+    Composites outboard;
+    Composite sum = {0, vec(0, 0, 0), sym_diagonal(0, 0, 0)};
+    t->links = sum;
+    t->whole = *base;
+    if (t->joints == 0) return;
+    for (int i = COLUMNS; i-- > 0;) {
+        sum = united(composite_at(&k->own, i), sum);
+        put_composite(&outboard, i, sum);
     }
-    H->arm = arm;
-    H->tree = t;
-    H->whole =
-        (Composite){outboard.m + base->m, add(outboard.h, base->h), sym_add(outboard.I, base->I)};
+    t->links = sum;
+    t->whole = united(sum, *base);
+    for (int i = 0; i < COLUMNS; i++) {
+        Twist screw = screw_at(t, i);
+        Composite b = composite_at(&outboard, i);
+        Wrench p = momentum_of(&b, screw.v, screw.w);
+        put_vec(&t->F, i, p.F);
+        put_vec(&t->M, i, p.M);
+    }
 }
 
 static inline vec3 centre_of(const Composite *b) { return scale(1 / b->m, b->h); }
 
-/* of C, from S */
-static inline vec3 velocity_of_centre(const MassMatrix *H, const Speeds *u)
-{
-    vec3 p = cross(u->w, H->whole.h);
-    int joints = H->tree->joints;
-    for (int i = 0; i < joints; i++) p = add(p, scale(u->joint[i], H->joint[i].F));
-    return add(u->v, scale(1 / H->whole.m, p));
-}
-
 /* rows of the base in H times u */
-static inline Wrench base_rows(const MassMatrix *H, const Speeds *u)
+static inline Wrench base_rows(const Tree *t, const Speeds *u)
 {
-    Wrench sum = momentum_of(&H->whole, u->v, u->w);
-    int joints = H->tree->joints;
-    for (int i = 0; i < joints; i++) sum = plus_wrench(sum, u->joint[i], H->joint[i]);
+    Wrench sum = momentum_of(&t->whole, u->v, u->w);
+    int joints = (int)t->joints;
+    for (int i = 0; i < joints; i++) sum = plus_wrench(sum, u->joint[i], column_at(t, i));
     return sum;
 }
 
-/* rows of the joints in H times u */
-static inline void set_joint_rows(double row[ARM_JOINTS], const MassMatrix *H, const Speeds *u)
+/* rows of the joints in H times u: a joint inboard moves all that j carries, one outboard is
+ * carried by j */
+static inline void set_joint_rows(double row[COLUMNS], const Tree *t, const Speeds *u)
 {
-    int joints = H->tree->joints;
+    int joints = (int)t->joints;
+    Twist inboard = {u->v, u->w};
+    Wrench outboard = {{0, 0, 0}, {0, 0, 0}};
     for (int j = 0; j < joints; j++) {
-        row[j] = power((Twist){u->v, u->w}, H->joint[j]) + joint_element(H, j, j) * u->joint[j];
-        for (int i = 0; i < j; i++) {
-            double H_ij = joint_element(H, i, j);
-            row[i] += H_ij * u->joint[j];
-            row[j] += H_ij * u->joint[i];
-        }
+        row[j] = power(inboard, column_at(t, j)) + t->rotor[j] * u->joint[j];
+        inboard = plus_twist(inboard, u->joint[j], screw_at(t, j));
+    }
+    for (int j = joints; j-- > 0;) {
+        outboard = plus_wrench(outboard, u->joint[j], column_at(t, j));
+        row[j] += power(screw_at(t, j), outboard);
     }
 }
 
-/* ---- H x = y ---- */
 /* H_00^-1: mass and inertia about C; no inertia where the base does not turn */
 typedef struct {
     double per_mass;
@@ -251,119 +318,6 @@ static inline Twist base_answer(const Mobility *base, Wrench y)
 {
     vec3 w = sym_mul(base->per_inertia, sub(y.M, cross(base->c, y.F)));
     return (Twist){sub(scale(base->per_mass, y.F), cross(w, base->c)), w};
-}
-
-typedef struct {
-    int turns, joints, joint[ARM_JOINTS]; /* the base turns; how many joints move, and which */
-} Moving;
-
-static inline Twist less_twist(Twist a, Twist b) { return (Twist){sub(a.v, b.v), sub(a.w, b.w)}; }
-
-/* x of H x = y for what moves, the rest stands: 0. NaN where H is not positive definite.
- *   (H_mm - H_m0 H_00^-1 H_0m) x_m = y_m - H_m0 H_00^-1 y_0,   x_0 = H_00^-1 (y_0 - H_0m x_m)
- * An element on the left is the momentum of one joint times the screw of the other on a base that
- * answers it. */
-static inline Speeds solved(const MassMatrix *H, const Moving *k, const Forces *y)
-{
-    enum { WIDTH = ARM_JOINTS + 2 };
-    double a[ARM_JOINTS][WIDTH], x[ARM_JOINTS];
-    Mobility base = mobility_of(&H->whole, k->turns);
-    Speeds found = {.joint = {0}};
-    Wrench left = y->base;
-    int n = k->joints;
-    for (int r = 0; r < n; r++) {
-        int i = k->joint[r];
-        Twist answer = base_answer(&base, H->joint[i]);
-        Twist screw = less_twist(H->tree->link[i].screw, answer);
-        for (int s = r; s < n; s++) a[r][s] = power(screw, H->joint[k->joint[s]]);
-        a[r][r] += H->arm->joint_inertia[i];
-        a[r][n] = y->joint[i] - power(answer, y->base);
-        a[r][n + 1] = 0;
-    }
-    int good = H->whole.m > 0 && solve_upper(&a[0][0], n, WIDTH, x);
-    for (int s = 0; s < n; s++) {
-        int i = k->joint[s];
-        found.joint[i] = good ? x[s] : NAN;
-        left = plus_wrench(left, -found.joint[i], H->joint[i]);
-    }
-    Twist of_base = base_answer(&base, left);
-    found.v = of_base.v;
-    found.w = of_base.w;
-    return found;
-}
-
-/* ---- loads on the bodies, and Q or b of them ---- */
-typedef struct { Wrench base, link[ARM_JOINTS]; } Loads;
-
-static inline Forces projected(const Tree *t, const Loads *loads)
-{
-    Forces Q = {.joint = {0}};
-    Wrench sum = {{0, 0, 0}, {0, 0, 0}};
-    int joints = t->joints;
-    for (int i = joints; i-- > 0;) {
-        sum = plus_wrench(sum, 1, loads->link[i]);
-        Q.joint[i] = power(t->link[i].screw, sum);
-    }
-    Q.base = plus_wrench(sum, 1, loads->base);
-    return Q;
-}
-
-/* of a field in which all bodies fall with C, what is left at x from C: G x = g (3 a (a.x) - x) */
-typedef struct {
-    mat3 G;
-    vec3 at_S;
-} Tide;
-
-static inline Tide tide_about(vec3 c, double g, vec3 a)
-{
-    mat3 G = plus(identity(-g), scaled(3 * g, outer(a, a)));
-    return (Tide){G, neg(mul(G, c))};
-}
-
-/* w~ w~ + alpha~ - G: what a' less the tide grows by with the place on a body */
-static inline mat3 growth(vec3 w, vec3 alpha, const mat3 *G)
-{
-    double xx = w.x * w.x, yy = w.y * w.y, zz = w.z * w.z;
-    double xy = w.x * w.y, xz = w.x * w.z, yz = w.y * w.z;
-    return minus(rows(vec(-yy - zz, xy - alpha.z, xz + alpha.y),
-                      vec(xy + alpha.z, -xx - zz, yz - alpha.x),
-                      vec(xz - alpha.y, yz + alpha.x, -xx - yy)),
-                 *G);
-}
-
-/* integral of r x A r dm over a body of inertia I: I alpha' + w x I w - 3 g a x (I a). With the
- * second moments trace(I)/2 1 - I of the mass, rows of A times theirs. */
-static inline vec3 moment_of(const mat3 *A, const sym3 *I)
-{
-    double half = (I->xx + I->yy + I->zz) / 2;
-    vec3 x = vec(half - I->xx, -I->xy, -I->xz), y = vec(-I->xy, half - I->yy, -I->yz),
-         z = vec(-I->xz, -I->yz, half - I->zz);
-    return vec(dot(A->row[2], y) - dot(A->row[1], z), dot(A->row[0], z) - dot(A->row[2], x),
-               dot(A->row[1], x) - dot(A->row[0], y));
-}
-
-/* whose Q is b less that of the tide: what the motion asks for with du/dt = 0, as forces
- * m (a' - G x) at c and moments I alpha' + w x I w - 3 g a x (I a).
- *   alpha'_i = alpha'_(i-1) + w_(i-1) x a_i dq_i */
-static inline void set_velocity_loads(Loads *loads, const Tree *t, const Composite *base, vec3 w,
-                                      const double dq[], const Tide *tide)
-{
-    vec3 o = vec(0, 0, 0), alpha = o, accel = neg(tide->at_S);
-    mat3 grows = growth(w, alpha, &tide->G);
-    int joints = t->joints;
-    loads->base = (Wrench){add(scale(base->m, accel), mul(grows, base->h)),
-                           add(cross(base->h, accel), moment_of(&grows, &base->I))};
-    for (int i = 0; i < joints; i++) {
-        const Link *k = &t->link[i];
-        vec3 turning = scale(dq[i], k->screw.w);
-        accel = add(accel, mul(grows, sub(k->o, o)));
-        alpha = add(alpha, cross(w, turning));
-        w = add(w, turning);
-        o = k->o;
-        grows = growth(w, alpha, &tide->G);
-        vec3 force = scale(k->m, add(accel, mul(grows, sub(k->c, o))));
-        loads->link[i] = wrench_at(k->c, force, moment_of(&grows, &k->I));
-    }
 }
 
 #endif

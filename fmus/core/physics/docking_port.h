@@ -8,7 +8,7 @@
 #ifndef DOCKING_PORT_H
 #define DOCKING_PORT_H
 
-#include "attitude.h"
+#include "pairs.h"
 
 enum { FREE, CONTACT, SOFT, HARD, RELEASED, BROKEN };
 
@@ -20,10 +20,11 @@ typedef struct {
     double draw_delay, draw_time, k_sep, stroke_sep;
 } Port;
 
-/* relative motion of the ports: d_S, d_T from the centres of mass to the tip, N axes; the rest in Q
+/* relative motion of the ports: d: from both centres of mass to the tip, N axes; the rest in Q
  * axes */
 typedef struct {
-    vec3 d_S, d_T, e, u, w;
+    vec3_pair d;
+    vec3 e, u, w;
     mat3 C_QN;
     quat q_PQ;
 } PortState;

@@ -9,29 +9,35 @@
 #ifndef TWO_BODIES_H
 #define TWO_BODIES_H
 
-#include "attitude.h"
+#include "pairs.h"
+
+enum { BODY_S, BODY_T };
 
 typedef struct {
     double m_red;
-    mat3 J_S, J_T, J_S_inverse, J_T_inverse;
+    mat3_pair J, J_inverse;
 } TwoMasses;
 
 typedef struct {
     vec3 rho, drho;
-    quat q_S;
-    vec3 w_S;
-    quat q_T;
-    vec3 w_T;
+    quat_pair q;
+    vec3_pair w;
 } TwoBodies;
 
-typedef struct { mat3 C_SN, C_TN; } TwoAttitudes;
-
 /* on S and on T about their centres of mass, N axes; the force on T is -F */
-typedef struct { vec3 F, M_S, M_T; } Wrench;
+typedef struct {
+    vec3 F;
+    vec3_pair M;
+} Wrench;
 
 static inline TwoMasses two_masses(double mass_S, mat3 J_S, double mass_T, mat3 J_T)
 {
-    return (TwoMasses){mass_S * mass_T / (mass_S + mass_T), J_S, J_T, inverted(J_S), inverted(J_T)};
+    TwoMasses m = {.m_red = mass_S * mass_T / (mass_S + mass_T)};
+    set_mat(&m.J, BODY_S, J_S);
+    set_mat(&m.J, BODY_T, J_T);
+    set_mat(&m.J_inverse, BODY_S, inverted(J_S));
+    set_mat(&m.J_inverse, BODY_T, inverted(J_T));
+    return m;
 }
 
 /* q [0, w]/2 */
@@ -45,21 +51,26 @@ static inline vec3 rate_derivative(mat3 J, mat3 J_inverse, vec3 w, vec3 torque)
     return mul(J_inverse, sub(torque, cross(w, mul(J, w))));
 }
 
-static inline TwoAttitudes two_attitudes(const TwoBodies *x)
+/* C_SN, C_TN */
+static inline mat3_pair two_attitudes(const TwoBodies *x)
 {
-    return (TwoAttitudes){dcm_of_quat(x->q_S), dcm_of_quat(x->q_T)};
+    mat3_pair C;
+    for (int i = 0; i < PAIR; i++) set_mat(&C, i, dcm_of_quat(quat_of(&x->q, i)));
+    return C;
 }
 
-static inline void two_bodies_derivative(const TwoMasses *m, const TwoBodies *x,
-                                         const TwoAttitudes *at, const Wrench *a, TwoBodies *dx)
+static inline void two_bodies_derivative(const TwoMasses *restrict m, const TwoBodies *restrict x,
+                                         const mat3_pair *restrict C, const Wrench *restrict a,
+                                         TwoBodies *restrict dx)
 {
-    vec3 M_S = mul(at->C_SN, a->M_S), M_T = mul(at->C_TN, a->M_T);
     dx->rho = x->drho;
     dx->drho = scale(1 / m->m_red, a->F);
-    dx->q_S = attitude_rate(x->q_S, x->w_S);
-    dx->w_S = rate_derivative(m->J_S, m->J_S_inverse, x->w_S, M_S);
-    dx->q_T = attitude_rate(x->q_T, x->w_T);
-    dx->w_T = rate_derivative(m->J_T, m->J_T_inverse, x->w_T, M_T);
+    for (int i = 0; i < PAIR; i++) {
+        vec3 w = vec_of(&x->w, i), torque = mul(mat_of_pair(C, i), vec_of(&a->M, i));
+        set_quat(&dx->q, i, attitude_rate(quat_of(&x->q, i), w));
+        set_vec(&dx->w, i,
+                rate_derivative(mat_of_pair(&m->J, i), mat_of_pair(&m->J_inverse, i), w, torque));
+    }
 }
 
 static inline quat normalised(quat q)
@@ -69,8 +80,7 @@ static inline quat normalised(quat q)
 }
 static inline void normalise(TwoBodies *x)
 {
-    x->q_S = normalised(x->q_S);
-    x->q_T = normalised(x->q_T);
+    for (int i = 0; i < PAIR; i++) set_quat(&x->q, i, normalised(quat_of(&x->q, i)));
 }
 
 #endif

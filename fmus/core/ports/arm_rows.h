@@ -80,8 +80,9 @@ typedef struct {
 /* damping dq + friction dq/sqrt(dq^2 + friction_rate^2) */
 static inline double friction_torque(const Joints *joint, int i, double dq)
 {
-    double r = joint->friction_rate;
-    return joint->damping[i] * dq + joint->friction[i] * dq / sqrt(dq * dq + r * r);
+    double r = joint->friction_rate, viscous = joint->damping[i] * dq;
+    if (joint->friction[i] == 0) return viscous;
+    return viscous + joint->friction[i] * dq / sqrt(dq * dq + r * r);
 }
 
 /* ---- rules ---- */

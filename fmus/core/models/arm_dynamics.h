@@ -1,0 +1,189 @@
+/* arm_dynamics.h - equations of motion of a base body with an arm: what its motion asks for, and
+ * the accelerations.
+ *
+ *   H du/dt + b = Q       u = [v; w; dq]
+ *   b = sum_k Jw_k^T (I_k alpha'_k + w_k x I_k w_k) + m_k Jv_k^T a'_k,   alpha', a' with du/dt = 0
+ *
+ * b takes one pass outward and one inward; the gradient of gravity goes along. The base leaves the
+ * system before it is solved. Equations: docs/models.md K.1. */
+/* SPDX-License-Identifier: BSD-2-Clause */
+#ifndef ARM_DYNAMICS_H
+#define ARM_DYNAMICS_H
+
+#include "arm.h"
+#include "cholesky.h"
+
+/* ---- H x = y ---- */
+typedef struct {
+    int turns, joints;     /* the base turns; how many joints move */
+    double moves[COLUMNS]; /* 1: this one */
+} Moving;
+
+/* the screws of the joints on a base that answers them, and y_m - H_m0 H_00^-1 y_0; 0 where a joint
+ * stands */
+typedef struct {
+    vec3s v, w, F, M;
+    double y[COLUMNS];
+} Reduced;
+
+static inline void reduce(Reduced *restrict r, const Tree *restrict t, const Moving *restrict k,
+                          const Forces *restrict y, const Mobility *restrict base)
+{
+    const Wrench y_0 = y->base;
+    for (int i = 0; i < COLUMNS; i++) {
+        Wrench p = column_at(t, i);
+        Twist answer = base_answer(base, p);
+        double moves = k->moves[i];
+        put_vec(&r->v, i, scale(moves, sub(vec_at(&t->oa, i), answer.v)));
+        put_vec(&r->w, i, scale(moves, sub(vec_at(&t->a, i), answer.w)));
+        put_vec(&r->F, i, scale(moves, p.F));
+        put_vec(&r->M, i, scale(moves, p.M));
+        r->y[i] = moves * (y->joint[i] - power(answer, y_0));
+    }
+}
+
+/* x of H x = y for what moves, the rest stands: 0. NaN where H is not positive definite.
+ *   (H_mm - H_m0 H_00^-1 H_0m) x_m = y_m - H_m0 H_00^-1 y_0,   x_0 = H_00^-1 (y_0 - H_0m x_m)
+ * An element on the left is the momentum of one joint times the screw of the other on a base that
+ * answers it. */
+static inline int solve_joints(double x[COLUMNS], const Tree *t, const Moving *k, const Forces *y,
+                               const Mobility *base)
+{
+    double a[COLUMNS][UPPER];
+    Reduced r;
+    int joints = (int)t->joints;
+    reduce(&r, t, k, y, base);
+    for (int i = 0; i < joints; i++) {
+        vec3 v = vec_at(&r.v, i), w = vec_at(&r.w, i);
+        for (int j = 0; j < COLUMNS; j++)
+            a[i][j] = dot(v, vec_at(&r.F, j)) + dot(w, vec_at(&r.M, j));
+        a[i][i] += k->moves[i] > 0 ? t->rotor[i] : 1;
+        a[i][joints] = r.y[i];
+    }
+    return solve_upper(a, joints, x);
+}
+
+static inline Speeds solved(const Tree *t, const Moving *k, const Forces *y)
+{
+    const Mobility base = mobility_of(&t->whole, k->turns);
+    Speeds found = {.joint = {0}};
+    Wrench left = y->base;
+    int joints = k->joints > 0 ? (int)t->joints : 0;
+    int good = t->whole.m > 0 && (!joints || solve_joints(found.joint, t, k, y, &base));
+    for (int i = 0; i < joints; i++) {
+        if (!good && k->moves[i] > 0) found.joint[i] = NAN;
+        left = plus_wrench(left, -found.joint[i], column_at(t, i));
+    }
+    Twist of_base = base_answer(&base, left);
+    found.v = of_base.v;
+    found.w = of_base.w;
+    return found;
+}
+
+/* ---- loads on the bodies, and Q or b of them ---- */
+/* of a field in which all bodies fall with C, what is left at x from C: G x = g (3 a (a.x) - x) */
+typedef struct {
+    mat3 G;
+    vec3 at_S;
+} Tide;
+
+static inline Tide tide_about(vec3 c, double g, vec3 a)
+{
+    mat3 G = plus(identity(-g), scaled(3 * g, outer(a, a)));
+    return (Tide){G, neg(mul(G, c))};
+}
+
+/* w~ w~ + alpha~ - G: what a' less the tide grows by with the place on a body */
+static inline mat3 growth(vec3 w, vec3 alpha, mat3 G)
+{
+    double xx = w.x * w.x, yy = w.y * w.y, zz = w.z * w.z;
+    double xy = w.x * w.y, xz = w.x * w.z, yz = w.y * w.z;
+    return minus(rows(vec(-yy - zz, xy - alpha.z, xz + alpha.y),
+                      vec(xy + alpha.z, -xx - zz, yz - alpha.x),
+                      vec(xz - alpha.y, yz + alpha.x, -xx - yy)),
+                 G);
+}
+
+/* integral of r x A r dm over a body of inertia I: I alpha' + w x I w - 3 g a x (I a). With the
+ * second moments trace(I)/2 1 - I of the mass, rows of A times theirs. */
+static inline vec3 moment_of(mat3 A, sym3 I)
+{
+    double half = (I.xx + I.yy + I.zz) / 2;
+    vec3 x = vec(half - I.xx, -I.xy, -I.xz), y = vec(-I.xy, half - I.yy, -I.yz),
+         z = vec(-I.xz, -I.yz, half - I.zz);
+    return vec(dot(A.row[2], y) - dot(A.row[1], z), dot(A.row[0], z) - dot(A.row[2], x),
+               dot(A.row[1], x) - dot(A.row[0], y));
+}
+
+/* of the acceleration a + A r on a body, r from S */
+static inline Wrench inertial_load(Composite b, vec3 a, mat3 A)
+{
+    return (Wrench){add(scale(b.m, a), mul(A, b.h)), add(cross(b.h, a), moment_of(A, b.I))};
+}
+
+/* acceleration of each joint with du/dt = 0, less the tide, and what it grows by on the link behind,
+ * A_0 on the base:
+ *   w_i = w_(i-1) + a_i dq_i,   alpha'_i = alpha'_(i-1) + w_(i-1) x a_i dq_i,
+ *   a'(o_(i+1)) = a'(o_i) + A_i (o_(i+1) - o_i) */
+typedef struct {
+    vec3s at_o;
+    mat3s A;
+} Fields;
+
+static inline void set_fields(Fields *restrict f, const Tree *restrict t, const Links *restrict k,
+                              const Speeds *u, const Tide *tide, mat3 A_0)
+{
+    vec3s turning, rate, bend, alpha, jump;
+    const mat3 G = tide->G;
+    const vec3 none = vec(0, 0, 0);
+    for (int i = 0; i < COLUMNS; i++) put_vec(&turning, i, scale(u->joint[i], vec_at(&t->a, i)));
+    partial_sums(&rate, u->w, &turning);
+    for (int i = 0; i < COLUMNS; i++)
+        put_vec(&bend, i, cross(vec_at(&rate, i), vec_at(&turning, i)));
+    partial_sums(&alpha, none, &bend);
+    for (int i = 0; i < COLUMNS; i++) {
+        mat3 A = growth(add(vec_at(&rate, i), vec_at(&turning, i)),
+                        add(vec_at(&alpha, i), vec_at(&bend, i)), G);
+        put_mat(&f->A, i, A);
+        put_vec(&jump, i, mul(A, vec_at(&k->reach, i)));
+    }
+    partial_sums(&f->at_o, sub(mul(A_0, vec_at(&k->o, 0)), tide->at_S), &jump);
+}
+
+/* b of the links: loads on the bodies, summed inward; what the base carries */
+static inline Wrench set_joint_forces(Forces *b, const Tree *t, const Links *k, const Speeds *u,
+                                      const Tide *tide, mat3 A_0)
+{
+    Fields f;
+    vec3s F, M;
+    Wrench sum = {vec(0, 0, 0), vec(0, 0, 0)};
+    set_fields(&f, t, k, u, tide, A_0);
+    for (int i = 0; i < COLUMNS; i++) {
+        mat3 A = mat_at(&f.A, i);
+        vec3 at_S = sub(vec_at(&f.at_o, i), mul(A, vec_at(&k->o, i)));
+        Wrench load = inertial_load(composite_at(&k->own, i), at_S, A);
+        put_vec(&F, i, load.F);
+        put_vec(&M, i, load.M);
+    }
+    for (int i = COLUMNS; i-- > 0;) {
+        sum = plus_wrench(sum, 1, (Wrench){vec_at(&F, i), vec_at(&M, i)});
+        put_vec(&F, i, sum.F);
+        put_vec(&M, i, sum.M);
+    }
+    for (int i = 0; i < COLUMNS; i++)
+        b->joint[i] = power(screw_at(t, i), (Wrench){vec_at(&F, i), vec_at(&M, i)});
+    return sum;
+}
+
+/* b - Q_gg: what the motion asks for with du/dt = 0, less what the tide does to it */
+static inline Forces velocity_forces(const Tree *t, const Links *k, const Composite *base,
+                                     const Speeds *u, const Tide *tide)
+{
+    Forces b = {.joint = {0}};
+    mat3 A_0 = growth(u->w, vec(0, 0, 0), tide->G);
+    b.base = inertial_load(*base, neg(tide->at_S), A_0);
+    if (t->joints > 0) b.base = plus_wrench(b.base, 1, set_joint_forces(&b, t, k, u, tide, A_0));
+    return b;
+}
+
+#endif
