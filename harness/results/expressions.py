@@ -113,6 +113,9 @@ FUNCTIONS: dict[str, Function] = {
 WINDOWED = {"always": ("x",), "eventually": ("x",), "until": ("x", "y")}
 """Conditions over windows of time, with the conditions they are made of; up to two times follow."""
 
+IMPLIES = "implies"
+"""implies(x, y): y counts in the rows in which x holds."""
+
 BINARY: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -191,6 +194,8 @@ class _Quantities(ast.NodeTransformer):
         self.units = units
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
+        if isinstance(node.func, ast.Name) and node.func.id == IMPLIES:
+            return _implication(self.generic_visit(node))
         if not (isinstance(node.func, ast.Name) and node.func.id == "quantity"):
             return self.generic_visit(node)
         match node.args:
@@ -200,6 +205,18 @@ class _Quantities(ast.NodeTransformer):
                     quantity.unit = self.units[place]
                     return ast.Constant(quantity)
         raise ValueError("there is no function quantity")
+
+
+class Guard(ast.UnaryOp):
+    """The `not` of what says in which rows another condition counts, in implies()."""
+
+
+def _implication(node: ast.AST) -> ast.expr:
+    """implies(A, B) as `not A or B`; ValueError unless it has two conditions."""
+    match node:
+        case ast.Call(args=[when, then], keywords=[]):
+            return ast.BoolOp(ast.Or(), [Guard(ast.Not(), when), then])
+    raise ValueError(f"{IMPLIES}(x, y): expected 2 conditions")
 
 
 def variables(tree: ast.expr) -> list[str]:
@@ -264,7 +281,7 @@ def _parts(node: ast.expr) -> list[ast.expr]:  # noqa: PLR0911 - one per kind
 def _check_call(name: str, given: Sequence[ast.expr]) -> None:
     """ValueError if there is no such function, or with another number of arguments."""
     if name not in FUNCTIONS:
-        known = (*FUNCTIONS, *WINDOWED)
+        known = (*FUNCTIONS, *WINDOWED, IMPLIES)
         raise ValueError(f"there is no function {name}{did_you_mean(name, known)}")
     wanted = FUNCTIONS[name].arguments
     if len(given) != len(wanted):

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.results.evaluation import evaluate, history, unit_in, unit_of
-from harness.results.expressions import BINARY, WINDOWED, variables, window_of
+from harness.results.expressions import BINARY, WINDOWED, Guard, variables, window_of
 from harness.results.result import Result
 from harness.system.units import convert
 
@@ -117,7 +117,7 @@ def _after(x_1: Array, y_1: Array, x_2: Array, y_2: Array) -> tuple[Array, Array
 class Margins:
     """How far the conditions of an expression are from failing, row by row; negative: they fail.
 
-    guarded: conditions on time alone say when the others count.
+    guarded: conditions on time alone, as those of implies(), say when the others count.
     """
 
     def __init__(self, result: Result, guarded: bool) -> None:
@@ -179,10 +179,10 @@ class Margins:
 
     def _margin(self, node: ast.expr) -> Array:
         match node:
+            case _ if self.guarded and is_timing(node):  # says when, not how well
+                margin = np.where(self._holds(node), np.inf, -np.inf)
             case ast.Compare():
                 margin = by_row(np.min, self._elements(node))
-                if self.guarded and is_timing(node):  # says when, not how well
-                    margin = np.where(self._holds(node), np.inf, -np.inf)
             case ast.UnaryOp(op=ast.Not() | ast.Invert(), operand=a):
                 margin = -self.of(a)
             case ast.BoolOp() | ast.BinOp(op=ast.BitAnd() | ast.BitOr()):
@@ -193,8 +193,9 @@ class Margins:
         return np.where(np.isnan(margin), -np.inf, margin)
 
     def exercised(self, node: ast.expr, looked: Any = True, negated: bool = False) -> bool:
-        """Whether every part that must hold was looked at in some row: where time alone does not
-        decide on the whole. looked: rows (rows,) that matter; negated: below a `not`.
+        """Whether every part that must hold was looked at in some row: where time alone, or what
+        implies() begins with, does not decide on the whole. looked: rows (rows,) that matter;
+        negated: below a `not`.
         """
         if is_timing(node):
             return not self.guarded
@@ -291,7 +292,11 @@ SIGNED: Mapping[type[ast.cmpop], Callable[[Array], Array]] = {
 
 @lru_cache(maxsize=1024)
 def is_timing(node: ast.expr) -> bool:
-    """Whether a condition is one on time alone, beside parameters."""
+    """Whether a condition says when others count: one on time alone, beside parameters, or what
+    implies() begins with.
+    """
+    if isinstance(node, Guard):
+        return True
     named = variables(node)
     return "time" in named and all(n == "time" or n.startswith("parameter ") for n in named)
 
@@ -361,8 +366,19 @@ def leaves(node: ast.expr, inside: bool = False) -> Iterator[tuple[ast.expr, boo
         yield from leaves(part, inside or _is_windowed(node))
 
 
+def compared(tree: ast.expr) -> list[ast.expr]:
+    """Conditions that are not made of others, without those that say when the others count."""
+    if is_timing(tree):
+        return []
+    parts = parts_of(tree)
+    return [leaf for part in parts for leaf in compared(part)] if parts else [tree]
+
+
 def unit_of_margin(tree: ast.expr, unit: Callable[[str], str]) -> str:
     """Unit of the margin of a condition, "" if it is not known or there are several."""
-    compared = [x for x, _ in leaves(tree) if isinstance(x, ast.Compare) and not is_timing(x)]
-    units = {unit_of(x.left, unit) or unit_of(x.comparators[0], unit) for x in compared}
+    units = {
+        unit_of(x.left, unit) or unit_of(x.comparators[0], unit)
+        for x in compared(tree)
+        if isinstance(x, ast.Compare)
+    }
     return units.pop() if len(units) == 1 else ""

@@ -24,6 +24,7 @@ from harness.results.expressions import Quantity, parsed, variables
 from harness.results.margins import (
     Margins,
     by_row,
+    compared,
     has_window,
     is_timing,
     leaves,
@@ -192,10 +193,10 @@ def has_slope(text: str) -> bool:
     """Whether the margin of a requirement changes steadily, as a search needs it: not that of an
     equation or of a flag, which is met or not.
     """
-    compared = [leaf for leaf, _ in leaves(parsed(text)) if not is_timing(leaf)]
-    return bool(compared) and all(
+    found = compared(parsed(text))
+    return bool(found) and all(
         isinstance(leaf, ast.Compare) and not isinstance(leaf.ops[0], ast.Eq | ast.NotEq)
-        for leaf in compared
+        for leaf in found
     )
 
 
@@ -294,7 +295,7 @@ def _judged(result: Result, found: Finding, tree: ast.expr) -> Finding:
     truth = margins.truth(tree)
     met = bool(np.all(truth == 1))
     if met and not margins.exercised(tree):
-        reason = f"the run ends at {result.time[-1]:g} s, before its time"
+        reason = f"the run ends at {result.time[-1]:g} s, before it applies"
         return replace(found, verdict=Verdict.NOT_EXERCISED, reason=reason)
     undecided = by_row(np.any, np.isnan(margins.rows_of(truth)))
     least = np.where(undecided, -np.inf, margins.of(tree))

@@ -102,7 +102,7 @@ def test_success_is_stated_as_a_requirement_is(system, tmp_path, text, successes
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("time < 7 s or twice.y > 1", "the run ends at 6 s, before its time"),
+        ("time < 7 s or twice.y > 1", "the run ends at 6 s, before it applies"),
         ("twice.y", "is not a condition"),
         ("time < 2 kg or twice.y > 1", "kg"),
     ],

@@ -87,12 +87,32 @@ def result():
         ("time <= 10 or a.x > 99", IDLE, None, "", None),
         ("time < 10 or a.x > 99", MISSED, 0.0, "m", 10),
         ("settling_time(time, a.x, 2.5) <= 10 s", MET, 8.0, "s", None),
+        ("implies(a.x <= 3, a.x <= 3 m)", MET, 3.0, "m", 7),
+        ("implies(a.x <= 3, a.x < 300 cm)", MISSED, 300.0, "cm", 7),
+        ("implies(a.x > 99, a.x > 99)", IDLE, None, "", None),
+        ("a.x >= 0 and implies(a.x > 99, a.angle < 0)", IDLE, None, "", None),
+        ("implies(time >= 5 s and a.x >= 4, a.x <= 5 m)", MET, 5.0, "m", 5),
+        ("implies(a.x <= 3, implies(a.x > 99, a.angle < 0))", IDLE, None, "", None),
+        ("not implies(a.x > 99, a.angle < 0)", MISSED, 10.0, "m", 0),
     ],
 )
 def test_a_condition_is_judged_with_its_worst_row(result, text, verdict, value, unit, time):
     found = finding(result, "name", text)
     assert (found.verdict, found.unit, found.time) == (verdict, unit, time), found
     assert found.value == (value if value is None else pytest.approx(value, rel=1e-12))
+
+
+def test_what_an_implication_begins_with_says_when_and_not_how_well(result):
+    assert requirements.margin(result, "implies(a.x <= 3, a.x <= 4 m)") == pytest.approx(
+        1, abs=1e-12
+    )
+    assert finding(result, "name", "implies(a.on == 1, a.x <= 99 m)").margin_unit == "m"
+    assert finding(result, "name", "implies(a.x > 99, a.on == 1)").margin is None
+
+
+def test_an_implication_has_two_conditions(result):
+    for text in ("implies(a.x > 1)", "implies(a.x > 1, a.x > 2, a.x > 3)"):
+        assert finding(result, "name", text).reason == "implies(x, y): expected 2 conditions"
 
 
 def test_a_requirement_is_read_once_for_all_runs(result, monkeypatch):
@@ -150,6 +170,8 @@ def gap(result):
         ("settling_time(time, a.x, 99) >= 0 and settling_time(time, a.x, 99) < 3", 0),
         ("settling_time(time, sqrt(-time), 1) == 0", None),
         ("a.v[:, 0] < 9 and a.angle < 9", 6),
+        ("implies(a.x < 50, a.angle < 99)", 6),
+        ("implies(a.angle < 99, a.x < 99)", 4),
     ],
 )
 def test_a_row_that_is_no_number_is_not_judged_by_the_others(gap, text, time):
@@ -326,7 +348,7 @@ def test_what_was_not_exercised_passes_no_gate(tmp_path, capsys):
     assert main(["run", "sync_approach", *short, "--require", late]) == 1
     said = capsys.readouterr().err.splitlines()
     assert said == [
-        f"harness: requirement not exercised: {late}; the run ends at 1 s, before its time"
+        f"harness: requirement not exercised: {late}; the run ends at 1 s, before it applies"
     ]
     assert main(["run", "sync_approach", *short, "--strict"]) == 1
     said = capsys.readouterr().err.splitlines()

@@ -163,11 +163,11 @@ const Judge = (() => {
 
     of(node) {
       let found;
-      if (node.compare && !(this.guarded && node.timing)) {
+      if (this.guarded && node.timing) found = this.holds(node).map((v) => (v ? Infinity : -Infinity));
+      else if (node.compare) {
         const e = this.elements(node);
         found = Float64Array.from({ length: e.n }, (_, k) => e.at(k).reduce(F.least));
-      } else if (node.compare) found = this.holds(node).map((v) => (v ? Infinity : -Infinity));
-      else if (node.kind === "not") found = minus(this.of(node.parts[0]));
+      } else if (node.kind === "not") found = minus(this.of(node.parts[0]));
       else if (node.joins) {
         const parts = node.parts.map((p) => this.of(p)), n = Math.max(...parts.map((p) => p.length));
         const extreme = node.name === "or" ? F.most : F.least;
@@ -244,7 +244,7 @@ const Judge = (() => {
   };
   const everywhere = (flight, { tree }) => {
     const margins = new Margins(flight, !tree.timing), truth = margins.truth(tree), met = all(truth.data, (v) => v === 1);
-    if (met && !margins.exercised(tree)) return told("idle", `the run ends at ${g(flight.time.at(-1))} s, before its time`);
+    if (met && !margins.exercised(tree)) return told("idle", `the run ends at ${g(flight.time.at(-1))} s, before it applies`);
     const rows = margins.rowsOf(truth), of = margins.of(tree), n = Math.max(rows.n, of.length);
     const undecided = Array.from({ length: n }, (_, k) => !all(rows.at(k), (v) => v === v));
     const least = Float64Array.from({ length: n }, (_, k) => (undecided[k] ? -Infinity : of[of.length > 1 ? k : 0]));
