@@ -12,6 +12,7 @@ import json
 import math
 import subprocess
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -211,11 +212,14 @@ def _place(text: str) -> tuple[str, str]:
 
 
 def _homes() -> dict[str, tuple[str, str]]:
-    """System and component that an FMU flies as, else may take the place of, by its name."""
+    """System and component that an FMU flies as, else may take the place of, by its name: of the
+    systems that have it the one of fewest components, the first of them by name.
+    """
     own: dict[str, tuple[str, str]] = {}
     others: dict[str, tuple[str, str]] = {}
-    for name in paths.systems():
-        with load(name) as system:
+    with ExitStack() as opened:
+        systems = [(name, opened.enter_context(load(name))) for name in paths.systems()]
+        for name, system in sorted(systems, key=lambda each: (len(each[1].components), each[0])):
             for component in system.components:
                 own.setdefault(component.fmu.stem, (name, component.name))
             for alternative in system.alternatives:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -17,6 +18,7 @@ from harness.studies import target
 from harness.studies.target import HEAD, Row, markdown, measure, table
 from tests.link.test_processor import needs
 
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 MAP = """
 Discarded input sections
 
@@ -45,6 +47,19 @@ def test_an_fmu_that_flies_nowhere_needs_a_place():
         measure(["propulsionless"], [])
     with pytest.raises(UsageError, match=r"expected SYSTEM\.COMPONENT"):
         measure(["adaptive_controller"], [], place="controller")
+
+
+def test_an_fmu_is_measured_again_where_the_page_says():
+    places = {r["FMU"]: r["runs as"] for r in rows_of(DOCS / "targets.md")}
+    homes = {fmu: ".".join(home) for fmu, home in target._homes().items()}
+    assert len(places) >= 25
+    assert {fmu: homes[fmu] for fmu in places} == places
+
+
+def rows_of(page):
+    lines = [x for x in page.read_text(encoding="utf-8").splitlines() if x.startswith("|")]
+    titles, _, *found = ([cell.strip() for cell in x.strip("|").split("|")] for x in lines)
+    return [dict(zip(titles, cells, strict=True)) for cells in found]
 
 
 def row(fmu, target, largest, until=None):
