@@ -119,6 +119,25 @@ def test_importance_sampling_finds_its_centres_and_says_when_it_has_not():
     assert answer(probability.centred(38, 1, 10_000), CASES["outside a sphere"].margin).warning
 
 
+def test_centres_by_few_flights_per_level_in_many_numbers_are_far_too_small():
+    """What `fewest` asks for keeps the estimate; a verdict about less is refused."""
+    d, margin, p = linear(38, 4.2)
+    few, enough = (
+        np.median([answer(probability.centred(d, s, 55 * n), margin).p / p for s in range(5)])
+        for n in (50, probability.fewest(d))
+    )
+    assert few < 0.4
+    assert 0.6 < enough < 1.6
+
+
+@pytest.mark.parametrize(("failures", "trusted"), [(189, False), (190, True)])
+def test_centres_that_are_means_of_few_failures_are_doubted(failures, trusted):
+    d, margin, _ = linear(38, 4.2)
+    ask = probability.importance(d, 1, 500, np.full((1, d), 4.2 / math.sqrt(d)))
+    found = answer(probability.doubted(ask, failures, d), margin)
+    assert ("189 failures are too few for centres in 38 numbers" in found.warning) is not trusted
+
+
 def test_regions_of_failures():
     rng = np.random.default_rng(0)
     one = rng.standard_normal((300, 10)) + 3 * np.eye(10)[0]

@@ -26,6 +26,10 @@ P0 = 0.1
 ACCEPTED, WIDTH = 0.44, 0.6
 """Acceptance that chains strive for; part of a standard deviation that they begin with."""
 REPEATS = 5
+PER_NUMBER = 10
+"""Flights per level for every number with which means of failures are centres: chance moves a mean
+of m failures in d numbers by sqrt(d / m), most of it in numbers that do not matter.
+"""
 T95, T99 = 2.7764451051977987, 4.604094871415897
 """Quantiles of Student's distribution for 95 and 99 %, two-sided, of four degrees of freedom."""
 Z95 = 1.959963984540054
@@ -234,6 +238,25 @@ def importance(d: int, seed: int, flights: int, centres: Array) -> Ask:
     return Estimate(p, max(0.0, p * (1 - Z95 * cov)), p * (1 + Z95 * cov), cov, flights)
 
 
+def fewest(d: int) -> int:
+    """Flights per level whose failures have means fit for centres in d numbers."""
+    return max(50, PER_NUMBER * d)
+
+
+def doubted(ask: Ask, failures: int, d: int) -> Ask:
+    """Importance sampling about centres that have been given, with a warning where these are means
+    of fewer failures than half of `fewest`: its estimate is too small more often than not.
+    """
+    estimate = yield from ask
+    if estimate.warning or failures >= fewest(d) // 2:
+        return estimate
+    few = (
+        f"{failures} failures are too few for centres in {d} numbers, the estimate may be far too "
+        f"small: at least {fewest(d) // 2}"
+    )
+    return estimate._replace(warning=few)
+
+
 def regions(failures: Array) -> Array:
     """Means (k, d) of the regions of failures (n, d) that a subset simulation ended with.
 
@@ -290,11 +313,14 @@ def probability(definition: Any, output: str | Path, **how: Any) -> Study:
             raise UsageError("probability.flights: at least 1400, five repeats of 50 per level")
         method = subset(d, seed, budget)
     elif entry["centres"]:
-        centres = _centres(Path(entry["centres"]), name, d)
-        method = importance(d, seed, budget, centres)
+        failed = _failures(Path(entry["centres"]), name, d)
+        method = doubted(importance(d, seed, budget, regions(failed)), len(failed), d)
     else:
-        if per_level(budget // 2) < 50:
-            raise UsageError("probability.flights: at least 2800, half of them to find the centres")
+        if per_level(budget // 2) < fewest(d):
+            raise UsageError(
+                f"probability.flights: at least {math.ceil(55 * fewest(d) / 100)}00, half of them "
+                f"to find the centres with {fewest(d)} flights per level in {d} numbers"
+            )
         method = centred(d, seed, budget)
     with begun("probability", flights, budget, output, how) as driver:
         say_nominal(driver, {name: k}, how.get("said", print))
@@ -312,8 +338,8 @@ def probability(definition: Any, output: str | Path, **how: Any) -> Study:
     return Study(Path(output), store)
 
 
-def _centres(path: Path, name: str, d: int) -> Array:
-    """Means of the failures that the dataset of another study of the same factors has."""
+def _failures(path: Path, name: str, d: int) -> Array:
+    """Numbers (n, d) of the failures that the dataset of another study of the same factors has."""
     store = Store.open(path)
     names = [str(n) for n in store.array("requirement")]
     if "numbers" not in store.group or name not in names:
@@ -322,4 +348,4 @@ def _centres(path: Path, name: str, d: int) -> Array:
     failed = numbers[margins <= 0]
     if not len(failed) or numbers.shape[1] != d:
         raise UsageError(f"probability.centres: {path} has no failure of {name} in {d} numbers")
-    return regions(failed)
+    return np.asarray(failed)
