@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Flights that searches have found, and what they find since: the reference attitude of
-sync_approach near the orbit normal, its worst distance, a lag of the propulsion in ppc_tracking,
-the plane of arch_rendezvous.
+sync_approach near the orbit normal, its worst distance, a failed thruster on estimates, a lag of
+the propulsion in ppc_tracking and relay_approach, the plane of arch_rendezvous.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 import ssp
-from harness import Flights, run, sensitivity, worst
+from harness import Flights, probability, run, sensitivity, worst
+from harness.errors import UsageError
 from harness.results.requirements import margin
 
 FILE = Path(ssp.__file__).parent / "sync_approach" / "campaigns" / "sync_approach_studies.toml"
@@ -104,6 +105,14 @@ ROBUST = {
 }  # fmt: skip
 
 
+NOMINAL = [0.002, 0.01, 0.0]
+
+
+def fault(kind, at):
+    """Of thruster 9, +y."""
+    return {"propulsion.fault_kind": [0] * 8 + [kind] + [0] * 7, "propulsion.fault_time": [at] * 16}
+
+
 def flown(system, rates, **more):
     """A flight with small actuators and other rates of the target."""
     changes = {"target.omega_TN_T_0": rates, "monitor.passive_time": 0} | more
@@ -137,6 +146,27 @@ def test_small_wheels_on_thrusters_do_not_follow_the_roll_past_the_orbit_normal_
     assert margin(large, ATTITUDE) > np.radians(1.5)
 
 
+def test_a_failed_thruster_costs_the_approach_on_estimates_unless_the_allocation_is_told():
+    """Thruster 9 stuck off from 60 s on: its torque fills the wheels, the camera turns away."""
+    text = "norm(servicer.r_SN_N - target.r_TN_N) >= 3.9 m"
+    failed = fault(kind=2, at=60.0)
+    told = {"allocation.thrust_nominal": [0.5] * 8 + [1e-6] + [0.5] * 7}
+    unknown, known, large = (
+        margin(flown("sync_approach_thrusters_navigated", NOMINAL, **failed, **more), text)
+        for more in ({}, told, {"servicer.wheel_speed_max": 0})
+    )
+    assert unknown < -3
+    assert min(known, large) > 0.09
+
+
+def test_the_guarded_approach_stays_outside_the_zone_with_a_thruster_that_sticks_open():
+    """It aborts, and the thruster drives it away."""
+    more = ROBUST | fault(kind=1, at=850.0)
+    result = flown("sync_approach_thrusters_guarded", NOMINAL, **more)
+    assert margin(result, "norm(servicer.r_SN_N - target.r_TN_N) >= 3.9 m") > 0.05
+    assert result["monitor.abort"][-1] == 1
+
+
 def test_a_fast_target_makes_the_relay_approach_close_too_fast():
     """The law closes with twice the speed of the target, the limit is a number."""
     text = "monitor.speed_margin >= 0 m/s"
@@ -149,6 +179,19 @@ def test_a_fast_target_makes_the_relay_approach_close_too_fast():
     assert fast == pytest.approx(-4.2e-3, abs=5e-4)
 
 
+def test_the_relays_of_the_attitude_chatter_with_a_lag_near_a_second():
+    """A limit: 1241 N s of 1000 over the 40 000 s of the system, while it waits at 50 m."""
+    text = "total(propulsion.impulse) <= 1000 N.s"
+    moving = {"target.v_0_N": [0, 0.013, 0.008], "monitor.passive_time": 0}
+    left = []
+    for lag in (0.2, 0.47):
+        lags = {"propulsion.T0": min(lag, 0.425), "propulsion.Tl": lag}
+        result = run("relay_approach", stop=20_000.0, set=moving | lags, every=10)
+        left.append(margin(result, text))
+    assert left[0] > 800
+    assert left[1] < 400
+
+
 def test_a_relay_approach_closes_too_fast_while_its_filter_settles():
     """A limit of the camera at 500 m: a velocity 3.7 cm/s off, beside a limit of 3 cm/s."""
     text = "monitor.speed_margin >= 0 m/s"
@@ -158,6 +201,17 @@ def test_a_relay_approach_closes_too_fast_while_its_filter_settles():
     )
     assert margin(cold, text) == pytest.approx(-0.0355, abs=2e-3)
     assert margin(known, text) > 0.005
+
+
+def test_with_a_settled_filter_a_fast_target_makes_the_relay_approach_close_too_fast_too():
+    """The limit of the law on the truth, after ten minutes of estimates."""
+    text = "time < 10 min or monitor.speed_margin >= 0 m/s"
+    slow, fast = (
+        margin(run("relay_approach_navigated", stop=700.0, set={"target.v_0_N": v}, every=5), text)
+        for v in ([0, 0.008, 0.006], [-0.002, 0.012, 0.012])
+    )
+    assert slow > 0.01
+    assert fast == pytest.approx(-8.4e-3, abs=1e-3)
 
 
 PLANAR = {"monitor.passive_time": 0, "controller.t_abort": 14_400.0}
@@ -204,6 +258,12 @@ def test_a_servicer_that_loses_its_attitude_says_so_and_when():
     assert "servicer: step failed" in row.message
     assert "refused: rate_margin = -" in row.message
     assert "the attitude is lost) (at t = 1351 s)" in row.message
+
+
+def test_importance_sampling_with_few_flights_for_38_numbers_is_refused(tmp_path):
+    entry = {"of": "clearance", "method": "importance", "flights": 20_000}
+    with pytest.raises(UsageError, match=r"at least 20900, .* 380 flights per level in 38 numbers"):
+        probability(table(probability=entry), tmp_path / "p.zarr", workers=0)
 
 
 @pytest.mark.long
