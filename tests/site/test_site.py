@@ -87,7 +87,9 @@ def test_every_page_opens_without_error_request_or_missing_picture(opened):
     for path in PAGES:
         opened.goto(path.as_uri(), wait_until="load")
         missing = opened.evaluate(
-            "[...document.images].filter(i => i.complete && !i.naturalWidth).map(i => i.src)"
+            # one without an address is the frame of a picture that the page prints
+            "[...document.images].filter(i => i.getAttribute('src'))"
+            ".filter(i => i.complete && !i.naturalWidth).map(i => i.src)"
         )
         assert missing == [], path.name
 
