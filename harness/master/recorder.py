@@ -4,14 +4,21 @@
 from __future__ import annotations
 
 import sys
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import UsageError
 
-ALONE = 2
-"""References to a table: of its recorder, and of the call that counts them."""
+
+def _references(holder: Any) -> int:
+    return sys.getrefcount(holder.table)
+
+
+ALONE = _references(SimpleNamespace(table=np.empty(0)))
+"""References to a table that only its recorder holds, as this interpreter counts them."""
 
 
 def recorded(steps: int, every: int) -> NDArray[np.int64]:
@@ -52,7 +59,7 @@ class Recorder:
     @property
     def unseen(self) -> bool:
         """Whether no result and no view shows the table."""
-        return sys.getrefcount(self.table) == ALONE
+        return _references(self) == ALONE
 
     def keep_in(self, table: NDArray[np.float64], marks: NDArray[np.int64]) -> None:
         """Use other arrays of the same shapes, which another process shares."""
