@@ -18,11 +18,9 @@ from harness.errors import HarnessError, ResultsError, UsageError
 from harness.files.libraries import library
 from harness.mission.library import everything, of_result
 from harness.mission.mission import Bodies
-from harness.results.result import Result
+from harness.results.result import Array, Result
 from harness.spelling import did_you_mean
 from harness.system.instants import after, days_since_j2000, epoch_of
-
-Array = NDArray[np.float64]
 
 EPOCH = "2000-01-01T12:00:00"
 """Instant of t = 0 of a run without a date, unless the user names one: J2000."""

@@ -18,9 +18,7 @@ from numpy.typing import NDArray
 from harness.errors import ResultsError, UsageError
 from harness.exchange.bodies import Body, bodies, instants
 from harness.files.output import written
-from harness.results.result import Result
-
-Array = NDArray[np.float64]
+from harness.results.result import Array, Result
 
 ORIGINATOR = "SERVICING-FMUS"
 ASSUMED = "N of the simulation is taken as EME2000; t = 0 is the epoch of the run, or J2000"

@@ -18,10 +18,8 @@ from numpy.typing import NDArray
 from harness.exchange.bodies import Body, bodies, instants
 from harness.files.libraries import library
 from harness.files.output import written
-from harness.results.result import Result
+from harness.results.result import Array, Result
 from harness.system.instants import days_since_j2000
-
-Array = NDArray[np.float64]
 
 ROWS = 5000
 """Rows that Cesium interpolates between; more are thinned to this number."""

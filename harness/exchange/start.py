@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.errors import StructureError, UsageError
 from harness.exchange import two_line
@@ -31,12 +30,10 @@ from harness.files.temporary import PrivateFolder
 from harness.master.simulation import Simulation
 from harness.mission.library import everything, mission
 from harness.mission.mission import Bodies
-from harness.results.result import Result
+from harness.results.result import Array, Result
 from harness.spelling import did_you_mean
 from harness.system.instants import J2000, days_since_j2000, epoch_of, moment, written
 from harness.system.model import System
-
-Array = NDArray[np.float64]
 
 SAME_AXES = ("EME2000", "J2000", "GCRF", "GCRS", "ICRF")
 LONGEST = 256 * 1024**2

@@ -9,12 +9,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.figures.style import SCREEN, Style, legend_above, new_canvas, save, time_axis
+from harness.results.result import Array
 from harness.system.units import with_unit
-
-Array = NDArray[np.float64]
 
 COLUMNS, TICKS = 3, 8
 """Panels side by side; values of a factor up to which each has its tick."""

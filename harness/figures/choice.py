@@ -11,10 +11,10 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from harness.errors import UsageError
-from harness.mission.figure import AXES, Array, Curve, Drawing, Figure, Overlay, Panel
+from harness.mission.figure import AXES, Curve, Drawing, Figure, Overlay, Panel
 from harness.mission.library import missing, of_result
 from harness.mission.mission import together
-from harness.results.result import Result
+from harness.results.result import Array, Result
 from harness.spelling import did_you_mean, file_stem
 
 PANELS = 8
@@ -41,7 +41,7 @@ def overlays_of(results: Mapping[str, Result]) -> Sequence[Figure | Overlay]:
 def general(result: Result) -> Iterator[Figure]:
     """The moving variables of every component, some panels a figure."""
     components: dict[str, list[str]] = {}
-    for name in _variables(result):
+    for name in result.names:
         if len(result.time) and np.ptp(result[name], axis=0).any():
             components.setdefault(name.partition(".")[0], []).append(name)
     for component, names in components.items():
@@ -49,13 +49,6 @@ def general(result: Result) -> Iterator[Figure]:
             figure = figure_of(result, names[k : k + PANELS])
             number = f"_{k // PANELS + 1}" if len(names) > PANELS else ""
             yield Figure(f"{component}{number}", f"{result.system}: {component}", figure.panels)
-
-
-def _variables(result: Result) -> Iterator[str]:
-    """Vectors, and the scalars that belong to none."""
-    whole = {int(column) for columns in result.vectors.values() for column in columns.flat}
-    yield from result.vectors
-    yield from (name for i, name in enumerate(result.columns) if i not in whole)
 
 
 def figure_of(result: Result, names: Sequence[str]) -> Figure:

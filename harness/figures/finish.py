@@ -11,9 +11,8 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from harness.results.result import Array
 
 DASHES = (
     (0, (5, 1.5)), (0, (6, 1.5, 1, 1.5)), (0, (1, 1.3)), (0, (3, 1, 1, 1, 1, 1)),

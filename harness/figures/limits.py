@@ -10,9 +10,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from harness.results.result import Array
 
 ROUNDING = 1e-10
 """A curve smaller than this part of those in the same unit beside it, or than this part of its own

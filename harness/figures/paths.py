@@ -7,7 +7,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from harness.mission.figure import Array, Axes, Colour
+from harness.mission.figure import Axes, Colour
+from harness.results.result import Array
 
 SHORTEST = 0.35
 """Shortest axis of a view in space, as part of the longest."""

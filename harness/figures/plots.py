@@ -32,8 +32,8 @@ from harness.figures.style import (
     time_axis,
     wrapped,
 )
-from harness.mission.figure import Array, Colour, Curve, Drawing, Figure, Overlay, Panel
-from harness.results.result import Result
+from harness.mission.figure import Colour, Curve, Drawing, Figure, Overlay, Panel
+from harness.results.result import Array, Result
 
 _log = logging.getLogger("harness")
 

@@ -13,13 +13,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from harness.errors import UsageError
 from harness.files.output import written
-
-Array = NDArray[np.float64]
+from harness.results.result import Array
 
 SHEETS = Path(__file__).parent / "styles"
 NARROW, HOURS = 8.0, 7200.0

@@ -11,12 +11,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from harness.results.result import Result
+from harness.results.result import Array, Result, Rows
 from harness.results.verdict import Judged, Kind, Verdict
 
-Array = NDArray[np.float64]
 Evaluation = Callable[[Result], tuple[float, ...]]
 """Numbers taken from a result: the first is judged, the others are shown with it. May raise
 CannotJudgeError.
@@ -216,7 +214,7 @@ def parameter(result: Result, name: str) -> Array:
     return result.parameter(name)
 
 
-def between(result: Result, begin: float, end: float) -> NDArray[np.intp]:
+def between(result: Result, begin: float, end: float) -> Rows:
     """Rows of begin <= t <= end [s], at least one; NotExercisedError if the run is over before the
     end of that.
     """
@@ -228,14 +226,14 @@ def between(result: Result, begin: float, end: float) -> NDArray[np.intp]:
     return chosen
 
 
-def since(result: Result, begin: float, reach: float) -> NDArray[np.intp]:
+def since(result: Result, begin: float, reach: float) -> Rows:
     """Rows from a time on; NotExercisedError if the run is over before it has reached another time
     [s].
     """
     return between(result, begin, _end(result, reach))
 
 
-def final(result: Result, seconds: float, reach: float, before: float = 0.0) -> NDArray[np.intp]:
+def final(result: Result, seconds: float, reach: float, before: float = 0.0) -> Rows:
     """Rows of the last seconds of a run that reaches a time [s], or of as many seconds some time
     `before` the last.
     """

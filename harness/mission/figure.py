@@ -10,11 +10,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from harness.results.result import Result
+from harness.results.result import Array, Result
 
-Array = NDArray[np.float64]
 Axes = Any
 """Axes or figure of matplotlib, which is imported only when something is drawn."""
 Colour = Any

@@ -19,11 +19,10 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.mission.claim import Paper, RuleFinding, Validation
 from harness.mission.figure import Drawing, Figure, Overlay, Phase
-from harness.results.result import Result
+from harness.results.result import Array, Result
 
 
 @dataclass(frozen=True)
@@ -87,9 +86,6 @@ def apart(
                 f"{values[least]:.3g} {measure.unit}: more than {measure.apart:g} times apart, not "
                 "the same actuators"
             )
-
-
-Array = NDArray[np.float64]
 
 
 class Gauge(NamedTuple):

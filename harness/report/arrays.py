@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from harness.results.result import Array, Rows
 
 
 class Arrays:
@@ -48,9 +48,6 @@ class Arrays:
     def size(self) -> int:
         """Characters of all arrays in the page."""
         return sum(len(kept["data"]) for kept in self.content.values())
-
-
-Rows = NDArray[np.intp]
 
 
 def kept_rows(values: Array, points: int) -> Rows:

@@ -18,11 +18,9 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from harness.results.result import Result
+from harness.results.result import Array, Result
 
-Array = NDArray[np.float64]
 Part = dict[str, Any]
 
 SLIMMEST = 0.15

@@ -10,20 +10,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.errors import ResultsError
 from harness.report import comparison, study
 from harness.report.arrays import Arrays
 from harness.report.plots import Canvas, Plot, number
 from harness.report.template import render
+from harness.results.result import Array
 from harness.results.verdict import Judged, Verdict
 from harness.studies.campaign import summary
 from harness.studies.campaign.store import Store
 from harness.studies.campaign.worker import COMPLETE, FAILED, PENDING
 from harness.system.units import with_unit
-
-Array = NDArray[np.float64]
 
 DOTS = 3000
 """Runs that a plot shows as dots, at most."""

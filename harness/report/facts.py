@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator
 from typing import Any
 
 from harness.claims.case import listed
@@ -178,11 +177,5 @@ def parameters(result: Result) -> list[Facts]:
             "text": table.description(name),
             "changed": name in changed,
         }
-        for name in _names(table)
+        for name in table.names
     ]
-
-
-def _names(table: Result) -> Iterator[str]:
-    whole = {column for columns in table.vectors.values() for column in columns.flat}
-    yield from table.vectors
-    yield from (name for i, name in enumerate(table.columns) if i not in whole)

@@ -29,13 +29,12 @@ from harness.report.arrays import Arrays, kept_points, kept_rows
 from harness.report.plots import Canvas
 from harness.report.template import render, text_of
 from harness.report.trace import Trace, Traced, traces_kept
-from harness.results.result import Result
+from harness.results.result import Array, Result, Rows
 from harness.ssp.library import load
 from harness.system.graph import Checked, checked, read_interfaces
 from harness.system.model import System
 from harness.system.sliders import Slider, sliders
 
-Array = NDArray[np.float64]
 Data = dict[str, Any]
 
 LIVE = ("flight.js", "judge.js", "course.js", "fly.js", "fly.css")
@@ -240,7 +239,7 @@ class TracedCanvas(Canvas):
             self.drawn.append({"names": names, "places": places, "points": self.points})
         return {"name": name, **names, **look}
 
-    def rows_of(self, x: Array, y: Array) -> NDArray[np.intp]:
+    def rows_of(self, x: Array, y: Array) -> Rows:
         """The rows of a curve in a plane that are drawn."""
         rows = kept_points(np.array(x, dtype=float), np.array(y, dtype=float), self.points)
         self.chosen.append(rows)
@@ -271,7 +270,7 @@ class _PlainCanvas(Canvas):
         self.arrays.keep(values)
         return {"name": name, "x": "", "y": "", **look}
 
-    def rows_of(self, x: Array, y: Array) -> NDArray[np.intp]:
+    def rows_of(self, x: Array, y: Array) -> Rows:
         """The rows that the other one has chosen."""
         return np.asarray(next(self._chosen, np.arange(len(x))))
 

@@ -14,17 +14,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.errors import HarnessError, UsageError
 from harness.files import paths
 from harness.files.libraries import library
 from harness.mission.library import SYSTEM, systems
 from harness.report.arrays import Arrays
-from harness.results.result import Result
+from harness.results.result import Array, Result
 from harness.ssp.build import MODELS, extended
 
-Array = NDArray[np.float64]
 Scene = dict[str, Any]
 
 LONGEST = 64 * 1024**2

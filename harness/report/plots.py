@@ -15,16 +15,14 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.figures.limits import ROUNDING, unit_of
 from harness.mission import Curve, Figure, Panel, Phase
 from harness.mission.library import of_result
 from harness.report.arrays import Arrays, kept_points, kept_rows
-from harness.results.result import Result
+from harness.results.result import Array, Result, Rows
 from harness.system.names import base
 
-Array = NDArray[np.float64]
 Plot = dict[str, Any]
 
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
@@ -56,7 +54,7 @@ class Canvas:
             **look,
         }
 
-    def rows_of(self, x: Array, y: Array) -> NDArray[np.intp]:
+    def rows_of(self, x: Array, y: Array) -> Rows:
         """The rows of a curve in a plane that are drawn."""
         return kept_points(x, y, self.points)
 
@@ -155,7 +153,8 @@ def _idle(panel: Panel, *results: Result) -> list[list[Any]]:
 def signals(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
     """Every variable by component: what does not change with its value, the others as plots."""
     components: dict[str, dict[str, Any]] = {}
-    for name, values in variables(result):
+    for name in result.names:
+        values = result[name]
         component, _, variable = name.partition(".")
         group = components.setdefault(component, {"name": component, "plots": [], "fixed": []})
         about = {"variable": variable, "text": result.description(name), "unit": result.unit(name)}
@@ -164,14 +163,6 @@ def signals(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
         elif len(values):
             group["plots"].append(about | _signal(canvas, result, name, values))
     return list(components.values())
-
-
-def variables(result: Result) -> Iterator[tuple[str, Array]]:
-    """Scalars, vectors and flattened matrices; single elements of what is not whole."""
-    whole = {column for columns in result.vectors.values() for column in columns.flat}
-    single = (name for i, name in enumerate(result.columns) if i not in whole)
-    for name in (*result.vectors, *single):
-        yield name, result[name]
 
 
 def _signal(canvas: Canvas, result: Result, name: str, values: Array) -> Plot:

@@ -13,7 +13,6 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.mission.library import of_result
 from harness.mission.mission import together
@@ -21,10 +20,8 @@ from harness.report import bodies, models
 from harness.report.arrays import Arrays
 from harness.report.story import told, told_of_several
 from harness.results.alignment import rotation_angle
-from harness.results.result import Result
+from harness.results.result import Array, Result, Rows
 
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
 Scene = dict[str, Any]
 
 LEAST, MOST = 600, 3000

@@ -12,17 +12,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.errors import HarnessError
 from harness.exchange.bodies import instants, names_of, shadow, sun_direction
 from harness.files.libraries import library
 from harness.report.arrays import Arrays
-from harness.results.result import Result
+from harness.results.result import Array, Result, Rows
 from harness.system.instants import days_since_j2000
 
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
 Scene = dict[str, Any]
 
 EARTH = 6378137.0

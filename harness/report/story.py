@@ -11,16 +11,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.claims.report import rule_findings
 from harness.mission.library import of_result
 from harness.report.arrays import Arrays
 from harness.results.requirements import findings
-from harness.results.result import Result
+from harness.results.result import Array, Result
 from harness.results.verdict import Verdict
 
-Array = NDArray[np.float64]
 Scene = dict[str, Any]
 DARK = 0.5
 """Part of the disc of the Sun that is covered in the shadow."""

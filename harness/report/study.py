@@ -11,16 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.report.plots import Canvas, Plot
 from harness.results.files import read
-from harness.results.result import Result
+from harness.results.result import Array, Result
 from harness.studies.campaign.store import Store
 from harness.studies.inquiry import summary
 from harness.studies.inquiry.worst import confirmed
-
-Array = NDArray[np.float64]
 
 WORST = 30
 """Flights whose numbers are drawn side by side."""

@@ -13,11 +13,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from harness.results.result import Result
+from harness.results.result import Array, Result
 
-Array = NDArray[np.float64]
 PERIOD = "sample_period"
 """Parameter of sampled components [s]; 0: at every step."""
 

@@ -121,19 +121,9 @@ def history(result: Result, path: str) -> Any:
 
 # ---- units
 
-KEEPING = (
-    "abs",
-    "first",
-    "last",
-    "max",
-    "mean",
-    "min",
-    "norm",
-    "percentile",
-    "rms",
-    "std",
-    "total",
-)
+KEEPING = {
+    "abs", "first", "last", "max", "mean", "min", "norm", "percentile", "rms", "std", "total",
+}  # fmt: skip
 """Functions whose value has the unit of their first argument."""
 
 

@@ -21,7 +21,6 @@ from pathlib import Path
 from harness.errors import HarnessError, ResultsError, UsageError
 from harness.files.output import new_beside, written
 from harness.files.signals import held
-from harness.results import sidecar
 from harness.results.formats import comma_separated, matlab, netcdf, parquet
 from harness.results.formats.columns import sound
 from harness.results.result import Result
@@ -98,7 +97,7 @@ class ResultFile:
         if not self._special:
             partial = self._target.with_name(self.partial.name)
             partial.unlink(missing_ok=True)
-            sidecar.place(partial).unlink(missing_ok=True)
+            comma_separated.beside(partial).unlink(missing_ok=True)
 
     def keep(self, result: Result) -> str:
         """Write the result of a run that ended early, beside the file; returns where it is.
@@ -119,7 +118,7 @@ class ResultFile:
             with held(), nullcontext(path) if self._special else written(path) as target:
                 WRITERS[path.suffix](result, target)
             if path.suffix == ".csv" and not self._special:
-                sidecar.write(result, path)
+                comma_separated.write_beside(result, path)
         except HarnessError as error:
             if not isinstance(error, ResultsError):  # a library is missing
                 raise

@@ -28,11 +28,8 @@ from numpy.typing import NDArray
 
 from harness.results.evaluation import evaluate, history, unit_in, unit_of
 from harness.results.expressions import BINARY, WINDOWED, Guard, variables, window_of
-from harness.results.result import Result
+from harness.results.result import Array, Result, Rows
 from harness.system.units import convert
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
 
 TOLERANCE = 1e-9
 """Part of the time by which a row may miss the end of a window and still belong to it."""

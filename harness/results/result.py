@@ -17,6 +17,11 @@ from harness.results.views import Views
 from harness.spelling import did_you_mean
 from harness.system.names import base, grid, index
 
+Array = NDArray[np.float64]
+"""Numbers of a result, of a history by row: (rows,) or (rows, n)."""
+Rows = NDArray[np.intp]
+"""Rows of a history by their number."""
+
 
 @dataclass(frozen=True, repr=False)
 class Result(Views):
@@ -29,10 +34,10 @@ class Result(Views):
     """
 
     system: str
-    time: NDArray[np.float64]
+    time: Array
     columns: tuple[str, ...]
     units: tuple[str, ...]
-    values: NDArray[np.float64]
+    values: Array
     descriptions: tuple[str, ...] = ()
     complete: bool = True
     message: str = ""
@@ -46,7 +51,7 @@ class Result(Views):
             array.flags.writeable = False
             object.__setattr__(self, name, array)
 
-    def parameter(self, name: str) -> NDArray[np.float64]:
+    def parameter(self, name: str) -> Array:
         """Value of a parameter: (), (n,) for a vector, (m, n) for a matrix; KeyError with close
         matches.
         """
@@ -54,7 +59,7 @@ class Result(Views):
             raise KeyError(f"{name}: the result does not hold the parameters of the run")
         return np.asarray(self.parameters[name][0])
 
-    def __getitem__(self, name: str) -> NDArray[np.float64]:
+    def __getitem__(self, name: str) -> Array:
         """History of a variable: (rows,) for a scalar or an element, (rows, n) for a vector, (rows,
         m, n) for a matrix.
 
@@ -99,6 +104,12 @@ class Result(Views):
         shape.
         """
         return _vectors(tuple(self.columns))
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Vectors and matrices, then the scalars and elements that belong to none."""
+        whole = {column for columns in self.vectors.values() for column in columns.flat}
+        return (*self.vectors, *(n for i, n in enumerate(self.columns) if i not in whole))
 
 
 @lru_cache(maxsize=16)

@@ -1,19 +1,85 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A result in a notebook: a short text, a table with units, xarray and pandas, figures, files.
+"""A result as others see it: variables with axes, of which netCDF, .mat and xarray are made; in a
+notebook a short text, a table with units, pandas, figures, files.
 
 What draws, writes and reports stands above results and is attached there: harness.api.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from html import escape
 from typing import Any, ClassVar
 
-from harness.results.variables import attributes, time_labels, variables
+import numpy as np
+from numpy.typing import NDArray
 
+from harness.results.provenance import flat
+from harness.system.values import expand
+
+Table = Any
+"""A Result, which knows this module."""
+
+ELEMENTS = "elements"
+"""Attribute with the names of the elements of a vector where they are not counted from 1."""
+PROVENANCE = "provenance_"
+"""Begin of the attributes that say where a result comes from."""
+AXES = {3: "axis"}
+"""Name of the second dimension of a vector by its length; other lengths n are called axis_n."""
 SHOWN = 400
 """Variables that a table in a notebook lists."""
+
+
+def variables(
+    table: Table | None,
+) -> Iterator[tuple[str, tuple[str, ...], NDArray[np.float64], dict[str, str]]]:
+    """Vectors with an axis, matrices with row and column, the rest as they are: name, axes, (rows,
+    ...), attributes.
+    """
+    if table is None:
+        return
+    for name in table.names:
+        values = table[name]
+        about = {"units": table.unit(name), "long_name": table.description(name)}
+        if name in table.vectors:
+            given = [table.columns[i] for i in table.vectors[name].flat]
+            if given != element_names(name, values.shape[1:]):
+                about[ELEMENTS] = in_lines(given)
+        yield name, _dimensions(values.shape[1:]), values, about
+
+
+def _dimensions(shape: tuple[int, ...]) -> tuple[str, ...]:
+    if len(shape) == 1:
+        return (AXES.get(shape[0], f"axis_{shape[0]}"),)
+    return tuple(f"{name}_{n}" for name, n in zip(("row", "column", "layer"), shape, strict=False))
+
+
+def element_names(name: str, shape: tuple[int, ...]) -> list[str]:
+    """Scalars of a variable of that shape, counted from 1."""
+    return list(expand(name, np.empty(shape).tolist())) if shape else [name]
+
+
+def in_lines(names: Iterable[str]) -> str:
+    """Names in one text, a line each: a backslash begins a line break inside of a name."""
+    return "\n".join(name.replace("\\", r"\\").replace("\n", r"\n") for name in names)
+
+
+def time_labels(table: Table) -> dict[str, str]:
+    """CF attributes of the time."""
+    units = "s" if table.provenance is None else table.provenance.time_units
+    dated = {} if units == "s" else {"calendar": "proleptic_gregorian"}
+    return {"units": units, "long_name": "time", **dated}
+
+
+def attributes(table: Table) -> dict[str, Any]:
+    """What is said of a whole result."""
+    origin = {} if table.provenance is None else flat(table.provenance)
+    return {
+        "system": table.system,
+        "message": table.message,
+        "complete": int(table.complete),
+        **{PROVENANCE + name: value for name, value in origin.items()},
+    }
 
 
 class Views:

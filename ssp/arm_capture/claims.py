@@ -18,9 +18,8 @@ from harness.mission.claim import (
     at_least,
     at_most,
 )
-from harness.mission.figure import Array
 from harness.results.alignment import turned as rotated
-from harness.results.result import Result
+from harness.results.result import Array, Result
 
 from ..shared.relative_motion import SERVICER, TARGET
 from .kinematics import ARM, arm_of

@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from harness.mission.figure import Array
 from harness.results.alignment import turned
-from harness.results.result import Result
+from harness.results.result import Array, Result
 
 NAMES = ("joints", "joint_axis", "joint_offset", "p_EA_A", "q_EA", "link_mass", "link_inertia")
 ARM = tuple(f"servicer.{name}" for name in NAMES)

@@ -19,9 +19,8 @@ import numpy as np
 from harness.errors import UsageError
 from harness.master.changes import Changes, apply
 from harness.master.simulation import Simulation, simulate
-from harness.mission.figure import Array
 from harness.results.alignment import turned
-from harness.results.result import Result
+from harness.results.result import Array, Result
 from harness.ssp.library import load
 from harness.system.model import System
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from harness.mission.figure import Array, Axes, Colour, Curve, Figure, Overlay, Panel, degrees
-from harness.results.result import Result
+from harness.mission.figure import Axes, Colour, Curve, Figure, Overlay, Panel, degrees
+from harness.results.result import Array, Result
 
 from .figures import JOINTS
 from .kinematics import Arm, arm_of, pose

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from harness.mission.figure import Array
+from harness.results.result import Array
 
 from .kinematics import Arm, Pose, jacobian, pose
 

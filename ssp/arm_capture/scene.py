@@ -11,10 +11,10 @@ import numpy as np
 from harness.mission import Scene
 from harness.report import bodies
 from harness.report.arrays import Arrays
-from harness.report.scene import Array, Rows, joint, number
 from harness.report.scene import Scene as Data
+from harness.report.scene import joint, number
 from harness.report.story import event, runs_of
-from harness.results.result import Result
+from harness.results.result import Array, Result, Rows
 
 from ..shared.approach_scene import PAIR, Outfit, pair, pairs
 from ..shared.docking_scene import DOCKING, LATCH, drogue, floor

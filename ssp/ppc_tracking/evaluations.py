@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.mission.claim import ROUNDING, Array, CannotJudgeError, between, parameter, since
-from harness.results.result import Result
+from harness.mission.claim import ROUNDING, CannotJudgeError, between, parameter, since
+from harness.results.result import Array, Result
 
 from ..shared.relative_motion import attitude_error
 

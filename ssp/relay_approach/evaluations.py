@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.mission.claim import Array, CannotJudgeError, NotExercisedError, final
-from harness.results.result import Result
+from harness.mission.claim import CannotJudgeError, NotExercisedError, final
+from harness.results.result import Array, Result
 
 RANGE, TRANSITION = "guidance.range", "guidance.q_DS"
 VELOCITIES = ("servicer.v_SN_N", "target.v_TN_N")

@@ -10,8 +10,8 @@ import numpy as np
 from harness.figures.limits import ROUNDING
 from harness.figures.paths import draw_paths
 from harness.figures.style import legend_above
-from harness.mission.figure import AXES, Array, Axes, Curve, Drawing, Figure, Panel
-from harness.results.result import Result
+from harness.mission.figure import AXES, Axes, Curve, Drawing, Figure, Panel
+from harness.results.result import Array, Result
 
 from ..shared.relative_motion import SERVICER, TARGET, VELOCITIES, range_, relative_speed
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from harness.figures.style import legend_above, time_axis
-from harness.mission.figure import Array, Axes, Curve, Drawing, Figure, Panel
+from harness.mission.figure import Axes, Curve, Drawing, Figure, Panel
 from harness.results.alignment import turned
-from harness.results.result import Result
+from harness.results.result import Array, Result
 
 from ..shared.relative_motion import SERVICER, TARGET, range_
 from .flight import ISP, NEEDS, PHASES, increments, stays

@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from harness.mission import Limits, Measure
-from harness.mission.figure import Array
-from harness.results.result import Result
+from harness.results.result import Array, Result
 
 from ..shared.relative_motion import SERVICER, TARGET, range_
 

@@ -11,9 +11,9 @@ from functools import partial
 
 from harness.mission import Scene
 from harness.report.arrays import Arrays
-from harness.report.scene import Rows, number
+from harness.report.scene import number
 from harness.report.story import event, runs_of
-from harness.results.result import Result
+from harness.results.result import Result, Rows
 
 from ..arm_capture.scene import fit as arm
 from ..shared.approach_scene import PAIR, Outfit, pair, pairs

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from harness.figures.style import time_axis
-from harness.mission.figure import AXES, Array, Axes, Curve, Drawing, Figure, Level, Panel, degrees
-from harness.results.result import Result
+from harness.mission.figure import AXES, Axes, Curve, Drawing, Figure, Level, Panel, degrees
+from harness.results.result import Array, Result
 
 from .relative_motion import (
     ATTITUDE,

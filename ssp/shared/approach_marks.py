@@ -11,9 +11,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from harness.report.arrays import Arrays
-from harness.report.scene import Array, Rows, Scene
+from harness.report.scene import Scene
 from harness.results.alignment import turned
-from harness.results.result import Result
+from harness.results.result import Array, Result, Rows
 
 from .relative_motion import REFERENCE, SERVICER, TARGET
 from .safety import FIRST, RESTING, RULES, Rule, findings, limit

@@ -10,10 +10,10 @@ import numpy as np
 
 from harness.report import bodies
 from harness.report.arrays import Arrays
-from harness.report.scene import Array, Body, Rows, Scene, frames, in_orbit, instants, scene
+from harness.report.scene import Body, Scene, frames, in_orbit, instants, scene
 from harness.report.sky import sky
 from harness.report.story import event, of_run
-from harness.results.result import Result
+from harness.results.result import Array, Result, Rows
 
 from . import approach_marks as marks
 from . import flexible

@@ -10,9 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from harness.report import bodies
-from harness.report.scene import Array
 from harness.results.alignment import turned
-from harness.results.result import Result
+from harness.results.result import Array, Result
 
 DOCKING = tuple(
     f"mechanism.{name}"

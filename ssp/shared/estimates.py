@@ -10,12 +10,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.results.alignment import is_late
-from harness.results.result import Result
-
-Array = NDArray[np.float64]
+from harness.results.result import Array, Result
 
 FILTER = "relative_filter"
 BODIES = (

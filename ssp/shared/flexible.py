@@ -9,16 +9,14 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.mission import Figure, Limits, Measure
 from harness.mission.figure import Curve, Panel, degrees
 from harness.report import bodies
 from harness.report.arrays import Arrays
 from harness.results.expressions import STEADY
-from harness.results.result import Result
+from harness.results.result import Array, Result
 
-Array = NDArray[np.float64]
 Link = dict[str, Any]
 
 ANGLES, SLOSH = "servicer.panel_angle", "servicer.slosh_displacement"

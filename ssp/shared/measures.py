@@ -12,11 +12,10 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.mission import Limits, Measure
 from harness.results.expressions import STEADY, settling_time, steady_error
-from harness.results.result import Result
+from harness.results.result import Array, Result
 
 from . import estimates, safety
 from . import relative_motion as derived
@@ -29,8 +28,6 @@ from .relative_motion import (
     reference_range,
     release_time,
 )
-
-Array = NDArray[np.float64]
 
 APART = 10.0
 """Factor between peaks from which on two controllers do not have the same actuators."""

@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from harness.mission import Phase
-from harness.mission.figure import DEGREES, Array, scaled
-from harness.results.result import Result
+from harness.mission.figure import DEGREES, scaled
+from harness.results.result import Array, Result
 
 from .relative_motion import SERVICER, TARGET, VELOCITIES, range_, release_time
 

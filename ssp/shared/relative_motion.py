@@ -8,12 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.results.alignment import aligned, is_late, relative_mrp, rotation_angle, turned
-from harness.results.result import Result
-
-Array = NDArray[np.float64]
+from harness.results.result import Array, Result
 
 SERVICER, TARGET, REFERENCE = "servicer.r_SN_N", "target.r_TN_N", "guidance.rho_ref_N"
 VELOCITIES = ("servicer.v_SN_N", "target.v_TN_N")

@@ -10,8 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from harness.mission.claim import Array, parameter
-from harness.results.result import Result
+from harness.mission.claim import parameter
+from harness.results.result import Array, Result
 
 from .pitch import ANOMALY, PITCH, RATE, orbits, strobe
 

@@ -8,11 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from harness.results.result import Result
-
-Array = NDArray[np.float64]
+from harness.results.result import Array, Result
 
 PITCH, RATE, ANOMALY = "robot.pitch", "robot.pitch_rate", "robot.true_anomaly"
 TURN = 2 * np.pi

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.mission.claim import Array, CannotJudgeError, NotExercisedError, at, final, since
-from harness.results.result import Result
+from harness.mission.claim import CannotJudgeError, NotExercisedError, at, final, since
+from harness.results.result import Array, Result
 
 from ..shared import relative_motion as derived
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from harness.figures.style import MANY, legend_above, time_axis
 from harness.mission.figure import (
-    Array,
     Axes,
     Curve,
     Drawing,
@@ -22,7 +21,7 @@ from harness.mission.figure import (
     degrees,
     norm,
 )
-from harness.results.result import Result
+from harness.results.result import Array, Result
 
 from .tracking import attitude_error as tracking_error
 

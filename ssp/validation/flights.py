@@ -9,14 +9,14 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from harness.results.result import Array
 
 from .case import Case
 from .library import Instance, Library
 from .orbits import dcm, eccentricity, node_and_perigee
 from .rendezvous import rendezvous
 
-Array = NDArray[np.float64]
 Quantities = dict[str, Array]
 Flight = Callable[[Case, Library], list[Quantities]]
 SHORTEST = 1e-9

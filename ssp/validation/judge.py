@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from harness.mission.claim import Row
+from harness.results.result import Array
 
 from .case import Case
 from .flights import expected, fly
 from .library import Library
-from .orbits import Array, angle_between
+from .orbits import angle_between
 
 
 def judge(case: Case, library: Library) -> list[Row]:

@@ -9,14 +9,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from harness.results.result import Array
 
 from .library import Library, fly_system
 
 if TYPE_CHECKING:
     from .case import Case
 
-Array = NDArray[np.float64]
 SYSTEM = "arch_rendezvous"
 MINUTE = 60.0
 EVERY, INTERVAL = 1500, 300.0

@@ -1,24 +1,36 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A .csv: a bare table for whatever reads tables; units and parameters stand in NAME.csv.toml."""
+"""A .csv: a bare table for whatever reads tables, and beside it NAME.csv.toml: units, meanings,
+parameters and provenance.
+
+What a bare table does not say of itself stands beside the .csv and not in it, so that a spreadsheet
+or pandas reads the table without being told anything. NAME.csv.toml holds the hash of the table
+that it belongs to; beside any other it counts for nothing.
+"""
 
 from __future__ import annotations
 
 import csv
+import logging
 import os
+import tomllib
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TextIO
 
 import numpy as np
 
-from harness.results import sidecar
+from harness.files.output import written
+from harness.files.sealed import sha256
+from harness.results.formats.columns import content, told
 from harness.results.result import Result
 
 INCOMPLETE = "# incomplete: "
 """Begin of the last line of a run that ended early; its reason follows."""
-
 LONGEST_LINE = 64 * 1024**2
 """Characters."""
+
+_log = logging.getLogger("harness")
 
 
 def write(result: Result, path: Path) -> None:
@@ -40,6 +52,21 @@ def _quoted(name: str) -> str:
     return '"{}"'.format(name.replace('"', '""')) if marks else name
 
 
+def read(path: Path) -> Result:
+    """Read the table and what is beside it; ValueError if it is none."""
+    with path.open(encoding="utf-8", newline="") as file:
+        names = next(csv.reader(_lines(file)), [])
+        if names[:1] != ["time"]:
+            raise ValueError("it does not begin with a column named time")
+        table = np.loadtxt(file, delimiter=",", ndmin=2)
+    if table.shape[1] != len(names):
+        raise ValueError(f"{len(names)} names for {table.shape[1]} columns")
+    _, mark, reason = _last_line(path).partition(INCOMPLETE)
+    units = ("",) * (len(names) - 1)
+    result = Result(path.stem, table[:, 0], tuple(names[1:]), units, table[:, 1:])
+    return _completed(replace(result, complete=not mark, message=reason.strip()), path)
+
+
 def _lines(file: TextIO) -> Iterator[str]:
     """Lines of a file; ValueError if one does not end, as those of a device."""
     while line := file.readline(LONGEST_LINE):
@@ -48,33 +75,43 @@ def _lines(file: TextIO) -> Iterator[str]:
         yield line
 
 
-def read(path: Path) -> Result:
-    """Read the table and what is beside it; ValueError if it is none."""
-    with path.open(encoding="utf-8", newline="") as file:
-        names = next(csv.reader(_lines(file)), [])
-        if not names or names[0] != "time":
-            raise ValueError("it does not begin with a column named time")
-        table = np.loadtxt(file, delimiter=",", ndmin=2)
-    reason = _last_line(path).partition(INCOMPLETE)
-    if table.shape[1] != len(names):
-        raise ValueError(f"{len(names)} names for {table.shape[1]} columns")
-    units = ("",) * (len(names) - 1)
-    result = Result(
-        path.stem,
-        table[:, 0],
-        tuple(names[1:]),
-        units,
-        table[:, 1:],
-        (),
-        not reason[1],
-        reason[2].strip(),
-    )
-    return sidecar.completed(result, path)
-
-
 def _last_line(path: Path) -> str:
     with path.open("rb") as file:
         file.seek(0, os.SEEK_END)
         file.seek(max(0, file.tell() - 10_000))
         lines = file.read().decode(errors="replace").splitlines()
     return lines[-1] if lines else ""
+
+
+# ---- the file beside
+
+
+def beside(path: Path) -> Path:
+    """Where the file beside a .csv is."""
+    return path.with_name(f"{path.name}.toml")
+
+
+def write_beside(result: Result, path: Path) -> None:
+    """Write the file beside a .csv that is complete; OSError or ResultsError."""
+    import tomli_w
+
+    about = {"sha256": sha256(path), **content(result)}
+    with written(beside(path)) as target:
+        target.write_text(tomli_w.dumps(about), encoding="utf-8")
+
+
+def _completed(result: Result, path: Path) -> Result:
+    """The result of a .csv with what stands beside it; as it is if there is nothing, or of another
+    table.
+    """
+    try:
+        about = tomllib.loads(beside(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return result
+    except (OSError, ValueError, RecursionError) as error:
+        _log.warning("%s: cannot be read (%s)", beside(path).name, error)
+        return result
+    if about.get("sha256") != sha256(path):
+        _log.warning("%s: is of another %s, it is not used", beside(path).name, path.name)
+        return result
+    return told(result, about)

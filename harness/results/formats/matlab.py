@@ -8,17 +8,23 @@ import re
 import struct
 import zlib
 from collections.abc import Collection, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from harness.results.formats.columns import flat_columns, numbers, refuse_nul, refuse_size
-from harness.results.provenance import flat, from_flat
-from harness.results.result import Result
-from harness.results.variables import ELEMENTS, element_names, in_lines, variables
+from harness.results.formats.columns import numbers, refuse_nul, refuse_size, restored
+from harness.results.provenance import flat
+from harness.results.result import Array, Result
+from harness.results.views import ELEMENTS, element_names, in_lines, variables
+
+TOLD = {"units": "units", "long_name": "descriptions", ELEMENTS: "columns"}
+"""Structs of a .mat with texts about its variables, by attribute."""
+OF_FIXED = "parameter_"
+"""Begin of the names of these structs where they are about parameters."""
+STRUCTS = tuple(begin + name for begin in ("", OF_FIXED) for name in TOLD.values())
+RESERVED = ("time", "system", "complete", "message", "parameters", "provenance", *STRUCTS)
+"""Names in a .mat that are no component."""
 
 
 def write(result: Result, path: Path) -> None:
@@ -32,23 +38,19 @@ def write(result: Result, path: Path) -> None:
         "complete": float(result.complete),
         "message": result.message,
     }
-    told: dict[str, Any] = {name: {} for name in (*TOLD, *(f"parameter_{n}" for n in TOLD))}
+    told: dict[str, Any] = {name: {} for name in STRUCTS}
     fixed: dict[str, Any] = {}
-    for table, place, prefix in ((result, content, ""), (result.parameters, fixed, "parameter_")):
+    for table, place, begin in ((result, content, ""), (result.parameters, fixed, OF_FIXED)):
         for name, _, values, about in variables(table):
             component, variable = _place(place, name)
             place[component][variable] = values if table is result else values[0]
-            columns = about.get(ELEMENTS) or in_lines(element_names(name, values.shape[1:]))
-            for kind, text in zip(TOLD, (about["units"], about["long_name"], columns), strict=True):
-                told[prefix + kind].setdefault(component, {})[variable] = text
+            about.setdefault(ELEMENTS, in_lines(element_names(name, values.shape[1:])))
+            for attribute, kind in TOLD.items():
+                told[begin + kind].setdefault(component, {})[variable] = about[attribute]
     content |= told | {"parameters": fixed}
     if result.provenance is not None:
         content["provenance"] = flat(result.provenance)
     scipy.io.savemat(path, content, long_field_names=True, oned_as="column", do_compression=True)
-
-
-TOLD = ("units", "descriptions", "columns")
-"""Structs of a .mat with texts about its variables; those of parameters begin with `parameter_`."""
 
 
 def read(path: Path) -> Result:
@@ -62,15 +64,14 @@ def read(path: Path) -> Result:
         raise ValueError(f"it does not hold {' and '.join(sorted(missing))}")
     time = np.atleast_1d(numbers("time", content["time"]))
     histories = {n: v for n, v in content.items() if n not in RESERVED and isinstance(v, dict)}
-    system = str(content["system"])
     fixed, origin = (_struct(content, name) for name in ("parameters", "provenance"))
-    parameters = _told(system, time[:1], fixed, content, "parameter_") if fixed else None
-    return replace(
-        _told(system, time, histories, content, ""),
-        complete=bool(content.get("complete", 1)),
-        message=_text(content.get("message", "")),
-        parameters=parameters,
-        provenance=from_flat(origin) if origin else None,
+    told = {"system": str(content["system"]), "message": _text(content.get("message", ""))}
+    return restored(
+        content | told,
+        time,
+        _variables(len(time), histories, content, ""),
+        _variables(1, fixed, content, OF_FIXED),
+        origin,
     )
 
 
@@ -111,29 +112,21 @@ def _struct(content: Mapping[str, Any], name: str) -> dict[str, Any]:
     return {}
 
 
-def _told(
-    system: str,
-    time: NDArray[np.float64],
-    structs: Mapping[str, Mapping[str, Any]],
-    content: Mapping[str, Any],
-    prefix: str,
-) -> Result:
-    """Structs of components with what is told about their fields."""
-    found: dict[str, tuple[NDArray[np.float64], dict[str, str]]] = {}
-    units, descriptions, columns = (_struct(content, prefix + kind) for kind in TOLD)
+def _variables(
+    rows: int, structs: Mapping[str, Any], content: Mapping[str, Any], begin: str
+) -> dict[str, tuple[Array, dict[str, str]]]:
+    """Fields of the structs of components with what is told about them."""
+    found: dict[str, tuple[Array, dict[str, str]]] = {}
+    texts = {attribute: _struct(content, begin + struct) for attribute, struct in TOLD.items()}
     for component, fields in structs.items():
         if not isinstance(fields, dict):
             raise ValueError(f"{component}: expected a struct, got {type(fields).__name__}")
         for field, values in fields.items():
-            array = numbers(f"{component}.{field}", values).reshape(len(time), -1)
             name = f"{component}.{field}"
-            about = {
-                "units": _text(_struct(units, component).get(field, "")),
-                "long_name": _text(_struct(descriptions, component).get(field, "")),
-                ELEMENTS: _text(_struct(columns, component).get(field, "")),
-            }
+            array = numbers(name, values).reshape(rows, -1)
+            about = {a: _text(_struct(t, component).get(field, "")) for a, t in texts.items()}
             found[name] = (array if about[ELEMENTS] or array.shape[1] > 1 else array[:, 0], about)
-    return flat_columns(system, time, found)
+    return found
 
 
 def _text(value: Any) -> str:
@@ -146,14 +139,6 @@ def _place(content: dict[str, Any], name: str) -> tuple[str, str]:
     component, _, variable = name.partition(".")
     component = _legal(component, RESERVED)
     return component, _legal(variable, content.setdefault(component, {}))
-
-
-RESERVED = (
-    *("time", "system", "complete", "message", "parameters", "provenance"),
-    *TOLD,
-    *(f"parameter_{name}" for name in TOLD),
-)
-"""Names in a .mat that are no component."""
 
 
 def _legal(name: str, taken: Collection[str]) -> str:

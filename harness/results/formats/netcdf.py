@@ -7,18 +7,12 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from harness.results.formats.columns import flat_columns, numbers, refuse_nul, refuse_size
-from harness.results.provenance import Provenance, from_flat
-from harness.results.result import Result
-from harness.results.variables import PROVENANCE, attributes, time_labels, variables
+from harness.results.formats.columns import numbers, refuse_nul, refuse_size, restored
+from harness.results.result import Array, Result
+from harness.results.views import PROVENANCE, attributes, time_labels, variables
 
 PACKED = 1000
 """Values from which a variable is compressed, without loss."""
@@ -57,7 +51,7 @@ def write(result: Result, path: Path) -> None:
 
 
 def _defined(
-    file: Any, name: str, axes: tuple[str, ...], data: NDArray[np.float64], about: dict[str, str]
+    file: Any, name: str, axes: tuple[str, ...], data: Array, about: dict[str, str]
 ) -> Any:
     """A new variable of a netCDF file, its dimensions and its attributes."""
     for axis, size in zip(axes, data.shape, strict=True):
@@ -85,18 +79,5 @@ def read(path: Path) -> Result:
                 histories[name] = (data, notes)
             elif name != "time":
                 fixed[name] = (data[None], notes)
-    system = about.get("system", path.stem)
-    parameters = flat_columns(system, time[:1], fixed) if fixed else None
-    complete, message = bool(about.get("complete", 1)), about.get("message", "")
-    return replace(
-        flat_columns(system, time, histories),
-        complete=complete,
-        message=message,
-        parameters=parameters,
-        provenance=_provenance(about),
-    )
-
-
-def _provenance(about: Mapping[str, Any]) -> Provenance | None:
-    found = {n.removeprefix(PROVENANCE): v for n, v in about.items() if n.startswith(PROVENANCE)}
-    return from_flat(found) if found else None
+    origin = {n.removeprefix(PROVENANCE): v for n, v in about.items() if n.startswith(PROVENANCE)}
+    return restored({"system": path.stem, **about}, time, histories, fixed, origin)

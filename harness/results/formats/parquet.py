@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from harness.files.libraries import library
-from harness.results import sidecar
-from harness.results.formats.columns import numbers, refuse_size
+from harness.results.formats.columns import content, numbers, refuse_size, told
 from harness.results.result import Result
 
 ABOUT = b"servicing-fmus"
@@ -26,8 +25,7 @@ def write(result: Result, path: Path) -> None:
     for name, unit, text in zip(result.columns, result.units, descriptions, strict=True):
         about = {"units": unit, "long_name": text}
         fields.append(arrow.field(name, arrow.float64(), metadata=about))
-    whole = json.dumps(sidecar.content(result))
-    schema = arrow.schema(fields, metadata={ABOUT: whole.encode()})
+    schema = arrow.schema(fields, metadata={ABOUT: json.dumps(content(result)).encode()})
     columns = [arrow.array(column) for column in (result.time, *result.values.T)]
     parquet.write_table(arrow.table(columns, schema=schema), path, compression="zstd")
 
@@ -51,4 +49,4 @@ def read(path: Path) -> Result:
     if not isinstance(about, dict):
         raise ValueError("its metadata is not a table")
     complete, message = about.get("complete", True), about.get("message", "")
-    return replace(sidecar.told(result, about), complete=complete, message=message)
+    return replace(told(result, about), complete=complete, message=message)
