@@ -21,6 +21,7 @@ from harness.report.campaign import of_dataset
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from harness.studies.campaign.campaign import like
+from harness.studies.campaign.store import Store
 from harness.studies.inquiry import driver as driving
 from harness.studies.inquiry import worst as searches
 from tests.harness import demo
@@ -102,16 +103,21 @@ def test_worst_finds_the_corner_and_its_flight_repeats(system, tmp_path):
 
 
 def interrupted(monkeypatch, after):
-    """Ctrl-C when so many generations have flown."""
-    count, ask = [0], driving.Driver.ask
+    """Ctrl-C in the flights after so many parts of generations."""
+    count, fly = [0], Flights.fly
 
-    def asked(self, numbers):
+    def flown(self, values):
         count[0] += 1
         if count[0] > after:
             raise KeyboardInterrupt
-        return ask(self, numbers)
+        return fly(self, values)
 
-    monkeypatch.setattr(driving.Driver, "ask", asked)
+    monkeypatch.setattr(Flights, "fly", flown)
+
+
+def killed(monkeypatch):
+    """What waits for its block is lost."""
+    monkeypatch.setattr(driving.Driver, "close", lambda self: self._life.close())
 
 
 def test_a_study_goes_on_to_the_same_bits_whoever_flies(system, tmp_path, monkeypatch):
@@ -119,14 +125,38 @@ def test_a_study_goes_on_to_the_same_bits_whoever_flies(system, tmp_path, monkey
     whole = found_by(worst(given, tmp_path / "a.zarr", workers=0))
     four = found_by(worst(given, tmp_path / "b.zarr", workers=4))
     with monkeypatch.context() as patch:
-        interrupted(patch, 2)
+        interrupted(patch, 3)
         with pytest.raises(KeyboardInterrupt):
             worst(given, tmp_path / "c.zarr", workers=0)
+    assert there(tmp_path / "c.zarr") == 25
     resumed = found_by(worst(given, tmp_path / "c.zarr", workers=0, resume=True))
     once_more = found_by(worst(given, tmp_path / "c.zarr", workers=0, resume=True))
     for others in (four, resumed, once_more):
         for ours, theirs in zip(whole, others, strict=True):
             np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize(("block", "kept"), [(5, 20), (12, 24), (200, 0)])
+def test_a_killed_study_has_its_full_blocks_and_goes_on_to_the_same_bits(
+    system, tmp_path, monkeypatch, block, kept
+):
+    given = table(system, worst={"of": "small", "flights": 36})
+    whole = found_by(worst(given, tmp_path / "a.zarr", workers=0))
+    monkeypatch.setattr(driving, "LARGEST_BLOCK", block)
+    with monkeypatch.context() as patch:
+        interrupted(patch, {5: 6, 12: 3, 200: 3}[block])
+        killed(patch)
+        with pytest.raises(KeyboardInterrupt):
+            worst(given, tmp_path / "c.zarr", workers=0)
+    assert there(tmp_path / "c.zarr") == kept
+    resumed = found_by(worst(given, tmp_path / "c.zarr", workers=0, resume=True))
+    for ours, theirs in zip(whole, resumed, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+def there(path):
+    """Flights that a dataset has."""
+    return int((Store.open(path).array("status") != 0).sum())
 
 
 def test_flights_asked_by_another_version_are_refused(system, tmp_path):

@@ -254,7 +254,7 @@ def test_a_servicer_that_loses_its_attitude_says_so_and_when():
     given["fixed"] = {k: v for k, v in given["fixed"].items() if k != "params"}
     z = np.random.default_rng([1, 31]).standard_normal((1, 38))
     with Flights(given, workers=0) as flights:
-        (row,) = flights.rows(z)
+        (row,) = flights.fly([flights.values(z[0], 0)])
     assert "servicer: step failed" in row.message
     assert "refused: rate_margin = -" in row.message
     assert "the attitude is lost) (at t = 1351 s)" in row.message

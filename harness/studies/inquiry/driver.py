@@ -11,6 +11,7 @@ import json
 from collections.abc import Callable, Generator
 from contextlib import ExitStack
 from importlib.metadata import PackageNotFoundError, version
+from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -21,6 +22,7 @@ from harness.errors import UsageError
 from harness.files.signals import held
 from harness.spelling import one_line
 from harness.studies.campaign.campaign import Progress
+from harness.studies.campaign.plan import Values
 from harness.studies.campaign.store import Store, refuse_existing
 from harness.studies.campaign.worker import FAILED, PENDING, Row
 from harness.studies.inquiry.flights import Flights, margins_of
@@ -28,8 +30,10 @@ from harness.studies.inquiry.flights import Flights, margins_of
 Array = NDArray[np.float64]
 T = TypeVar("T")
 
-LEAST_BLOCK, BLOCKS, LARGEST_BLOCK = 16, 32, 200
-"""Flights of a block, which is written together: between so many, a part of the budget."""
+LARGEST_BLOCK, BLOCK_STEPS = 200, 500_000
+"""Flights of a block, which is written together, and their macro steps, at most: some seconds of
+work, which is what a kill costs.
+"""
 
 
 class Kept(NamedTuple):
@@ -38,6 +42,16 @@ class Kept(NamedTuple):
     numbers: Array
     margins: Array
     status: NDArray[np.int8]
+
+
+class _Flight(NamedTuple):
+    """A flight that waits for its block: generation, run, numbers, values of factors, record."""
+
+    generation: int
+    run: int
+    numbers: Array
+    values: Values
+    row: Row
 
 
 class Driver:
@@ -60,8 +74,7 @@ class Driver:
         self.heard: Callable[[Array, Array], None] = lambda *_: None
         self.progress = progress
         self._life = ExitStack()
-        self._rows: list[Row] = []
-        self._asked: list[tuple[Array, int, int]] = []
+        self._waiting: list[_Flight] = []
         self.store, self._kept = self._opened(resume)
         self.nominal = self.ask(np.zeros((1, flights.d)))[0]
 
@@ -79,7 +92,7 @@ class Driver:
                 store.mend(plan, task, found)
         else:
             refuse_existing(self.path)
-            block = max(LEAST_BLOCK, min(LARGEST_BLOCK, plan.runs // BLOCKS))
+            block = max(1, min(LARGEST_BLOCK, BLOCK_STEPS // found.steps))
             store = Store.create(self.path, plan, task, block, found)
             store.group.attrs.update({"kind": self.kind, "versions": _versions()})
             self._life.enter_context(store.alone())
@@ -118,42 +131,38 @@ class Driver:
         return margins
 
     def _fly(self, numbers: Array, margins: Array, missing: NDArray[np.intp]) -> None:
-        """Fly what is missing, in stretches of consecutive runs, and keep it block by block."""
+        """Fly what is missing, at most a block at once, and keep it block by block."""
         block = self.store.block
-        for run in missing:
-            self._asked.append((numbers[run], self.flown + int(run), self.generation))
-        if len(missing):
-            rows = []
-            stretches = np.split(missing, np.flatnonzero(np.diff(missing) > 1) + 1)
-            for part in stretches:
-                rows += self.flights.rows(numbers[part], self.flown + int(part[0]))
-            margins[missing] = margins_of(rows)
-            self._rows += rows
+        for k in range(0, len(missing), block):
+            part = missing[k : k + block]
+            runs = [self.flown + int(place) for place in part]
+            values = list(map(self.flights.values, numbers[part], runs))
+            rows = self.flights.fly(values)
+            margins[part] = margins_of(rows)
             self.failed += sum(row.status == FAILED for row in rows)
-        while self._asked and (n := self._full(block)):
-            self._write(n)
+            each = zip(runs, numbers[part], values, rows, strict=True)
+            self._waiting += [_Flight(self.generation, *flight) for flight in each]
+            self._write((runs[-1] + 1) // block * block)
+            self._say(runs[-1] + 1)
+        self._say(self.flown + len(numbers))
+
+    def _say(self, done: int) -> None:
         if self.progress is not None:
-            done = self.flown + len(numbers)
             self.progress(Progress(done, self.store.runs, self.failed))
 
-    def _full(self, block: int) -> int:
-        """Flights that wait and end a block of the dataset, 0 if none do."""
-        for k, (_, run, _) in enumerate(self._asked, 1):
-            consecutive = k < len(self._asked) and self._asked[k][1] == run + 1
-            if (run + 1) % block == 0 or (k < len(self._asked) and not consecutive):
-                return k
-        return 0
-
-    def _write(self, count: int) -> None:
-        part, rows = self._asked[:count], self._rows[:count]
-        self._asked, self._rows = self._asked[count:], self._rows[count:]
-        values = [self.flights.values(z, run) for z, run, _ in part]
-        further: dict[str, list[Any]] = {
-            "numbers": [z for z, _, _ in part],
-            "generation": [generation for _, _, generation in part],
-        }
-        with held():  # a block is written whole
-            self.store.write(part[0][1], values, rows, further)
+    def _write(self, end: int) -> None:
+        """Write what waits of the runs before this one, consecutive ones together."""
+        part = [flight for flight in self._waiting if flight.run < end]
+        self._waiting = self._waiting[len(part) :]
+        for _, each in groupby(enumerate(part), lambda placed: placed[1].run - placed[0]):
+            stretch = [flight for _, flight in each]
+            further: dict[str, list[Any]] = {
+                "numbers": [flight.numbers for flight in stretch],
+                "generation": [flight.generation for flight in stretch],
+            }
+            values, rows = [f.values for f in stretch], [f.row for f in stretch]
+            with held():  # a block is written whole
+                self.store.write(stretch[0].run, values, rows, further)
 
     def _refuse_other(self, run: int, z: Array) -> None:
         """UsageError if a flight of the dataset is not the one that is asked for."""
@@ -164,7 +173,7 @@ class Driver:
             )
 
     def _first(self) -> str:
-        messages = [row.message for row in self._rows if row.status == FAILED]
+        messages = [f.row.message for f in self._waiting if f.row.status == FAILED]
         messages += [m for m in self.store.array("message") if m]
         return f"the first one: {one_line(messages[0])}" if messages else ""
 
@@ -172,8 +181,7 @@ class Driver:
 
     def finish(self, estimate: dict[str, Any]) -> Store:
         """Write what waits, forget what was not flown, keep what was found."""
-        if self._asked:
-            self._write(len(self._asked))
+        self._write(self.flown)
         if not self.store.decided:
             self.store.shorten(self.flown)
         self.store.group.attrs["estimate"] = json.dumps(estimate)
@@ -182,8 +190,7 @@ class Driver:
     def close(self) -> None:
         """Keep what waits, let others write."""
         try:
-            if self._asked:
-                self._write(len(self._asked))
+            self._write(self.store.runs)
         finally:
             self._life.close()
 

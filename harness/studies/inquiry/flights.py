@@ -10,7 +10,7 @@ draws, the nominal flight.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -97,18 +97,16 @@ class Flights:
         """Margins (rows, requirements) of flights of numbers (rows, d): -inf of one that died, NaN
         of a requirement that was not exercised.
         """
-        return margins_of(list(self.rows(numbers)))
-
-    def rows(self, numbers: Array, first: int = 0) -> list[Row]:
-        """Run the rows of numbers (rows, d) and return their records in the same order; first:
-        number of the first run in a dataset, which determines the seeds of sensors.
-        """
-        if self._fly is None:
-            raise UsageError("Flights: use them in a with block")
         numbers = np.asarray(numbers, dtype=np.float64)
         if numbers.ndim != 2 or numbers.shape[1] != self.d:
             raise UsageError(f"flights: expected numbers (rows, {self.d}), got {numbers.shape}")
-        changes = [self.changes(z, first + k) for k, z in enumerate(numbers)]
+        return margins_of(self.fly([self.values(z, k) for k, z in enumerate(numbers)]))
+
+    def fly(self, values: Sequence[Values]) -> list[Row]:
+        """Records of flights of values of the factors, in their order."""
+        if self._fly is None:
+            raise UsageError("Flights: use them in a with block")
+        changes = [self.plan.changes(each) for each in values]
         size = min(LARGEST, -(-len(changes) // (2 * max(1, processes(self.workers)))))
         blocks = (Block(k, changes[k : k + size]) for k in range(0, len(changes), size or 1))
         flown = dict(self._fly(self.task, blocks))
