@@ -19,7 +19,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from harness.cli import inquiries, look, models, runs, studies
+from harness.cli import look, models, runs, studies
 from harness.errors import HarnessError
 from harness.files import signals
 from harness.files.libraries import missing
@@ -41,7 +41,7 @@ class OnceCommand(TyperCommand):
 
 
 app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None, no_args_is_help=True)
-for group in (runs, studies, inquiries, look, models):
+for group in (runs, studies, look, models):
     for command in group.app.registered_commands:
         command.cls = OnceCommand
     app.registered_commands += group.app.registered_commands

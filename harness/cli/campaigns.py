@@ -14,7 +14,7 @@ import numpy as np
 import typer
 
 from harness.figures import campaign as figures
-from harness.figures.style import style_of
+from harness.figures.style import Style
 from harness.studies.campaign import summary
 from harness.studies.campaign.campaign import Progress
 from harness.studies.campaign.store import Store
@@ -75,9 +75,9 @@ def _lines(title: str) -> Callable[[Progress], None]:
     return show
 
 
-def pictures(store: Store, folder: Path, ending: str, style: str) -> list[Path]:
+def pictures(store: Store, folder: Path, ending: str, style: Style) -> list[Path]:
     """Histograms of the metrics, each metric against the factors that matter, bands over time."""
-    place = figures.Place(folder, ending, style_of(style), store.units())
+    place = figures.Place(folder, ending, style, store.units())
     with place.style.used():
         return list(_pictures(store, place))
 

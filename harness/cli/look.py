@@ -10,20 +10,19 @@ from typing import Annotated, Any
 import typer
 
 from harness.cli.options import (
+    Drawing,
     FileArgument,
-    Format,
-    FormatOption,
-    Look,
     MissionOption,
     ReportArgument,
     RequireOption,
     ShownArgument,
     StrictOption,
-    StyleOption,
     SystemArgument,
+    argument,
     figures_of,
+    option,
     size_of,
-    takes_changes,
+    takes,
 )
 from harness.errors import UsageError
 from harness.spelling import file_stem, printable
@@ -33,20 +32,18 @@ app = typer.Typer()
 
 @app.command("list")
 def list_command(
-    system: Annotated[
-        str | None, typer.Argument(metavar="[SYSTEM]", help="System: name, or path of an .ssp")
-    ] = None,
+    system: Annotated[str | None, argument("[SYSTEM]", "System: name, or path of an .ssp")] = None,
 ) -> None:
     """Show systems, parameter sets and FMUs."""
-    from harness.cli import listing
+    from harness.cli import showing
 
-    typer.echo(printable(listing.text(system)))
+    typer.echo(printable(showing.listed(system)))
 
 
 @app.command("docs")
 def docs_command(
     where: Annotated[
-        bool, typer.Option("--where", help="Print the path of the first page, open nothing")
+        bool, option("--where", "Print the path of the first page, open nothing")
     ] = False,
 ) -> None:
     """Open the documentation of this version in a browser.
@@ -66,16 +63,14 @@ def docs_command(
 
 
 @app.command("show")
-@takes_changes("params", "set", "swap", "map", "step")
+@takes("params", "set", "swap", "map", "step")
 def show_command(
+    *,
     system: ShownArgument,
     word: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="[WORD]", help="Show only rows with this word in name or description"
-        ),
+        str | None, argument("[WORD]", "Show only rows with this word in name or description")
     ] = None,
-    changes: Any = None,
+    changes: Any,
 ) -> None:
     """Show ports and parameters.
 
@@ -89,18 +84,15 @@ def show_command(
 
 
 @app.command()
-@takes_changes(
-    "params", "set", "swap", "map", "on", "latency", "step", "stop", "algorithm", "require"
-)
+@takes("params", "set", "swap", "map", "on", "latency", "step", "stop", "algorithm", "require")
 def check(
+    *,
     system: Annotated[
         str | None,
-        typer.Argument(
-            metavar="[SYSTEM_OR_FMU]", help="System or FMU: name, or path of an .ssp or .fmu"
-        ),
+        argument("[SYSTEM_OR_FMU]", "System or FMU: name, or path of an .ssp or .fmu"),
     ] = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Treat warnings as errors")] = False,
-    changes: Any = None,
+    strict: Annotated[bool, option("--strict", "Treat warnings as errors")] = False,
+    changes: Any,
 ) -> None:
     """Report every mistake of a system or an FMU.
 
@@ -122,16 +114,15 @@ def check(
 
 
 @app.command("draw")
-@takes_changes("swap")
+@takes("swap")
 def draw_command(
+    *,
     system: SystemArgument,
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output", "-o", help="File to write: .svg, .pdf or .png (default: SYSTEM.svg)"
-        ),
+        option("--output -o", "File to write: .svg, .pdf or .png (default: SYSTEM.svg)"),
     ] = None,
-    changes: Any = None,
+    changes: Any,
 ) -> None:
     """Draw the block diagram of a system."""
     from harness.exports.draw import draw
@@ -145,31 +136,28 @@ def draw_command(
 
 
 @app.command("plan")
-@takes_changes("params", "set", "swap", "map", "step", "stop")
+@takes("params", "set", "swap", "map", "step", "stop")
 def plan_command(
+    *,
     system: SystemArgument,
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output", "-o", help="Folder for the figures (default: results/SYSTEM_plan)"
-        ),
+        option("--output -o", "Folder for the figures (default: results/SYSTEM_plan)"),
     ] = None,
-    ending: FormatOption = Format.PNG,
-    style: StyleOption = Look.SCREEN,
-    changes: Any = None,
+    drawing: Drawing,
+    changes: Any,
 ) -> None:
     """Show the plan of a mission without running the system.
 
     Print the plan as a table and draw it; exit status 1 if it is not feasible.
     """
     from harness.figures.plots import overlay
-    from harness.figures.style import style_of
     from harness.studies.plan import plan
 
     found = plan(system, **changes)
     typer.echo(found.text())
     folder = output or Path("results") / f"{Path(system).stem}_plan"
-    for path in overlay(found.histories, folder, ending.value, style_of(style.value)):
+    for path in overlay(found.histories, folder, *drawing.how()):
         typer.echo(path)
     if not found.good:
         raise typer.Exit(1)
@@ -184,20 +172,19 @@ def _take(mission: Path | None) -> None:
 
 
 @app.command()
-def plot(  # noqa: PLR0913, PLR0917 - one argument per option
+@takes()
+def plot(  # noqa: PLR0913 - one argument per option or group of them
+    *,
     file: FileArgument,
     output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", help="Folder for the figures (default: FILE_figures)"),
+        Path | None, option("--output -o", "Folder for the figures (default: FILE_figures)")
     ] = None,
     variables: Annotated[
-        str | None,
-        typer.Option("--var", metavar="C.NAME,..", help="Draw one figure of these variables"),
+        str | None, option("--var C.NAME,..", "Draw one figure of these variables")
     ] = None,
-    ending: FormatOption = Format.PNG,
-    style: StyleOption = Look.SCREEN,
+    drawing: Drawing,
     wide: Annotated[
-        bool, typer.Option("--wide", help="Make all figures of --style paper or serif 7 in wide")
+        bool, option("--wide", "Make all figures of --style paper or serif 7 in wide")
     ] = False,
     mission: MissionOption = None,
 ) -> None:
@@ -207,15 +194,13 @@ def plot(  # noqa: PLR0913, PLR0917 - one argument per option
     and captions.tex.
     """
     from harness.figures.plots import plot as draw
-    from harness.figures.style import style_of
     from harness.results.files import read
 
-    names = re.findall(r"(?:\[[^]]*\]|[^,])+", variables or "")
-    look = style_of(style.value, wide)
+    names = [n.strip() for n in re.findall(r"(?:\[[^]]*\]|[^,])+", variables or "")]
     _take(mission)
     result = read(file)  # before its name makes that of a folder
-    folder = output or figures_of(file)
-    for path in draw(result, folder, ending.value, look, [name.strip() for name in names]):
+    ending, style = drawing.how(wide)
+    for path in draw(result, output or figures_of(file), ending, style, names):
         typer.echo(path)
 
 
@@ -223,12 +208,10 @@ def plot(  # noqa: PLR0913, PLR0917 - one argument per option
 def report(  # noqa: PLR0913, PLR0917 - options
     file: ReportArgument,
     output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", help="Write an HTML page with plots and a replay"),
+        Path | None, option("--output -o", "Write an HTML page with plots and a replay")
     ] = None,
     fly: Annotated[
-        bool,
-        typer.Option("--fly", help="Put the system into the page: sliders run it in the browser"),
+        bool, option("--fly", "Put the system into the page: sliders run it in the browser")
     ] = False,
     require: RequireOption = None,
     strict: StrictOption = False,
@@ -270,19 +253,16 @@ def convert_command(
     file: FileArgument,
     output: Annotated[
         Path,
-        typer.Option(
-            "--output",
-            "-o",
-            help="File to write: .nc, .csv, .mat, .parquet; of bodies: .oem, .aem, .czml",
+        option(
+            "--output -o",
+            "File to write: .nc, .csv, .mat, .parquet; of bodies: .oem, .aem, .czml",
         ),
     ],
     body: Annotated[
-        str | None,
-        typer.Option(metavar="COMPONENT", help="Take this component (default: the first body)"),
+        str | None, option("COMPONENT", "Take this component (default: the first body)")
     ] = None,
     epoch: Annotated[
-        str | None,
-        typer.Option(metavar="DATE", help="Set the UTC of t = 0 (default: from the run, or J2000)"),
+        str | None, option("DATE", "Set the UTC of t = 0 (default: from the run, or J2000)")
     ] = None,
 ) -> None:
     """Write a result into a file of another kind.
@@ -297,10 +277,8 @@ def convert_command(
 
 @app.command("validate")
 def validate_command(
-    names: Annotated[
-        list[str] | None, typer.Argument(metavar="[CASE]...", help="Cases to run (default: all)")
-    ] = None,
-    write: Annotated[Path | None, typer.Option(help="Write the page to this Markdown file")] = None,
+    names: Annotated[list[str] | None, argument("[CASE]...", "Cases to run (default: all)")] = None,
+    write: Annotated[Path | None, option("", "Write the page to this Markdown file")] = None,
 ) -> None:
     """Run the FMUs against published numbers."""
     from harness.claims.case import markdown, table, validate

@@ -11,7 +11,16 @@ from typing import Annotated, Any
 
 import typer
 
-from harness.cli.options import Language, PlaceOption, SystemArgument, takes_changes
+from harness.cli.options import (
+    FmuArgument,
+    Language,
+    PlaceOption,
+    SystemArgument,
+    Texts,
+    argument,
+    option,
+    takes,
+)
 from harness.errors import UsageError
 from harness.files.output import written
 from harness.spelling import printable
@@ -21,20 +30,13 @@ app = typer.Typer()
 
 @app.command("new")
 def new_command(
-    kind: Annotated[str, typer.Argument(metavar="KIND", help="Kind: controller or mission")],
+    kind: Annotated[str, argument("KIND", "Kind: controller or mission")],
     name: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="NAME", help="Name of the new controller or mission, and of its folder"
-        ),
+        str | None, argument("NAME", "Name of the new controller or mission, and of its folder")
     ] = None,
-    language: Annotated[
-        Language, typer.Option(help="Write the controller in this language")
-    ] = Language.C,
+    language: Annotated[Language, option("", "Write the controller in this language")] = Language.C,
     place: PlaceOption = None,
-    base: Annotated[
-        str | None, typer.Option("--from", metavar="SYSTEM", help="System that the mission extends")
-    ] = None,
+    base: Annotated[str | None, option("--from SYSTEM", "System that the mission extends")] = None,
 ) -> None:
     """Create a controller or a mission of your own.
 
@@ -59,14 +61,12 @@ def new_command(
 
 @app.command("build")
 def build_command(
-    name: Annotated[
-        Path, typer.Argument(metavar="NAME_OR_FILE", help="Folder NAME, or a .c or .py file")
-    ],
+    name: Annotated[Path, argument("NAME_OR_FILE", "Folder NAME, or a .c or .py file")],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="FMU to write (default: beside the file)")
+        Path | None, option("--output -o", "FMU to write (default: beside the file)")
     ] = None,
-    compiler: Annotated[str, typer.Option("--cc", metavar="COMMAND", help="C compiler")] = "cc",
-    fmi: Annotated[int, typer.Option("--fmi", help="Version of FMI: 2 or 3", min=2, max=3)] = 2,
+    compiler: Annotated[str, option("--cc COMMAND", "C compiler")] = "cc",
+    fmi: Annotated[int, option("--fmi", "Version of FMI: 2 or 3", min=2, max=3)] = 2,
 ) -> None:
     """Build an FMU from a C or Python file."""
     from harness.authoring.build import build
@@ -77,23 +77,19 @@ def build_command(
 
 
 @app.command("export")
-@takes_changes("params", "set", "swap", "map", "on", "latency", "step", "stop", "algorithm")
+@takes("params", "set", "swap", "map", "on", "latency", "step", "stop", "algorithm")
 def export_command(
+    *,
     system: SystemArgument,
-    target: Annotated[
-        Path, typer.Argument(metavar="DIR_OR_FILE", help="Folder, or file NAME.ssp or NAME.fmu")
-    ],
+    target: Annotated[Path, argument("DIR_OR_FILE", "Folder, or file NAME.ssp or NAME.fmu")],
     fmi: Annotated[
-        int | None,
-        typer.Option("--fmi", help="Version of FMI of NAME.fmu: 2 (default) or 3", min=2, max=3),
+        int | None, option("--fmi", "Version of FMI of NAME.fmu: 2 (default) or 3", min=2, max=3)
     ] = None,
     ssp: Annotated[
         int | None,
-        typer.Option(
-            "--ssp", help="Version of SSP of NAME.ssp: 1, or 2 (default: 1 if it can)", min=1, max=2
-        ),
+        option("--ssp", "Version of SSP of NAME.ssp: 1, or 2 (default: 1 if it can)", min=1, max=2),
     ] = None,
-    changes: Any = None,
+    changes: Any,
 ) -> None:
     """Write a system as one .ssp or one .fmu.
 
@@ -106,17 +102,13 @@ def export_command(
 
 @app.command("linearize")
 def linearize_command(
-    fmu: Annotated[str, typer.Argument(metavar="FMU", help="FMU: name, or path of a .fmu")],
+    fmu: FmuArgument,
     output: Annotated[
-        Path,
-        typer.Option("--output", "-o", help="File to write: .npz with matrices, names and units"),
+        Path, option("--output -o", "File to write: .npz with matrices, names and units")
     ],
-    at: Annotated[float, typer.Option(help="Set the time of the operating point [s]")] = 0.0,
-    step: Annotated[float, typer.Option(help="Set the step of the linear model [s]")] = 0.1,
-    values: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Set a parameter or input"),
-    ] = None,
+    at: Annotated[float, option("", "Set the time of the operating point [s]")] = 0.0,
+    step: Annotated[float, option("", "Set the step of the linear model [s]")] = 0.1,
+    values: Annotated[Texts, option("--set NAME=VALUE", "Set a parameter or input")] = None,
 ) -> None:
     """Write the linear model of one FMU about an operating point."""
     from harness.api import linearize
@@ -134,20 +126,14 @@ def linearize_command(
 
 @app.command("target")
 def target_command(  # noqa: PLR0913, PLR0917 - one argument per option
-    fmus: Annotated[
-        list[str], typer.Argument(metavar="FMU...", help="FMUs: names, or paths of .fmu files")
-    ],
-    on: Annotated[
-        list[str] | None,
-        typer.Option(metavar="PROCESSOR", help="Use this processor (default: all)"),
-    ] = None,
+    fmus: Annotated[list[str], argument("FMU...", "FMUs: names, or paths of .fmu files")],
+    on: Annotated[Texts, option("PROCESSOR", "Use this processor (default: all)")] = None,
     place: Annotated[
-        str | None,
-        typer.Option("--as", metavar="SYSTEM.COMPONENT", help="Use the FMU as this component"),
+        str | None, option("--as SYSTEM.COMPONENT", "Use the FMU as this component")
     ] = None,
-    stop: Annotated[float | None, typer.Option(help="Set the stop time [s]")] = None,
-    clock: Annotated[float | None, typer.Option(help="Set the clock of the processor [Hz]")] = None,
-    write: Annotated[Path | None, typer.Option(help="Write the rows to this page")] = None,
+    stop: Annotated[float | None, option("", "Set the stop time [s]")] = None,
+    clock: Annotated[float | None, option("", "Set the clock of the processor [Hz]")] = None,
+    write: Annotated[Path | None, option("", "Write the rows to this page")] = None,
 ) -> None:
     """Measure what FMUs cost on a flight processor.
 
@@ -172,9 +158,9 @@ def target_command(  # noqa: PLR0913, PLR0917 - one argument per option
 
 @app.command("serve")
 def serve_command(
-    fmu: Annotated[str, typer.Argument(metavar="FMU", help="FMU: name, or path of a .fmu")],
-    port: Annotated[int, typer.Option(help="TCP port to listen on (0: any that is free)")] = 0,
-    once: Annotated[bool, typer.Option("--once", help="End when the first link closes")] = False,
+    fmu: FmuArgument,
+    port: Annotated[int, option("", "TCP port to listen on (0: any that is free)")] = 0,
+    once: Annotated[bool, option("--once", "End when the first link closes")] = False,
 ) -> None:
     """Serve an FMU as a board, for `--on COMPONENT=tcp://HOST:PORT`.
 

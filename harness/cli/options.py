@@ -4,14 +4,18 @@
 from __future__ import annotations
 
 import functools
-import inspect
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, is_dataclass
 from enum import Enum
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_type_hints
+from typing import Annotated, Any, TypeVar
 
 import typer
+
+from harness.files import paths
+
+KEYWORD_ONLY = Parameter.KEYWORD_ONLY
 
 Command = TypeVar("Command", bound=Callable[..., None])
 
@@ -44,92 +48,80 @@ class Language(Enum):
     PYTHON = "python"
 
 
-# ---- completion
+# ---- what the shell completes
+
+Completion = Callable[[typer.Context, str], list[str]]
 
 
-def _completed(known: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
+def _completed(known: Callable[[typer.Context, str], Iterable[str]]) -> Completion:
     """What the shell offers for a beginning; nothing if the names cannot be found out."""
 
-    def complete(incomplete: str) -> list[str]:
+    def complete(context: typer.Context, incomplete: str) -> list[str]:
         try:
-            return [name for name in known() if name.startswith(incomplete)]
+            return [name for name in known(context, incomplete) if name.startswith(incomplete)]
         except Exception:  # a shell must never see a traceback for a key
             return []
 
     return complete
 
 
-def _completed_by(known: Callable[[str], Iterable[str]]) -> Callable[[str], list[str]]:
-    """The same for names that depend on the beginning."""
-    return lambda incomplete: _completed(lambda: known(incomplete))(incomplete)
+def _of_system(names: Callable[[Any], Iterable[str]]) -> Completion:
+    """Completion by names of the system that the command line gives."""
+
+    def known(context: typer.Context, _: str) -> list[str]:
+        from harness.ssp.library import load, of_component
+
+        name = context.params.get("system") or ""
+        place = of_component(name)
+        with load(place[0] if place else name) as system:
+            return list(names(system))
+
+    return _completed(known)
 
 
-def _systems() -> Iterable[str]:
-    from harness.files import paths
-
+@_completed
+def systems(_context: typer.Context, _incomplete: str) -> Iterable[str]:
+    """Names of systems."""
     return paths.systems()
 
 
-def _fmus() -> Iterable[str]:
-    from harness.files import paths
-
-    return paths.fmus()
-
-
-def _shown(incomplete: str) -> Iterable[str]:
+@_completed
+def _shown(_: typer.Context, incomplete: str) -> Iterable[str]:
     """Systems and FMUs, and the components of a system that is named."""
     from harness.ssp.library import load, of_component
 
     if "." not in incomplete or not (place := of_component(incomplete)):
-        return [*_systems(), *_fmus()]
+        return [*paths.systems(), *paths.fmus()]
     with load(place[0]) as system:
         stem = incomplete.removesuffix(place[1])
         return [f"{stem}{c.name}" for c in system.components]
 
 
-def _system_of(context: typer.Context) -> Any:
-    from harness.ssp.library import load, of_component
-
-    name = context.params.get("system") or ""
-    place = of_component(name)
-    return load(place[0] if place else name)
-
-
-def _of_system(names: Callable[[Any], Iterable[str]]) -> Callable[[typer.Context, str], list[str]]:
-    """Completion by names of the system that the command line gives."""
-
-    def complete(context: typer.Context, incomplete: str) -> list[str]:
-        def known() -> list[str]:
-            with _system_of(context) as system:
-                return list(names(system))
-
-        return _completed(known)(incomplete)
-
-    return complete
-
-
+@_of_system
 def _sets(system: Any) -> Iterable[str]:
     from harness.master.changes import set_names
 
     return set_names(system)
 
 
+@_of_system
 def _swaps(system: Any) -> Iterable[str]:
-    from harness.files import paths
-
     return (f"{c.name}={fmu}" for c in system.components for fmu in paths.fmus())
 
 
+@_of_system
 def _places(system: Any) -> Iterable[str]:
     from harness.remote.targets import TARGETS
 
     return (f"{c.name}={target}" for c in system.components for target in TARGETS)
 
 
+@_of_system
 def _latencies(system: Any) -> Iterable[str]:
     return (f"{c.name}=" for c in system.components)
 
 
+@_of_system
 def _settable(system: Any) -> Iterable[str]:
     from harness.system.graph import read_interfaces
     from harness.system.names import base
@@ -138,10 +130,22 @@ def _settable(system: Any) -> Iterable[str]:
     return dict.fromkeys(f"{c}.{base(v)}=" for c, i in interfaces.items() for v in i.settable())
 
 
-completed_systems = _completed(_systems)
-
-
 # ---- arguments and options
+
+
+def argument(metavar: str, text: str, completed: Completion | None = None) -> Any:
+    """An argument of a command, and its line of help."""
+    return typer.Argument(metavar=metavar, help=text, autocompletion=completed)
+
+
+def option(usage: str, text: str, completed: Completion | None = None, **more: Any) -> Any:
+    """An option as it stands on a command line, `--output -o FILE`, and its line of help; without a
+    name it has that of its parameter. more: what else typer is to know.
+    """
+    words = usage.split(" ")
+    names = [word for word in words if word.startswith("-")]
+    metavar = " ".join(words[len(names) :]) or None
+    return typer.Option(*names, metavar=metavar, help=text, autocompletion=completed, **more)
 
 
 def seconds(text: str) -> float:
@@ -152,205 +156,142 @@ def seconds(text: str) -> float:
         raise typer.BadParameter(f"{text}: expected a number of seconds, as in 600") from None
 
 
-def some_seconds(text: str) -> float:
+def positive(text: str) -> float:
     """A time that must be above 0."""
     if not (time := seconds(text)) > 0:
         raise typer.BadParameter(f"{text}: expected a number of seconds above 0, as in 60")
     return time
 
 
-_completed_shown = _completed_by(_shown)
+Text = str | None
+Texts = list[str] | None
+"""Values of an option that may be given several times."""
 
-SystemArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="SYSTEM",
-        help="System: name, or path of an .ssp",
-        autocompletion=completed_systems,
-    ),
-]
+SystemArgument = Annotated[str, argument("SYSTEM", "System: name, or path of an .ssp", systems)]
 ShownArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="WHAT",
-        help="SYSTEM, SYSTEM.component or FMU, by name or path",
-        autocompletion=_completed_shown,
-    ),
+    str, argument("WHAT", "SYSTEM, SYSTEM.component or FMU, by name or path", _shown)
+]
+FmuArgument = Annotated[str, argument("FMU", "FMU: name, or path of a .fmu")]
+FileArgument = Annotated[Path, argument("FILE", "Results of `harness run`")]
+ReportArgument = Annotated[
+    Path, argument("FILE", "Results; with -o also a folder of compare or a .zarr")
 ]
 MissionOption = Annotated[
     Path | None,
-    typer.Option(
-        "--mission",
-        metavar="FOLDER",
-        help="Use figures and claims of the mission in this folder",
-    ),
+    option("--mission FOLDER", "Use figures and claims of the mission in this folder"),
 ]
 PlaceOption = Annotated[
-    str | None,
-    typer.Option(
-        "--for",
-        metavar="SYSTEM.COMPONENT",
-        help="Give it the ports of this component",
-        autocompletion=_completed_shown,
-    ),
+    Text, option("--for SYSTEM.COMPONENT", "Give it the ports of this component", _shown)
 ]
-ReportArgument = Annotated[
-    Path,
-    typer.Argument(metavar="FILE", help="Results; with -o also a folder of compare or a .zarr"),
-]
-FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="Results of `harness run`")]
-FormatOption = Annotated[Format, typer.Option("--format", help="Set the format of the figures")]
-StyleOption = Annotated[
-    Look, typer.Option("--style", help="Set the style; paper: 3.5 or 7 in wide, 8 pt, 300 dpi")
-]
-FiguresOption = Annotated[
-    bool, typer.Option("--figures/--no-figures", help="Draw figures, or none")
-]
-
-
-@dataclass(frozen=True)
-class Pictures:
-    """Whether and how the figures of many runs are drawn."""
-
-    ending: FormatOption = Format.PNG
-    style: StyleOption = Look.SCREEN
-    figures: FiguresOption = True
-
-
 RequireOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--require", metavar="'C.NAME >= 4 m'", help="Require this in every row, else exit status 1"
-    ),
+    Texts, option("--require 'C.NAME >= 4 m'", "Require this in every row, else exit status 1")
 ]
 StrictOption = Annotated[
-    bool, typer.Option("--strict", help="Let all requirements and rules decide on the status")
+    bool, option("--strict", "Let all requirements and rules decide on the status")
 ]
 PatienceOption = Annotated[
     float | None,
-    typer.Option(
-        metavar="SECONDS",
-        parser=some_seconds,
-        help="Limit one call into a third-party FMU to this time [s]",
-    ),
+    option("SECONDS", "Limit one call into a third-party FMU to this time [s]", parser=positive),
 ]
 ExecutorOption = Annotated[
-    str | None, typer.Option(help="Step with c, python (to debug) or fused (compiled): equal bits")
+    Text, option("", "Step with c, python (to debug) or fused (compiled): equal bits")
 ]
-QuietOption = Annotated[
-    bool, typer.Option("--quiet", "-q", help="Print no progress bar and no summary")
-]
+QuietOption = Annotated[bool, option("--quiet -q", "Print no progress bar and no summary")]
 
 CHANGES: dict[str, Any] = {
-    "params": Annotated[
-        str | None,
-        typer.Option(
-            metavar="SET_OR_FILE",
-            help="Use a parameter set, .toml or .ssv",
-            autocompletion=_of_system(_sets),
-        ),
-    ],
-    "set": Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="C.NAME=VALUE",
-            help="Set one parameter",
-            autocompletion=_of_system(_settable),
-        ),
-    ],
+    "params": Annotated[Text, option("SET_OR_FILE", "Use a parameter set, .toml or .ssv", _sets)],
+    "set": Annotated[Texts, option("C.NAME=VALUE", "Set one parameter", _settable)],
     "swap": Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="C=FMU",
-            help="Use another FMU (name or path) for component C",
-            autocompletion=_of_system(_swaps),
-        ),
+        Texts, option("C=FMU", "Use another FMU (name or path) for component C", _swaps)
     ],
     "map": Annotated[
-        list[str] | None,
-        typer.Option(
-            "--map",
-            metavar="THEIRS=OURS",
-            help="Connect a port (or vector) of that FMU by our name",
-        ),
+        Texts, option("THEIRS=OURS", "Connect a port (or vector) of that FMU by our name")
     ],
     "on": Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="C=PLACE",
-            help="Run component C on a processor: cortex-m7, tcp://..",
-            autocompletion=_of_system(_places),
-        ),
+        Texts, option("C=PLACE", "Run component C on a processor: cortex-m7, tcp://..", _places)
     ],
     "latency": Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="C=N",
-            help="Delay the outputs of component C by N macro steps",
-            autocompletion=_of_system(_latencies),
-        ),
+        Texts, option("C=N", "Delay the outputs of component C by N macro steps", _latencies)
     ],
-    "step": Annotated[
-        float | None, typer.Option(metavar="SECONDS", parser=seconds, help="Set the macro step [s]")
-    ],
-    "stop": Annotated[
-        float | None, typer.Option(metavar="SECONDS", parser=seconds, help="Set the stop time [s]")
-    ],
-    "algorithm": Annotated[
-        str | None, typer.Option(help="Set the order of execution: gauss-seidel or jacobi")
-    ],
+    "step": Annotated[float | None, option("SECONDS", "Set the macro step [s]", parser=seconds)],
+    "stop": Annotated[float | None, option("SECONDS", "Set the stop time [s]", parser=seconds)],
+    "algorithm": Annotated[Text, option("", "Set the order of execution: gauss-seidel or jacobi")],
     "require": RequireOption,
 }
 """The options of harness.master.changes.Changes by name."""
 
 
-def takes_changes(*names: str) -> Callable[[Command], Command]:
-    """Give a command the named options of CHANGES; it receives those that were given as one
-    dictionary, its argument `changes`.
+@dataclass(frozen=True)
+class Drawing:
+    """How figures are drawn."""
+
+    ending: Annotated[Format, option("--format", "Set the format of the figures")] = Format.PNG
+    style: Annotated[
+        Look, option("--style", "Set the style; paper: 3.5 or 7 in wide, 8 pt, 300 dpi")
+    ] = Look.SCREEN
+
+    def how(self, wide: bool = False) -> tuple[str, Any]:
+        """Ending and style as the functions that draw take them."""
+        from harness.figures.style import style_of
+
+        return self.ending.value, style_of(self.style.value, wide)
+
+
+@dataclass(frozen=True)
+class Pictures(Drawing):
+    """Whether and how the figures of many runs are drawn."""
+
+    figures: Annotated[bool, option("--figures/--no-figures", "Draw figures, or none")] = True
+
+
+def takes(*changes: str) -> Callable[[Command], Command]:
+    """Let a command take an option for every field of a data class among its parameters, and those
+    of CHANGES that are named; these it receives, as far as they are given, as `changes`.
     """
-
-    def given(values: dict[str, Any]) -> dict[str, Any]:
-        return {name: value for name, value in values.items() if value is not None}
-
-    return _with("changes", {n: (CHANGES[n], None) for n in names}, given)
-
-
-def takes(name: str, group: type) -> Callable[[Command], Command]:
-    """Give a command an option for every field of a data class; it receives an object of that
-    class, its argument of this name.
-    """
-    hints = get_type_hints(group, include_extras=True)
-    options = {field.name: (hints[field.name], field.default) for field in fields(group)}
-    return _with(name, options, lambda values: group(**values))
-
-
-def _with(
-    argument: str, options: Mapping[str, tuple[Any, Any]], made: Callable[[dict[str, Any]], Any]
-) -> Callable[[Command], Command]:
-    """Give a command options (annotation and default by name) in the place of one argument."""
 
     def decorate(command: Command) -> Command:
+        own = _parameters(command)
+
         @functools.wraps(command)
         def with_options(**given: Any) -> None:
-            own = {name: given.pop(name) for name in options}
-            command(**given, **{argument: made(own)})
+            command(**{each.name: _taken(each, changes, given) for each in own})
 
-        keyword = inspect.Parameter.KEYWORD_ONLY
-        hints = get_type_hints(command, include_extras=True)
-        expanded = [
-            inspect.Parameter(name, keyword, default=default, annotation=annotation)
-            for name, (annotation, default) in options.items()
-        ]
-        parameters: list[inspect.Parameter] = []
-        for each in inspect.signature(command).parameters.values():
-            own = each.replace(kind=keyword, annotation=hints[each.name])
-            parameters += expanded if each.name == argument else [own]
-        with_options.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        with_options.__annotations__ = {p.name: p.annotation for p in parameters}
+        options = [option for each in own for option in _options(each, changes)]
+        with_options.__signature__ = Signature(options)  # type: ignore[attr-defined]
+        with_options.__annotations__ = {each.name: each.annotation for each in options}
         return with_options  # type: ignore[return-value]
 
     return decorate
+
+
+def _parameters(command: Any) -> list[Parameter]:
+    return list(signature(command, eval_str=True).parameters.values())
+
+
+def _group(parameter: Parameter) -> list[Parameter]:
+    """What a data class is made of; nothing of any other parameter."""
+    return _parameters(parameter.annotation) if is_dataclass(parameter.annotation) else []
+
+
+def _options(parameter: Parameter, changes: Sequence[str]) -> Iterator[Parameter]:
+    """What the command line has for a parameter of a command."""
+    if parameter.name == "changes":
+        for name in changes:
+            yield Parameter(name, KEYWORD_ONLY, default=None, annotation=CHANGES[name])
+    elif group := _group(parameter):
+        for each in group:
+            yield from _options(each, changes)
+    else:
+        yield parameter.replace(kind=KEYWORD_ONLY)
+
+
+def _taken(parameter: Parameter, changes: Sequence[str], given: Mapping[str, Any]) -> Any:
+    """What a parameter gets of the values of all options."""
+    if parameter.name == "changes":
+        return {name: given[name] for name in changes if given[name] is not None}
+    if group := _group(parameter):
+        return parameter.annotation(**{p.name: _taken(p, changes, given) for p in group})
+    return given[parameter.name]
 
 
 def size_of(path: Path) -> str:

@@ -17,69 +17,105 @@ from harness.cli.options import (
     PatienceOption,
     QuietOption,
     StrictOption,
-    completed_systems,
+    Texts,
+    argument,
     figures_of,
+    option,
     size_of,
+    systems,
     takes,
-    takes_changes,
 )
 from harness.errors import RunError, UsageError
 from harness.spelling import printable
 
 app = typer.Typer()
 
-
-OutputOption = Annotated[
-    Path | None, typer.Option("--output", "-o", help="File to write: .nc, .csv, .mat or .parquet")
-]
-RecordOption = Annotated[int | None, typer.Option(help="Record every N-th macro step")]
-LikeOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="RESULT",
-        help="Repeat this result (.nc, .csv, .mat), or run OUT.zarr#N of a campaign",
-    ),
-]
 SystemOption = Annotated[
     str | None,
-    typer.Argument(
-        metavar="[SYSTEM]",
-        help="System: name, or path of an .ssp (not needed with --like RESULT)",
-        autocompletion=completed_systems,
+    argument(
+        "[SYSTEM]", "System: name, or path of an .ssp (not needed with --like RESULT)", systems
     ),
 ]
-WatchOption = Annotated[
-    bool, typer.Option("--watch", help="Show range, errors, speed and phase during the run")
+OutputOption = Annotated[
+    Path | None, option("--output -o", "File to write: .nc, .csv, .mat or .parquet")
 ]
-StartOption = Annotated[
-    list[str] | None,
-    typer.Option(metavar="C=FILE", help="Start a body from a CCSDS OEM or two-line elements"),
-]
-EpochOption = Annotated[
-    str | None,
-    typer.Option(metavar="DATE", help="Set the UTC of t = 0: for --start, the Sun, the result"),
-]
-InProcessOption = Annotated[
-    bool, typer.Option("--in-process", help="Run third-party FMUs in this process, for debugging")
-]
-RealtimeOption = Annotated[
-    float | None, typer.Option(metavar="FACTOR", help="Keep pace with a clock (1: real time)")
-]
-LateOption = Annotated[
-    str | None,
-    typer.Option(metavar="wait|hold|stop", help="Choose what to do if a remote component is late"),
-]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is run, and how."""
+
+    executor: ExecutorOption = None
+    every: Annotated[int | None, option("", "Record every N-th macro step")] = None
+    like: Annotated[
+        str | None,
+        option("RESULT", "Repeat this result (.nc, .csv, .mat), or run OUT.zarr#N of a campaign"),
+    ] = None
+    in_process: Annotated[
+        bool, option("--in-process", "Run third-party FMUs in this process, for debugging")
+    ] = False
+    patience: PatienceOption = None
+    start: Annotated[
+        Texts, option("C=FILE", "Start a body from a CCSDS OEM or two-line elements")
+    ] = None
+    epoch: Annotated[
+        str | None, option("DATE", "Set the UTC of t = 0: for --start, the Sun, the result")
+    ] = None
+
+    def run(self, system: str | None, changes: dict[str, Any]) -> Any:
+        """The run that is wanted."""
+        from harness.studies.again import Again, again
+
+        changes = self._started(system, changes)
+        if self.like is not None:
+            return again(self.like, system, changes)  # type: ignore[arg-type]
+        if system is None:
+            raise UsageError("SYSTEM is missing (harness list shows them), or --like RESULT")
+        return Again(system, changes)  # type: ignore[arg-type]
+
+    def _started(self, system: str | None, changes: dict[str, Any]) -> dict[str, Any]:
+        """The changes with the epoch, and start values from files below those of --set."""
+        if not self.start and self.epoch is None:
+            return changes
+        from harness.exchange.start import start_values
+        from harness.master.changes import pairs
+        from harness.ssp.library import load
+
+        if system is None:
+            raise UsageError(f"--{'start' if self.start else 'epoch'}: SYSTEM is missing")
+        with load(system) as found:
+            files = dict(pairs("--start", self.start or ()))
+            begun = start_values(found, files, self.epoch, **changes)
+        for note in begun.notes:
+            typer.echo(printable(f"note: {note}"))
+        given = {**begun.values, **dict(pairs("--set", changes.get("set", ())))}
+        return {**changes, "set": given, "epoch": begun.epoch}
+
+    def how(self, wanted: Any) -> dict[str, Any]:
+        """Arguments of simulate() for it."""
+        return {
+            "executor": self.executor or wanted.executor,
+            "every": wanted.every if self.every is None else self.every,
+            "in_process": self.in_process,
+            "patience": math.inf if self.patience is None else self.patience,
+        }
 
 
 @dataclass(frozen=True)
 class Live:
     """What shows a run while it goes, and its pace."""
 
-    watch: WatchOption = False
-    realtime: RealtimeOption = None
-    late: LateOption = None
+    watch: Annotated[
+        bool, option("--watch", "Show range, errors, speed and phase during the run")
+    ] = False
+    realtime: Annotated[float | None, option("FACTOR", "Keep pace with a clock (1: real time)")] = (
+        None
+    )
+    late: Annotated[
+        str | None, option("wait|hold|stop", "Choose what to do if a remote component is late")
+    ] = None
 
-    def shown(self, quiet: bool) -> dict[str, Any]:
+    def how(self, quiet: bool) -> dict[str, Any]:
         """Arguments of simulate(): what is called with the progress, and the pacer."""
         from harness.master.pacer import Pacer
 
@@ -94,23 +130,15 @@ class Live:
 
 
 @app.command("run")
-@takes_changes(
-    "params", "set", "swap", "map", "on", "latency", "step", "stop", "algorithm", "require"
-)
-@takes("live", Live)
-def run_command(  # noqa: PLR0913, PLR0917 - one argument per option or group of them
+@takes("params", "set", "swap", "map", "on", "latency", "step", "stop", "algorithm", "require")
+def run_command(  # noqa: PLR0913 - one argument per option or group of them
+    *,
     system: SystemOption = None,
-    changes: Any = None,
+    changes: Any,
     output: OutputOption = None,
-    executor: ExecutorOption = None,
-    every: RecordOption = None,
-    like: LikeOption = None,
-    in_process: InProcessOption = False,
-    patience: PatienceOption = None,
-    start: StartOption = None,
-    epoch: EpochOption = None,
+    asked: Asked,
     strict: StrictOption = False,
-    live: Any = None,
+    live: Live,
     quiet: QuietOption = False,
 ) -> None:
     """Run a system and write the results.
@@ -119,54 +147,22 @@ def run_command(  # noqa: PLR0913, PLR0917 - one argument per option or group of
     """
     from harness.cli.verdicts import insist
     from harness.results.files import ResultFile
+    from harness.studies.again import agreement
 
-    wanted = _wanted(system, like, _started(system, start, epoch, changes))
+    wanted = asked.run(system, changes)
     name = f"{Path(wanted.system).stem or 'run'}{'' if wanted.model is None else '_again'}"
     file = ResultFile(output or Path("results") / f"{name}.nc")
-    how = {
-        **live.shown(quiet),
-        "executor": executor or wanted.executor,
-        "every": wanted.every if every is None else every,
-        "in_process": in_process,
-        "patience": math.inf if patience is None else patience,
-    }
-    result = _run(wanted.system, wanted.changes, file, how, quiet, live.late)
+    how = {**live.how(quiet), **asked.how(wanted)}
+    result = _run(wanted, file, how, quiet, live.late)
     if wanted.model is not None:
-        _say_whether_equal(wanted.model, result, bool(changes or start or every))
-    elif like is not None:
+        is_other = bool(changes or asked.start or asked.every)
+        equal, line = agreement(wanted.model, result, is_other)
+        typer.echo(line)
+        if not equal:
+            raise typer.Exit(1)
+    elif asked.like is not None:
         _draw(result, figures_of(file.path))
     insist({"": result}, changes.get("require", ()), strict)
-
-
-def _started(
-    system: str | None, start: list[str] | None, epoch: str | None, changes: Any
-) -> dict[str, Any]:
-    """The changes with the epoch, and start values from files below those of --set."""
-    if not start and epoch is None:
-        return dict(changes)
-    from harness.exchange.start import start_values
-    from harness.master.changes import pairs
-    from harness.ssp.library import load
-
-    if system is None:
-        raise UsageError(f"--{'start' if start else 'epoch'}: SYSTEM is missing")
-    with load(system) as found:
-        begun = start_values(found, dict(pairs("--start", start or ())), epoch, **changes)
-    for note in begun.notes:
-        typer.echo(printable(f"note: {note}"))
-    given = {**begun.values, **dict(pairs("--set", changes.get("set", ())))}
-    return {**changes, "set": given, "epoch": begun.epoch}
-
-
-def _wanted(system: str | None, like: str | None, changes: Any) -> Any:
-    """What the command line asks for."""
-    from harness.studies.again import Again, again
-
-    if like is not None:
-        return again(like, system, changes)
-    if system is None:
-        raise UsageError("SYSTEM is missing (harness list shows them), or --like RESULT")
-    return Again(system, changes)
 
 
 def _draw(result: Any, folder: Path) -> None:
@@ -180,18 +176,7 @@ def _draw(result: Any, folder: Path) -> None:
         typer.echo(path)
 
 
-def _say_whether_equal(model: Any, result: Any, asked: bool) -> None:
-    from harness.studies.again import agreement
-
-    equal, line = agreement(model, result, asked)
-    typer.echo(line)
-    if not equal:
-        raise typer.Exit(1)
-
-
-def _run(  # noqa: PLR0913, PLR0917 - what the command line says
-    system: str, changes: Any, file: Any, how: dict[str, Any], quiet: bool, late: str | None
-) -> Any:
+def _run(wanted: Any, file: Any, how: dict[str, Any], quiet: bool, late: str | None) -> Any:
     """Run, write, and say what there is to say; nothing that was recorded is lost."""
     from harness.files.signals import held
     from harness.master.isolated import simulate
@@ -201,9 +186,9 @@ def _run(  # noqa: PLR0913, PLR0917 - what the command line says
     from harness.system.graph import say_warnings
 
     began = perf_counter()
-    with load(system) as found:
+    with load(wanted.system) as found:
         pacer = how.get("pacer")
-        changed = timely(found, changes, None if pacer is None else pacer.factor, late)
+        changed = timely(found, wanted.changes, None if pacer is None else pacer.factor, late)
         say_warnings(changed)
         say_inconsistencies(changed)
         file.accept(changed)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What `harness show` prints: tables for reading, at most WIDEST characters wide, plain in a
-pipe.
+"""What `harness list` says about systems and FMUs, and the tables of `harness show`: at most WIDEST
+characters wide, plain in a pipe.
 """
 
 from __future__ import annotations
@@ -10,16 +10,74 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
+from harness.errors import UsageError
+from harness.files import paths
+from harness.master.changes import set_names
 from harness.spelling import printable
+from harness.ssp.library import find_system, load
 from harness.studies.show import GROUPS, Nested, Part, Shown, Signal
+from harness.system.interface import read_interface
+from harness.system.model import Experiment
 
 NARROWEST, WIDEST = 70, 100
 LEGIBLE = 26
 """Characters that a description gets at least, as long as words need not be folded."""
 LEAST = 10
 GAP = 2
+
+
+# ---- harness list
+
+
+def listed(name: str | None = None) -> str:
+    """All systems with components and sets, and all FMUs, as lines for reading; with a name or path
+    one system.
+    """
+    if name is not None:
+        return "\n".join(_system_lines(find_system(name)))
+    systems, fmus = paths.systems(), paths.fmus()
+    if not systems and not fmus:
+        raise UsageError("neither systems nor FMUs found: build the project first")
+    lines = ["systems"]
+    for path in systems.values():
+        lines += [f"  {line}" for line in _system_lines(path)]
+    lines += ["FMUs"]
+    width = max(map(len, fmus), default=0)
+    lines += [
+        f"  {name:{width}}  {read_interface(path).model.description or ''}"
+        for name, path in fmus.items()
+    ]
+    return "\n".join(lines)
+
+
+def _system_lines(path: Path) -> list[str]:
+    with load(path) as system:
+        swaps: dict[str, list[str]] = {}
+        for alternative in system.alternatives:
+            swaps.setdefault(alternative.component, []).append(alternative.fmu)
+        return [
+            f"{system.name}: {system.description}",
+            f"  runs        {_time(system.experiment)}, {system.experiment.algorithm}",
+            f"  components  {', '.join(f'{c.name} ({c.fmu.stem})' for c in system.components)}",
+            f"  sets        {', '.join(set_names(system))}",
+            *(f"    {s.name}: {s.description}" for s in system.sets if s.description),
+            *(f"  swaps       {c}={','.join(fmus)}" for c, fmus in swaps.items()),
+        ]
+
+
+def _time(experiment: Experiment) -> str:
+    """How long a system runs and in which steps, and what it does not say."""
+    stop, step = experiment.stop, experiment.step
+    if stop is None and step is None:
+        return "with --stop and --step (the file defines neither)"
+    end = "with --stop" if stop is None else f"{stop} s"
+    return f"{end}, with --step" if step is None else f"{end}, macro step {step} s"
+
+
+# ---- harness show
 
 
 def text(shown: Shown) -> str:

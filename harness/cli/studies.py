@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Many runs of a system: `harness compare` and `harness campaign`."""
+"""Many runs of a system: `harness compare` and `harness campaign`; studies that ask on: `harness
+sensitivity`, `worst`, `probability`, `map`, `tune`; all of a file of the project: `harness study`.
+"""
 
 from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,77 +21,27 @@ from harness.cli.options import (
     QuietOption,
     StrictOption,
     SystemArgument,
+    Texts,
+    argument,
     figures_of,
+    option,
     takes,
-    takes_changes,
 )
 from harness.errors import ComparisonError, RequirementError, UsageError
-from harness.spelling import printable
+from harness.spelling import did_you_mean, is_number, printable
 
 app = typer.Typer()
 
-Several = list[str] | None
-"""Values of an option that may be given several times."""
-ParamsOption = Annotated[
-    str | None, typer.Option(metavar="A,B,..", help="Compare these parameter sets")
-]
-SwapOption = Annotated[
-    Several, typer.Option(metavar="C=A,B,..", help="Compare these FMUs as component C")
-]
-LatencyOption = Annotated[
-    Several,
-    typer.Option(metavar="C=N,M,..", help="Compare these delays of component C, in macro steps"),
-]
-VaryOption = Annotated[
-    Several,
-    typer.Option(
-        metavar="C.NAME=V,W,..", help="Compare these values of a parameter, or first:last:step"
-    ),
-]
-AlgorithmsOption = Annotated[
-    str | None, typer.Option(metavar="A,B", help="Compare gauss-seidel,jacobi")
-]
-FolderOption = Annotated[
-    Path | None, typer.Option("--output", "-o", help="Folder to write (default: results/SYSTEM)")
-]
-ThinOption = Annotated[
-    int | None, typer.Option(help="Record every N-th macro step (default: 20 000 rows)")
-]
-BandOption = Annotated[
-    Several,
-    typer.Option(
-        metavar="position=M, attitude=DEG", help="Set the bands in which an error has settled"
-    ),
-]
-KeepOutOption = Annotated[float, typer.Option(help="Set a keep-out radius about the target [m]")]
-MeasuresOption = Annotated[
-    str | None, typer.Option(metavar="A,B,..", help="Columns of the table (default: all)")
+StudyArgument = Annotated[
+    Path, argument("CAMPAIGN.toml", "System, factors, requirements, the study")
 ]
 DatasetOption = Annotated[
-    Path | None,
-    typer.Option("--output", "-o", help="Dataset to write (default: results/NAME.zarr)"),
+    Path | None, option("--output -o", "Dataset to write (default: results/NAME.zarr)")
 ]
 WorkersOption = Annotated[
-    int | None, typer.Option(help="Use N processes or jobs (default: processors; 0: this one)")
+    int | None, option("", "Use N processes or jobs (default: processors; 0: this one)")
 ]
-SchedulerOption = Annotated[
-    str | None, typer.Option(metavar="ADDRESS", help="Use the Dask cluster at this address")
-]
-SlurmOption = Annotated[bool, typer.Option("--slurm", help="Submit the workers as SLURM jobs")]
-CaOption = Annotated[
-    Path | None,
-    typer.Option(metavar="FILE", help="Certificate of the authority that signs all others"),
-]
-CertOption = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="Own certificate, for --scheduler and --slurm")
-]
-KeyOption = Annotated[Path | None, typer.Option(metavar="FILE", help="Key of the certificate")]
-InsecureOption = Annotated[
-    bool, typer.Option("--insecure", help="Accept a scheduler without TLS, open to everybody")
-]
-DashboardOption = Annotated[
-    bool, typer.Option("--dashboard", help="Serve Dask's pages to users of this machine")
-]
+ResumeOption = Annotated[bool, option("--resume", "Continue after an interruption")]
 
 
 @dataclass(frozen=True)
@@ -96,39 +49,38 @@ class Cluster:
     """Who performs the runs of a campaign, and how they are reached."""
 
     workers: WorkersOption = None
-    scheduler: SchedulerOption = None
-    slurm: SlurmOption = False
-    tls_ca: CaOption = None
-    tls_cert: CertOption = None
-    tls_key: KeyOption = None
-    insecure: InsecureOption = False
-    dashboard: DashboardOption = False
-
-
-ResumeOption = Annotated[bool, typer.Option("--resume", help="Continue after an interruption")]
-HeldOption = Annotated[
-    Several,
-    typer.Option(
-        "--require",
-        metavar="'success >= 99 %'",
-        help="Require this of shares or metrics, else exit status 1",
-    ),
-]
-ExpectedOption = Annotated[
-    bool,
-    typer.Option("--strict", help="Let [expected], or success of every run, decide on the status"),
-]
+    scheduler: Annotated[str | None, option("ADDRESS", "Use the Dask cluster at this address")] = (
+        None
+    )
+    slurm: Annotated[bool, option("--slurm", "Submit the workers as SLURM jobs")] = False
+    tls_ca: Annotated[
+        Path | None, option("FILE", "Certificate of the authority that signs all others")
+    ] = None
+    tls_cert: Annotated[
+        Path | None, option("FILE", "Own certificate, for --scheduler and --slurm")
+    ] = None
+    tls_key: Annotated[Path | None, option("FILE", "Key of the certificate")] = None
+    insecure: Annotated[
+        bool, option("--insecure", "Accept a scheduler without TLS, open to everybody")
+    ] = False
+    dashboard: Annotated[
+        bool, option("--dashboard", "Serve Dask's pages to users of this machine")
+    ] = False
 
 
 @dataclass(frozen=True)
 class Varied:
     """What is compared."""
 
-    params: ParamsOption = None
-    swap: SwapOption = None
-    latency: LatencyOption = None
-    vary: VaryOption = None
-    algorithm: AlgorithmsOption = None
+    params: Annotated[str | None, option("A,B,..", "Compare these parameter sets")] = None
+    swap: Annotated[Texts, option("C=A,B,..", "Compare these FMUs as component C")] = None
+    latency: Annotated[
+        Texts, option("C=N,M,..", "Compare these delays of component C, in macro steps")
+    ] = None
+    vary: Annotated[
+        Texts, option("C.NAME=V,W,..", "Compare these values of a parameter, or first:last:step")
+    ] = None
+    algorithm: Annotated[str | None, option("A,B", "Compare gauss-seidel,jacobi")] = None
 
     def options(self) -> list[tuple[str, str]]:
         """Options with the values given, as combinations() takes them."""
@@ -139,31 +91,80 @@ class Varied:
 
 
 @dataclass(frozen=True)
-class Bands:
-    """What errors and distances are held against."""
+class Compared:
+    """How variants are run, and what their errors and distances are held against."""
 
-    band: BandOption = None
-    keep_out: KeepOutOption = 0.0
+    executor: ExecutorOption = None
+    every: Annotated[
+        int | None, option("", "Record every N-th macro step (default: 20 000 rows)")
+    ] = None
+    band: Annotated[
+        Texts, option("position=M, attitude=DEG", "Set the bands in which an error has settled")
+    ] = None
+    keep_out: Annotated[float, option("", "Set a keep-out radius about the target [m]")] = 0.0
+    measures: Annotated[str | None, option("A,B,..", "Columns of the table (default: all)")] = None
+    patience: PatienceOption = None
+
+    def how(self) -> dict[str, Any]:
+        """Arguments of compare()."""
+        from harness.master.isolated import PATIENCE
+
+        return {
+            "limits": self._limits(),
+            "every": self.every,
+            "patience": PATIENCE if self.patience is None else self.patience,
+            "executor": self.executor or "c",
+        }
+
+    def _limits(self) -> Any:
+        """Limits of a comparison; UsageError."""
+        from harness.master.changes import pairs
+        from harness.mission import Limits
+
+        given = {}
+        for name, text in pairs("--band", self.band or ()):
+            value = float(text) if is_number(text) else math.nan
+            if name not in ("position", "attitude") or not 0 < value < math.inf:
+                raise UsageError(
+                    f"--band {name}={text}: expected position=METRES or attitude=DEGREES, above 0"
+                )
+            given[name] = value
+        if not 0 <= self.keep_out < math.inf:
+            raise UsageError(
+                f"--keep-out {self.keep_out:g}: expected a radius in metres, 0 or more"
+            )
+        return Limits(keep_out=self.keep_out, **given)
+
+    def columns(self, system: str) -> list[str]:
+        """Columns of the table, none: all; UsageError if there is no such measure."""
+        if not self.measures:
+            return []
+        from harness.mission.library import everything
+        from harness.ssp.library import load
+
+        with load(system):
+            known = {measure.name for measure in everything().measures} | {"macro step"}
+        names = [name.strip() for name in self.measures.split(",")]
+        for name in names:
+            if name not in known:
+                raise UsageError(f"--measures {name}: no such measure{did_you_mean(name, known)}")
+        return names
 
 
 @app.command("compare")
-@takes_changes("set", "map", "on", "step", "stop", "require")
-@takes("pictures", Pictures)
-@takes("bands", Bands)
-@takes("varied", Varied)
-def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option or group of them
+@takes("set", "map", "on", "step", "stop", "require")
+def compare_command(  # noqa: PLR0913 - one argument per option or group of them
+    *,
     system: SystemArgument,
-    varied: Any = None,
-    output: FolderOption = None,
-    executor: ExecutorOption = None,
-    every: ThinOption = None,
-    bands: Any = None,
-    measures: MeasuresOption = None,
-    patience: PatienceOption = None,
-    pictures: Any = None,
+    varied: Varied,
+    output: Annotated[
+        Path | None, option("--output -o", "Folder to write (default: results/SYSTEM)")
+    ] = None,
+    compared: Compared,
+    pictures: Pictures,
     strict: StrictOption = False,
     quiet: QuietOption = False,
-    changes: Any = None,
+    changes: Any,
 ) -> None:
     """Run variants side by side: one table and figures.
 
@@ -171,117 +172,234 @@ def compare_command(  # noqa: PLR0913, PLR0917 - one argument per option or grou
     comparisons unless --params names others. Results, table and figures go to one folder.
     """
     from harness.cli.verdicts import insist
-    from harness.master.isolated import PATIENCE
     from harness.master.progress import progress_bar
     from harness.studies.compare import compare
     from harness.studies.variants import combinations
 
-    names = _columns(system, measures)
+    names = compared.columns(system)
     variants = combinations(changes, varied.options())
     folder = output or Path("results") / Path(system).stem
+    how = compared.how()
     shown = not quiet and sys.stderr.isatty()
-    limits, wait = _limits(bands.band, bands.keep_out), PATIENCE if patience is None else patience
     with progress_bar(f"{len(variants)} runs", len(variants), shown) as show:
-        found = compare(
-            system, variants, folder, limits=limits, every=every, patience=wait, progress=show,
-            executor=executor or "c",
-        )  # fmt: skip
+        found = compare(system, variants, folder, progress=show, **how)
     if found.results and not quiet:
         typer.echo(printable(found.text(names)))
-    drawn = _overlaid(found.results, folder, pictures) if pictures.figures else ""
+    written = _written(found.results, folder, pictures)
     if not quiet:
-        listed = "results, comparison.csv" if drawn else "results and comparison.csv"
-        typer.echo(f"\n{listed}{drawn} in {folder}")
+        typer.echo(f"\n{written} in {folder}")
     if found.failures:
         raise ComparisonError("\n".join(found.failures))
     insist(found.results, changes.get("require", ()), strict)
 
 
-def _columns(system: str, measures: str | None) -> list[str]:
-    """Names of the option --measures; UsageError if there is no such measure."""
-    if not measures:
-        return []
-    from harness.mission.library import everything
-    from harness.spelling import did_you_mean
-    from harness.ssp.library import load
-
-    with load(system):
-        known = {measure.name for measure in everything().measures} | {"macro step"}
-    names = [name.strip() for name in measures.split(",")]
-    for name in names:
-        if name not in known:
-            raise UsageError(f"--measures {name}: no such measure{did_you_mean(name, known)}")
-    return names
-
-
-def _overlaid(results: Any, folder: Path, pictures: Pictures) -> str:
-    """Draw the figures of a comparison; how many, as the end of a list."""
+def _written(results: Any, folder: Path, pictures: Pictures) -> str:
+    """Draw the figures of a comparison; what its folder holds."""
+    if not pictures.figures:
+        return "results and comparison.csv"
     from harness.figures.plots import overlay
-    from harness.figures.style import style_of
 
-    drawn = overlay(results, folder, pictures.ending.value, style_of(pictures.style.value))
-    return f" and {len(drawn)} figures"
-
-
-def _limits(bands: list[str] | None, keep_out: float) -> Any:
-    """Limits of a comparison from the options --band and --keep-out; UsageError."""
-    from harness.master.changes import pairs
-    from harness.mission import Limits
-
-    given = {}
-    for name, value in pairs("--band", bands or ()):
-        if name not in ("position", "attitude") or not _positive(value):
-            raise UsageError(
-                f"--band {name}={value}: expected position=METRES or attitude=DEGREES, above 0"
-            )
-        given[name] = float(value)
-    if not 0 <= keep_out < math.inf:
-        raise UsageError(f"--keep-out {keep_out:g}: expected a radius in metres, 0 or more")
-    return Limits(keep_out=keep_out, **given)
+    drawn = overlay(results, folder, *pictures.how())
+    return f"results, comparison.csv and {len(drawn)} figures"
 
 
-def _positive(text: str) -> bool:
-    try:
-        return 0 < float(text) < math.inf
-    except ValueError:
-        return False
+@dataclass(frozen=True, kw_only=True)
+class Campaign:
+    """How a campaign is run, judged and shown."""
+
+    output: DatasetOption = None
+    cluster: Cluster
+    resume: ResumeOption = False
+    require: Annotated[
+        Texts,
+        option(
+            "--require 'success >= 99 %'", "Require this of shares or metrics, else exit status 1"
+        ),
+    ] = None
+    strict: Annotated[
+        bool, option("--strict", "Let [expected], or success of every run, decide on the status")
+    ] = False
+    pictures: Pictures
+    quiet: QuietOption = False
+
+    def run(self, definition: Path) -> None:
+        """Run a campaign, print what came of it and draw it."""
+        from harness.cli import campaigns
+        from harness.studies.campaign.campaign import campaign
+
+        folder = self.output or Path("results") / f"{definition.stem}.zarr"
+        how: dict[str, Any] = {"resume": self.resume, "strict": self.strict}
+        how |= {"require": self.require or (), **asdict(self.cluster)}
+        said = (lambda text: None) if self.quiet else (lambda text: typer.echo(text, err=True))
+        problem = None
+        with campaigns.counting(definition.stem, not self.quiet) as show:
+            try:
+                found = campaign(definition, folder, progress=show, said=said, **how)
+            except RequirementError as error:  # all is there
+                found, problem = error.partial, error
+        typer.echo(printable(found.summary()))
+        drawn = ""
+        if self.pictures.figures:
+            place = figures_of(folder)
+            number = len(campaigns.pictures(found.store, place, *self.pictures.how()))
+            drawn = f", {number} figures in {place}" if number else ""
+        typer.echo(f"\ndataset {folder}{drawn}")
+        if problem is not None:
+            raise problem
 
 
 @app.command("campaign")
-@takes("pictures", Pictures)
-@takes("cluster", Cluster)
-def campaign_command(  # noqa: PLR0913, PLR0917 - one argument per option or group of them
+@takes()
+def campaign_command(
     definition: Annotated[
-        Path,
-        typer.Argument(metavar="CAMPAIGN.toml", help="Campaign file: system, factors, metrics"),
+        Path, argument("CAMPAIGN.toml", "Campaign file: system, factors, metrics")
     ],
-    output: DatasetOption = None,
-    cluster: Any = None,
-    resume: ResumeOption = False,
-    require: HeldOption = None,
-    strict: ExpectedOption = False,
-    pictures: Any = None,
-    quiet: QuietOption = False,
+    campaign: Campaign,
 ) -> None:
     """Run a system thousands of times.
 
     The file sets what varies; metrics, failures and histories go to one Zarr dataset.
     """
-    from harness.cli import campaigns
-    from harness.studies.campaign.campaign import campaign
+    campaign.run(definition)
 
-    folder = output or Path("results") / f"{definition.stem}.zarr"
-    how = {"resume": resume, "require": require or (), "strict": strict, **asdict(cluster)}
-    said = (lambda text: None) if quiet else (lambda text: typer.echo(text, err=True))
-    problem = None
-    with campaigns.counting(definition.stem, not quiet) as show:
-        try:
-            found = campaign(definition, folder, progress=show, said=said, **how)
-        except RequirementError as error:  # all is there
-            found, problem = error.partial, error
+
+# ---- studies that ask on
+
+
+@dataclass(frozen=True)
+class How:
+    """Where a study writes, and by whom its runs are performed."""
+
+    output: DatasetOption = None
+    workers: WorkersOption = None
+    resume: ResumeOption = False
+    quiet: QuietOption = False
+
+
+@app.command("sensitivity")
+@takes()
+def sensitivity_command(
+    definition: Annotated[
+        Path, argument("CAMPAIGN.toml|OUT.zarr", "File, or dataset of a complete campaign")
+    ],
+    how: How,
+) -> None:
+    """Find out which factors matter.
+
+    By Morris or Sobol; for a complete campaign by dependence (HSIC), without further flights.
+    """
+    _study("sensitivity", definition, how)
+
+
+@app.command("worst")
+@takes()
+def worst_command(definition: StudyArgument, how: How) -> None:
+    """Search for the worst flight of each requirement.
+
+    Status 1 if a requirement fails in a flight that was found.
+    """
+    _study("worst", definition, how)
+
+
+@app.command("probability")
+@takes()
+def probability_command(definition: StudyArgument, how: How) -> None:
+    """Estimate how probable a failure is.
+
+    By subset simulation, importance sampling or random flights. Status 1 unless the probability is
+    below the entry `below`.
+    """
+    _study("probability", definition, how)
+
+
+@app.command("map")
+@takes()
+def map_command(definition: StudyArgument, how: How) -> None:
+    """Map where a requirement fails, over two factors."""
+    _study("map", definition, how)
+
+
+@app.command("tune")
+@takes()
+def tune_command(definition: StudyArgument, how: How) -> None:
+    """Tune gains for the best worst margin over draws and an archive of worst flights."""
+    _study("tune", definition, how)
+
+
+def _study(kind: str, definition: Path, how: How) -> None:
+    if not ask(kind, definition, how):
+        raise typer.Exit(1)
+
+
+def ask(kind: str, definition: Path, how: How) -> bool:
+    """Run a study and print what it found; whether that is well."""
+    from harness.cli.campaigns import counting
+    from harness.studies.inquiry.studies import STUDIES
+
+    target = how.output or Path("results") / f"{definition.stem}_{kind}.zarr"
+    with counting(kind, not how.quiet and sys.stderr.isatty()) as show:
+        found = STUDIES[kind](
+            definition,
+            target,
+            workers=how.workers,
+            resume=how.resume,
+            progress=show,
+            said=(lambda text: None) if how.quiet else (lambda text: typer.echo(printable(text))),
+        )
     typer.echo(printable(found.summary()))
-    place, look = figures_of(folder), (pictures.ending.value, pictures.style.value)
-    drawn = campaigns.pictures(found.store, place, *look) if pictures.figures else []
-    typer.echo(f"\ndataset {folder}" + (f", {len(drawn)} figures in {place}" if drawn else ""))
-    if problem is not None:
-        raise problem
+    typer.echo(f"\ndataset {found.path}")
+    return found.verdict
+
+
+@app.command("study")
+@takes()
+def study_command(
+    *,
+    name: Annotated[
+        str | None, argument("[NAME]", "Campaign of the project; without a name: list them")
+    ] = None,
+    kind: Annotated[str | None, option("KIND", "Run this study of the file, or campaign")] = None,
+    campaign: Campaign,
+) -> None:
+    """Run a campaign or the studies of a file of the project.
+
+    A file with tables such as [worst] is asked these questions, one after the other, each into
+    results/NAME_KIND.zarr; --kind chooses one of them, or the plain campaign.
+    """
+    from harness.mission.library import campaigns
+
+    known = campaigns()
+    if name is None:
+        typer.echo("\n".join(known))
+        return
+    if name not in known:
+        raise UsageError(f"{name}: there is no such study{did_you_mean(name, known)}")
+    kinds = _kinds(known[name], kind)
+    if kinds == ["campaign"]:
+        campaign.run(known[name])
+        return
+    if len(kinds) > 1 and campaign.output:
+        raise UsageError(f"--output: one dataset, {len(kinds)} studies; --kind chooses one")
+    workers = campaign.cluster.workers
+    if campaign.require or campaign.strict or campaign.cluster != Cluster(workers=workers):
+        raise UsageError("--require, --strict, clusters: of campaigns; studies take --workers")
+    how = How(campaign.output, workers, campaign.resume, campaign.quiet)
+    answers = [ask(each, known[name], how) for each in kinds]
+    raise typer.Exit(0 if all(answers) else 1)
+
+
+def _kinds(path: Path, wanted: str | None) -> list[str]:
+    """What a file is run for: the studies that it describes, else a campaign; or what is wanted."""
+    from harness.studies.campaign.draft import table_of
+    from harness.studies.inquiry.studies import STUDIES
+
+    table = table_of(path)
+    described = [kind for kind in STUDIES if isinstance(table.get(kind), Mapping)]
+    if wanted is None:
+        return described or ["campaign"]
+    if wanted not in (known := [*described, "campaign"]):
+        raise UsageError(
+            f"--kind {wanted}: not in {path.name}{did_you_mean(wanted, known)}; "
+            f"there are: {', '.join(known)}"
+        )
+    return [wanted]

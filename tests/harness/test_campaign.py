@@ -25,6 +25,7 @@ from harness.cli.app import main
 from harness.cli.campaigns import pictures
 from harness.cli.runs import _draw
 from harness.errors import HarnessError, ResultsError, StructureError, UsageError
+from harness.figures.style import SCREEN
 from harness.mission.library import campaigns
 from harness.results.files import read
 from harness.results.result import Result
@@ -650,7 +651,7 @@ def test_two_listed_factors_are_drawn_as_a_map(system, tmp_path):
         "count.n_0": {"list": [0.0, 5.0]},
     }
     found = campaign(given, tmp_path / "out.zarr", workers=0)
-    names = [path.name for path in pictures(found.store, tmp_path, "svg", "screen")]
+    names = [path.name for path in pictures(found.store, tmp_path, "svg", SCREEN)]
     assert names == ["campaign_histograms.svg", "campaign_map_end.svg"]
 
 

@@ -320,7 +320,7 @@ def test_plot_and_report_of_a_file_that_is_no_result_are_one_line(command, folde
 
 
 def test_a_mistake_of_ours_is_one_line_unless_a_traceback_is_wanted(command, monkeypatch):
-    monkeypatch.setattr("harness.cli.listing.text", lambda _: 1 / 0)
+    monkeypatch.setattr("harness.cli.showing.listed", lambda _: 1 / 0)
     status, _, err = command("list")
     assert status == 1
     assert err == [

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from harness import run
-from harness.cli.listing import text
+from harness.cli.showing import listed
 from harness.errors import StructureError, UsageError
 
 from ..harness.foreign_fmu import Model, build, p, u, y
@@ -59,7 +59,7 @@ def test_naming_the_controller_that_is_there_already_changes_nothing():
 def test_the_list_shows_for_which_controllers_there_are_parameters():
     assert (
         "  swaps       controller=ppc_controller,pid_controller,theta_d_controller"
-        in text("sync_approach").splitlines()
+        in listed("sync_approach").splitlines()
     )
 
 
