@@ -21,7 +21,7 @@ from harness.files.libraries import library
 from harness.mission.library import SYSTEM, systems
 from harness.report.arrays import Arrays
 from harness.results.result import Array, Result
-from harness.ssp.build import MODELS, extended
+from harness.ssp.extends import MODELS, extended
 
 Scene = dict[str, Any]
 

@@ -10,8 +10,6 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from harness.system.model import System
 
 
@@ -29,19 +27,6 @@ def attach(reader: Callable[[System], Begun]) -> None:
 def read(system: System) -> Begun:
     """What the `starts` of a system give at its epoch; HarnessError."""
     return _readers[0](system)
-
-
-def placed(start: Any, source: Path) -> Any:
-    """The table with the paths of its files as seen from the TOML that it stands in."""
-    if not isinstance(start, Mapping):
-        return start
-    return {
-        c: _placed(text, source) if isinstance(text, str) else text for c, text in start.items()
-    }
-
-
-def _placed(text: str, source: Path) -> str:
-    return text if "\n" in text.strip() else str(source.resolve().parent / text)
 
 
 def begun(table: Mapping[str, Any], system: System) -> dict[str, Any]:

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""TOML files of systems, each over the one that it `extends`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from harness.errors import StructureError
+from harness.mission.library import FILE, SYSTEM, systems, systems_in
+from harness.spelling import did_you_mean
+from harness.system.tables import read_toml
+
+MODELS = "models"
+"""Key of the table of glTF files by body."""
+
+
+def extended(source: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
+    """Content of a TOML; one that `extends` another system is put over it. The mission of a system
+    is its folder's, or that of the system it extends where its own folder has no Python.
+
+    above: the files that extend this one.
+    """
+    table, mission = _read(source), source.resolve().parent.name
+    if (base := table.get("extends")) is not None:
+        path = _base(source, str(base))
+        if path.resolve() in (chain := (*above, source.resolve())):
+            raise StructureError([f"extends: {base} extends this system itself"])
+        under = extended(path, chain)
+        if not source.with_name(FILE).is_file():
+            mission = under["mission"]
+        table = _over({k: v for k, v in under.items() if k != "name"}, table)
+    folder = source.resolve().parent.name
+    table.setdefault("name", folder if source.name == SYSTEM else f"{folder}_{source.stem}")
+    return table | {"mission": mission}
+
+
+def _read(source: Path) -> dict[str, Any]:
+    """Content of a TOML; paths of files as seen from the folder that it stands in."""
+    table, scene = read_toml(source), "scene"
+    if "start" in table:
+        table["start"] = _placed(table["start"], source)
+    if isinstance(table.get(scene), Mapping):
+        table[scene] = {k: _placed(v, source) for k, v in table[scene].items()}
+    return table
+
+
+def _placed(files: Any, source: Path) -> Any:
+    """A table of files; what has several lines is the content of one."""
+    if not isinstance(files, Mapping):
+        return files
+    folder = source.resolve().parent
+    return {
+        name: str(folder / text) if isinstance(text, str) and "\n" not in text.strip() else text
+        for name, text in files.items()
+    }
+
+
+def _base(source: Path, name: str) -> Path:
+    """The TOML of the system that another one extends: of the same folder, of a mission beside it,
+    or of any mission at hand.
+    """
+    folder = source.resolve().parent
+    beside = [p for p in folder.parent.glob(f"*/{SYSTEM}") if p.parent != folder]
+    known = {path.stem: path for path in sorted(folder.glob("*.toml"))}
+    for mission in (folder, *(path.parent for path in beside)):
+        known |= systems_in(mission)
+    known = systems() | known
+    if name not in known:
+        raise StructureError([f"extends: there is no system {name}{did_you_mean(name, known)}"])
+    return known[name]
+
+
+def _over(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """One table over another; in the order of the upper one where that names all there is, so that
+    a component can be put between others (components run in their order).
+    """
+    merged = dict.fromkeys(own) | dict(base) if set(base) <= set(own) else dict(base)
+    for key, value in own.items():
+        under = base.get(key)
+        both = isinstance(under, Mapping) and isinstance(value, Mapping)
+        merged[key] = _over(under, value) if both else value  # type: ignore[arg-type]
+    return merged
