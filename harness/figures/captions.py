@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Captions of the figures of a paper, to be pasted: `captions.md` and `captions.tex` beside them.
+"""Texts of figures: symbols as in formulas, numbers of ticks, and the captions of the figures of a
+paper, to be pasted: `captions.md` and `captions.tex` beside them.
 
 A caption says what is drawn, of which run, what the dashes and levels mean and the least values
 that matter; all of it comes from the tables of the figures and from the result.
@@ -7,15 +8,25 @@ that matter; all of it comes from the tables of the figures and from the result.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from harness.figures.finish import symbols
-from harness.figures.limits import unit_of
+import numpy as np
+
 from harness.files.output import written
-from harness.mission.figure import Drawing, Figure, Overlay
+from harness.mission.figure import Drawing, Figure, Overlay, unit_of
 from harness.results.result import Result
 
+GREEK = (
+    "alpha|beta|gamma|delta|epsilon|zeta|eta|theta|kappa|lambda|mu|nu|xi|rho|sigma|tau|phi|chi|psi"
+    "|omega|Delta|Gamma|Omega"
+)
+SYMBOL = re.compile(rf"(?<![\w$\\.])(?P<base>{GREEK}|[A-Za-z])_(?P<index>\w+)(?![\w.])|"
+                    rf"(?<![\w$\\.])(?P<alone>{GREEK})(?![\w.])")  # fmt: skip
+POWERS = str.maketrans(
+    "0123456789-", "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079\u207b"
+)
 SPECIAL = str.maketrans({c: f"\\{c}" for c in "&%$#_{}"})
 """Characters that TeX takes for commands."""
 
@@ -56,9 +67,8 @@ def _panels(figure: Figure, results: Mapping[str, Result]) -> Iterator[str]:
     if len(figure.panels) > 1:
         yield "From top to bottom: " + "; ".join(panel.ylabel for panel in figure.panels)
     for panel in figure.panels:
-        height = panel.level.height(result) if panel.level else None
-        if panel.level and height is not None:
-            yield f"Level, {panel.level.label} {height:g} {unit_of(panel.ylabel)}".rstrip()
+        if line := panel.line(result):
+            yield f"Level, {line[1]}"
         for label, run in results.items():
             for time, value in panel.minima(run) if figure.fits(run) else ():
                 whose = f" of {label}" if label else ""
@@ -73,3 +83,50 @@ def _runs(results: Mapping[str, Result]) -> str:
     runs = f"; runs: {', '.join(results)}" if len(results) > 1 else ""
     end = max(float(r.time[-1]) for r in results.values())
     return f"System {first.system}{chosen}{runs}, {first.time[0]:g} to {end:g} s"
+
+
+# ---- symbols and numbers
+
+
+def mathematical(text: str) -> str:
+    """Symbols of a label as in formulas: `rho_ref [m]`; units with raised powers."""
+    if "$" in text:
+        return text
+    parts = re.split(r"(\[[^\]]*\])", text)
+    return "".join(_unit(p) if p.startswith("[") else SYMBOL.sub(_formula, p) for p in parts)
+
+
+def _unit(text: str) -> str:
+    """A unit in brackets with raised powers."""
+    raised = re.sub(r"(?<=[a-z])(-?\d)", lambda m: m[1].translate(POWERS), text)
+    return raised.replace(".", "\u00b7")
+
+
+def _formula(found: re.Match[str]) -> str:
+    base = found["base"] or found["alone"]
+    name = f"\\{base}" if len(base) > 1 else base
+    index = (found["index"] or "").replace("_", ",")
+    upright = index if len(index) < 2 else rf"\mathrm{{{index}}}"
+    return f"${name}_{{{upright}}}$" if index else f"${name}$"
+
+
+def symbols(text: str) -> str:
+    """A sentence with its symbols as in formulas, units as they are."""
+    return text if "$" in text else SYMBOL.sub(_formula, text)
+
+
+def plain_number(value: float) -> str:
+    """A number of a tick, without the mark-up of formulas."""
+    if 1e-4 < abs(value) < 1e5:
+        return f"{value:.4g}"
+    power = int(np.floor(np.log10(abs(value))))
+    part = f"{value / 10.0**power:.3g}"
+    front = "" if part == "1" else f"{part}\u00d7"
+    return f"{front}10{str(power).translate(POWERS)}"
+
+
+def untexed(text: str) -> str:
+    """A tick or label of matplotlib without the mark-up of formulas, powers raised."""
+    bare = re.sub(r"\\math\w+\{((?:[^{}]|\{[^{}]*\})*)\}", r"\1", text.replace("$", ""))
+    raised = re.sub(r"\^\{([-\d]+)\}", lambda m: m[1].translate(POWERS), bare)
+    return re.sub(r"\\(?:times|cdot)\s*", "\u00d7", raised).replace("\u2212", "-")

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from harness.errors import UsageError
-from harness.mission.figure import AXES, Curve, Drawing, Figure, Overlay, Panel
+from harness.mission.figure import Curve, Drawing, Figure, Overlay, Panel
 from harness.mission.library import missing, of_result
 from harness.mission.mission import together
 from harness.results.result import Array, Result
@@ -36,6 +37,32 @@ def overlays_of(results: Mapping[str, Result]) -> Sequence[Figure | Overlay]:
     offered = together(of_result(result) for result in results.values()).overlays
     fitting = [f for f in offered if any(f.fits(r) for r in results.values())]
     return fitting or list(general(next(iter(results.values()))))
+
+
+def compared(
+    results: Mapping[str, Result],
+) -> tuple[list[tuple[Figure | Overlay, dict[str, Result]]], list[str]]:
+    """Figures of several runs that show something, each with the runs that it fits (its title names
+    the others); and those that one run alone has, which compare nothing, by name and run.
+    """
+    found, alone = [], []
+    for figure in overlays_of(results):
+        runs = {label: r for label, r in results.items() if figure.fits(r)}
+        if all(figure.is_empty(r) for r in runs.values()):
+            continue
+        if len(runs) < min(2, len(results)):
+            alone.append(f"{figure.name} ({next(iter(runs))})")
+            continue
+        found.append((named(figure, runs, results), runs))
+    return found, alone
+
+
+def named(
+    figure: Figure | Overlay, runs: Mapping[str, Result], results: Mapping[str, Result]
+) -> Figure | Overlay:
+    """A figure of several runs whose title names the results that are not among them."""
+    absent = ", ".join(label for label in results if label not in runs)
+    return replace(figure, title=f"{figure.title}; without {absent}") if absent else figure
 
 
 def general(result: Result) -> Iterator[Figure]:
@@ -80,17 +107,13 @@ def _expanded(result: Result, name: str) -> Iterator[str]:
 def _panel(result: Result, name: str) -> Panel:
     unit = result.unit(name).replace(".", " ")
     label = f"{name} [{unit}]" if unit not in ("", "1") else name
-    return Panel(label, (Curve(name, convert=_flat, labels=_labels(result, name)),))
+    elements = result.vectors.get(name)
+    if elements is None or elements.shape in ((), (3,)):
+        return Panel(label, (Curve(name),))
+    columns = (result.columns[i].removeprefix(name).strip("[]") for i in elements.flat)
+    return Panel(label, (Curve(name, convert=_flat, labels=tuple(columns)),))
 
 
 def _flat(history: Array) -> Array:
     """Matrices as the rows of their elements."""
-    return history if history.ndim == 1 else history.reshape(len(history), -1)
-
-
-def _labels(result: Result, name: str) -> tuple[str, ...]:
-    """Elements of a vector in space by axis, others by index."""
-    if name not in result.vectors or result.vectors[name].shape == (3,):
-        return AXES
-    columns = (result.columns[i] for i in result.vectors[name].flat)
-    return tuple(column.removeprefix(name).strip("[]") for column in columns)
+    return history.reshape(len(history), -1)

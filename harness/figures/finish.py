@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The last touch of every figure: axes of time that end where the run ends, three ticks and more on
-logarithmic axes, labels in line; in print curves that differ without colour, and symbols as in
-formulas.
+"""The last touch of every figure: limits that show signals and no rounding, axes of time that end
+where the run ends, three ticks and more on logarithmic axes, labels in line; in print curves that
+differ without colour, and symbols as in formulas.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 
+from harness.figures.captions import mathematical, plain_number
+from harness.mission.figure import unit_of
 from harness.results.result import Array
 
 DASHES = (
@@ -25,15 +27,18 @@ WIDTHS = (1.0, 1.9, 0.5, 2.8)
 CROWD = 0.06
 """A tick nearer than this part of the axis to its end gives way to the end."""
 LEAST_TICKS = 3
-GREEK = (
-    "alpha|beta|gamma|delta|epsilon|zeta|eta|theta|kappa|lambda|mu|nu|xi|rho|sigma|tau|phi|chi|psi"
-    "|omega|Delta|Gamma|Omega"
-)
-SYMBOL = re.compile(rf"(?<![\w$\\.])(?P<base>{GREEK}|[A-Za-z])_(?P<index>\w+)(?![\w.])|"
-                    rf"(?<![\w$\\.])(?P<alone>{GREEK})(?![\w.])")  # fmt: skip
-POWERS = str.maketrans(
-    "0123456789-", "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079\u207b"
-)
+ROUNDING = 1e-10
+"""A curve smaller than this part of those in the same unit beside it, or than this part of its own
+mean, is rounding.
+"""
+DECADES = 1e-9
+"""Lower end of a logarithmic axis at most, as part of its upper one."""
+BODY, EDGE = 99.0, 1.5
+"""Percentile of all values that is the body of the runs; times this it is the edge of the panel."""
+SPIKE, TOWER, FEW = 5.0, 1e-3, 5
+"""Spikes are this many times higher than the body, which is at least that part of them, and at most
+so many in a run.
+"""
 
 
 def finished(canvas: Any, end: float | None, distinct: bool) -> Any:
@@ -55,7 +60,72 @@ def finished(canvas: Any, end: float | None, distinct: bool) -> Any:
     return canvas
 
 
-# ---- axes
+# ---- limits
+
+
+def calm(panels: Sequence[tuple[Any, str]]) -> None:
+    """Set the limits of panels, given with their labels, that show rounding.
+
+    A panel takes those of the largest panel in the same unit, and says so; a constant gets a band
+    of 5 % about it.
+    """
+    linear = [(axes, label) for axes, label in panels if axes.get_yscale() == "linear"]
+    largest: dict[str, tuple[float, Any]] = {}
+    for axes, label in linear:
+        unit = unit_of(label)
+        largest[unit] = max(largest.get(unit, (0.0, axes)), (_size(axes), axes), key=lambda x: x[0])
+    for axes, label in linear:
+        size, sibling = largest[unit_of(label)]
+        if _size(axes) < ROUNDING * size:
+            axes.set_ylim(sibling.get_ylim())
+            _note(axes, f"rounding below {_size(axes):.0e}".replace("e-0", "e-"))
+        elif np.ptp(_values(axes)) < ROUNDING * _size(axes):
+            level = float(np.median(_values(axes)))
+            axes.set_ylim(sorted((0.95 * level, 1.05 * level)))
+    for axes, _ in panels:
+        if axes.get_yscale() == "log":
+            low, high = axes.get_ylim()
+            axes.set_ylim(max(low, DECADES * high), high)
+
+
+def cut_spikes(axes: Any, histories: Sequence[Array]) -> None:
+    """Limit a panel of several runs to what they do nearly all the time, and say what is beyond.
+
+    A train of pulses is no spike.
+    """
+    sizes = np.concatenate([np.abs(h[np.isfinite(h)]) for h in histories])
+    body = float(np.percentile(sizes, BODY)) if len(sizes) else 0.0
+    largest = float(sizes.max(initial=0.0))
+    beyond = [np.abs(np.nan_to_num(h)) > EDGE * body for h in histories]
+    pulses = max((np.count_nonzero(np.diff(each)) // 2 for each in beyond), default=0)
+    flattened = TOWER * largest < body < largest / SPIKE
+    if axes.get_yscale() == "log" or not flattened or pulses > FEW:
+        return
+    low, high = axes.get_ylim()
+    axes.set_ylim(max(low, -EDGE * body), min(high, EDGE * body))
+    _note(axes, f"cut: up to {largest:.3g}")
+
+
+def _note(axes: Any, text: str) -> None:
+    axes.annotate(
+        text, (0.99, 0.95), xycoords="axes fraction", ha="right", va="top", fontsize="small",
+        color="0.35",
+    )  # fmt: skip
+
+
+def _values(axes: Any) -> Array:
+    """Everything that the curves of a panel show."""
+    curves = [np.asarray(line.get_ydata(), dtype=np.float64) for line in axes.get_lines()]
+    values = np.concatenate(curves) if curves else np.zeros(1)
+    finite = values[np.isfinite(values)]
+    return finite if len(finite) else np.zeros(1)
+
+
+def _size(axes: Any) -> float:
+    return float(np.abs(_values(axes)).max())
+
+
+# ---- axes of time, ticks
 
 
 def _of_time(axes: Any) -> bool:
@@ -101,23 +171,6 @@ def _ticked(axis: Any) -> None:
     axis.set_major_locator(FixedLocator(chosen))
     axis.set_major_formatter(FixedFormatter([plain_number(t) for t in chosen]))
     axis.set_minor_formatter(FixedFormatter([]))
-
-
-def plain_number(value: float) -> str:
-    """A number of a tick, without the mark-up of formulas."""
-    if 1e-4 < abs(value) < 1e5:
-        return f"{value:.4g}"
-    power = int(np.floor(np.log10(abs(value))))
-    part = f"{value / 10.0**power:.3g}"
-    front = "" if part == "1" else f"{part}\u00d7"
-    return f"{front}10{str(power).translate(POWERS)}"
-
-
-def untexed(text: str) -> str:
-    """A tick or label of matplotlib without the mark-up of formulas, powers raised."""
-    bare = re.sub(r"\\math\w+\{((?:[^{}]|\{[^{}]*\})*)\}", r"\1", text.replace("$", ""))
-    raised = re.sub(r"\^\{([-\d]+)\}", lambda m: m[1].translate(POWERS), bare)
-    return re.sub(r"\\(?:times|cdot)\s*", "\u00d7", raised).replace("\u2212", "-")
 
 
 # ---- curves that differ without colour
@@ -175,36 +228,6 @@ def _with(line: Any, dashes: Any, width: float) -> tuple[Any, ...]:
     look = look_of(line)
     line.set(linestyle=had, linewidth=wide)
     return look
-
-
-# ---- symbols
-
-
-def mathematical(text: str) -> str:
-    """Symbols of a label as in formulas: `rho_ref [m]`; units with raised powers."""
-    if "$" in text:
-        return text
-    parts = re.split(r"(\[[^\]]*\])", text)
-    return "".join(_unit(p) if p.startswith("[") else SYMBOL.sub(_formula, p) for p in parts)
-
-
-def _unit(text: str) -> str:
-    """A unit in brackets with raised powers."""
-    raised = re.sub(r"(?<=[a-z])(-?\d)", lambda m: m[1].translate(POWERS), text)
-    return raised.replace(".", "\u00b7")
-
-
-def _formula(found: re.Match[str]) -> str:
-    base = found["base"] or found["alone"]
-    name = f"\\{base}" if len(base) > 1 else base
-    index = (found["index"] or "").replace("_", ",")
-    upright = index if len(index) < 2 else rf"\mathrm{{{index}}}"
-    return f"${name}_{{{upright}}}$" if index else f"${name}$"
-
-
-def symbols(text: str) -> str:
-    """A sentence with its symbols as in formulas, units as they are."""
-    return text if "$" in text else SYMBOL.sub(_formula, text)
 
 
 def _symbols(canvas: Any) -> None:

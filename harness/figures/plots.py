@@ -7,20 +7,17 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from io import BytesIO
-from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from harness.errors import ResultsError
 from harness.figures.captions import written_captions
-from harness.figures.choice import figure_of, figures_of, overlays_of
-from harness.figures.finish import finished
-from harness.figures.limits import calm, cut_spikes, unit_of
+from harness.figures.choice import compared, figure_of, figures_of
+from harness.figures.finish import calm, cut_spikes, finished
 from harness.figures.style import (
     MANY,
     SCREEN,
@@ -32,7 +29,7 @@ from harness.figures.style import (
     time_axis,
     wrapped,
 )
-from harness.mission.figure import Colour, Curve, Drawing, Figure, Overlay, Panel
+from harness.mission.figure import IDLE, Colour, Curve, Drawing, Figure, Overlay, Panel, unit_of
 from harness.results.result import Array, Result
 
 _log = logging.getLogger("harness")
@@ -102,29 +99,14 @@ def overlay(
     colours of a scale and the band of the middle nine tenths instead of a legend. Raises
     ResultsError if the directory cannot be written.
     """
-    offered = overlays_of(results) if results else ()
-    fitting = {f: {label: r for label, r in results.items() if f.fits(r)} for f in offered}
+    found, alone = compared(results) if results else ([], [])
+    if alone:
+        _log.warning("not compared, for one run alone has them: %s", ", ".join(alone))
     colours = _colours(list(results))
-    shown = {f: r for f, r in fitting.items() if not all(f.is_empty(run) for run in r.values())}
-    if alone := [f for f, runs in shown.items() if len(runs) < min(2, len(results))]:
-        names = ", ".join(f"{f.name} ({next(iter(shown[f]))})" for f in alone)
-        _log.warning("not compared, for one run alone has them: %s", names)
-    figures = {f: runs for f, runs in shown.items() if f not in alone}
-    drawn = {f.name: partial(paint_overlay, named(f, runs, results), runs, colours, style)
-             for f, runs in figures.items()}  # fmt: skip
+    drawn = {f.name: partial(paint_overlay, f, runs, colours, style) for f, runs in found}
     files = _write(directory, ending, style, drawn)
-    about = {f.name: named(f, runs, results) for f, runs in figures.items()}
-    return files + (written_captions(directory, about, results) if style.printed else [])
-
-
-def named(
-    figure: Figure | Overlay, shown: Mapping[str, Result], results: Mapping[str, Result]
-) -> Figure | Overlay:
-    """A figure of several runs whose title names those that are not in it."""
-    absent = [label for label in results if label not in shown]
-    return (
-        replace(figure, title=f"{figure.title}; without {', '.join(absent)}") if absent else figure
-    )
+    captioned = {figure.name: figure for figure, _ in found}
+    return files + (written_captions(directory, captioned, results) if style.printed else [])
 
 
 def _write(
@@ -139,24 +121,21 @@ def _write(
 
 def paint(figure: Figure | Drawing, result: Result, style: Style = SCREEN) -> Canvas:
     """The figure of one run as matplotlib has it."""
+    seconds = time_axis(result.time).seconds
     if isinstance(figure, Drawing):
         canvas = new_canvas(figure.title, figure.size, style)
         figure.draw(canvas, result)
-        clock = time_axis(result.time)
-        return finished(canvas, _end(clock.seconds, result), style.printed)
-    canvas, panels = _panels(figure, [result], style)
-    time, labelled = time_axis(result.time), [""]
-    for axes, panel in panels:
-        for curve in panel.held(result):
-            _draw_curve(axes, result, panel, curve, time.seconds)
-        _shade(axes, panel, [result], time.seconds)
-        _mark_least(axes, panel, result, time.seconds)
-        labels = axes.get_legend_handles_labels()[1]
-        if labels != labelled:
-            legend_above(axes)
-        labelled = labels
-    calm([(axes, panel.ylabel) for axes, panel in panels])
-    return finished(canvas, _end(time.seconds, result), style.printed)
+    else:
+        canvas, panels = _panels(figure, [result], style)
+        labelled = [""]
+        for axes, panel in panels:
+            _draw_panel(axes, panel, result, seconds)
+            labels = axes.get_legend_handles_labels()[1]
+            if labels != labelled:
+                legend_above(axes)
+            labelled = labels
+        calm([(axes, panel.ylabel) for axes, panel in panels])
+    return finished(canvas, _end(seconds, result), style.printed)
 
 
 def _end(seconds: float, *results: Result) -> float | None:
@@ -164,8 +143,10 @@ def _end(seconds: float, *results: Result) -> float | None:
     return max((float(r.time[-1]) for r in results if len(r.time)), default=0.0) / seconds or None
 
 
-def _mark_least(axes: Any, panel: Panel, result: Result, seconds: float) -> None:
-    """A mark with its value where the least value matters."""
+def _draw_panel(axes: Any, panel: Panel, result: Result, seconds: float) -> None:
+    for curve in panel.held(result):
+        _draw_curve(axes, result, panel, curve, seconds)
+    _shade(axes, panel, [result], seconds)
     for time, value in panel.minima(result):
         text = f"least {value:.4g} {unit_of(panel.ylabel)}".strip()
         axes.plot(time / seconds, value, "kv", markersize=5, label=text)
@@ -175,7 +156,7 @@ def _panels(
     figure: Figure, results: Sequence[Result], style: Style
 ) -> tuple[Canvas, list[tuple[Any, Panel]]]:
     """Axes of the panels that show something, one below the other; the title names the others."""
-    silent = [panel for panel in figure.panels if all(_is_silent(panel, r) for r in results)]
+    silent = [panel for panel in figure.panels if panel.is_silent(*results)]
     shown = [panel for panel in figure.panels if panel not in silent] or list(figure.panels)
     left = [panel.ylabel for panel in figure.panels if panel not in shown]
     title = "\n".join([figure.title] + [f"zero throughout: {', '.join(left)}"] * bool(left))
@@ -186,32 +167,18 @@ def _panels(
         axes.set_ylabel(wrapped(panel.ylabel, canvas.get_figheight() / (len(shown) + 0.5)))
         if panel.log:
             axes.set_yscale("log")
-        _draw_level(axes, panel, results[0])
+        if line := panel.line(results[0]):
+            look = {"color": "0.3", "linestyle": "--", "linewidth": 0.8, "zorder": 1}
+            axes.axhline(line[0], label=line[1], **look)
     canvas.align_ylabels()
     return canvas, list(zip(column, shown, strict=True))
 
 
-def _is_silent(panel: Panel, result: Result) -> bool:
-    """Whether there is nothing but zeros, or no number at all."""
-    shown = panel.rows(result)
-    return not any(np.nan_to_num(c.history(result)[shown]).any() for c in panel.held(result))
-
-
-def _draw_level(axes: Any, panel: Panel, result: Result) -> None:
-    height = panel.level.height(result) if panel.level else None
-    if panel.level and height is not None:
-        label = f"{panel.level.label} {height:g} {unit_of(panel.ylabel)}".strip()
-        axes.axhline(height, color="0.3", linestyle="--", linewidth=0.8, label=label, zorder=1)
-
-
 def _shade(axes: Any, panel: Panel, results: Iterable[Result], seconds: float) -> None:
     """Shade the time in which what is drawn acts in none of the runs."""
-    if panel.idle_until is None:
-        return
-    begin, idle = min((r.time[0], min(panel.idle_until(r), r.time[-1])) for r in results)
-    if idle > begin:
-        look = {"color": "0.5", "alpha": 0.15, "label": "attitude frozen: acts on nothing"}
-        axes.axvspan(begin / seconds, idle / seconds, **look)
+    if idle := panel.idle(results):
+        begin, end = idle
+        axes.axvspan(begin / seconds, end / seconds, color="0.5", alpha=0.15, label=IDLE)
 
 
 def _draw_curve(axes: Any, result: Result, panel: Panel, curve: Curve, seconds: float) -> None:
@@ -220,12 +187,8 @@ def _draw_curve(axes: Any, result: Result, panel: Panel, curve: Curve, seconds: 
     shown = panel.rows(result)
     time, history = curve.broken(result.time[shown] / seconds, curve.history(result)[shown])
     given = (curve.style,) if curve.style else ()
-    if history.ndim == 1:
-        axes.plot(time, history, *given, label=curve.label or None)
-        return
-    for k in range(history.shape[1]):
-        name = curve.labels[k] if k < len(curve.labels) else str(k + 1)
-        axes.plot(time, history[:, k], *given, label=f"{curve.label} {name}".strip() or None)
+    for values, name in curve.lines(history):
+        axes.plot(time, values, *given, label=name or None)
 
 
 # ---- several runs
@@ -261,12 +224,20 @@ def _colours(labels: Sequence[str]) -> dict[str, Colour]:
     return dict(zip(labels, _mappable(labels).to_rgba(_scale(labels)[1]), strict=True))
 
 
-def _styles(colours: Mapping[str, Colour]) -> dict[str, Any]:
-    """A line style for every run by its label, if the style sheet has some."""
-    from matplotlib import rcParams
+class _Runs(NamedTuple):
+    """Several runs and their colours by label, and the seconds of the unit of their time."""
 
-    cycle = rcParams["axes.prop_cycle"].by_key().get("linestyle", ["-"])
-    return {label: cycle[k % len(cycle)] for k, label in enumerate(colours)}
+    results: Mapping[str, Result]
+    colours: Mapping[str, Colour]
+    seconds: float
+
+    @property
+    def styles(self) -> dict[str, Any]:
+        """A line style for every run by its label, if the style sheet has some."""
+        from matplotlib import rcParams
+
+        cycle = rcParams["axes.prop_cycle"].by_key().get("linestyle", ["-"])
+        return {label: cycle[k % len(cycle)] for k, label in enumerate(self.colours)}
 
 
 def paint_overlay(
@@ -279,78 +250,60 @@ def paint_overlay(
     or scale of colours for all panels.
     """
     colours = _colours(list(results)) if colours is None else colours
+    runs = _Runs(results, colours, time_axis(*(r.time for r in results.values())).seconds)
     if isinstance(figure, Overlay):
         canvas = new_canvas(figure.title, figure.size, style)
         figure.draw(canvas, results, colours)
     else:
-        canvas, panels = _panels(figure, list(results.values()), style)
-        seconds = time_axis(*(r.time for r in results.values())).seconds
-        for axes, panel in panels:
-            _draw_runs(axes, panel, results, colours, seconds)
-            _shade(axes, panel, results.values(), seconds)
-            legend_above(axes)
-        calm([(axes, panel.ylabel) for axes, panel in panels])
-        _name_runs(canvas, results, colours, style)
-    if len(colours) >= MANY:
+        canvas = _together(figure, runs, style)
+    if many := len(colours) >= MANY:
         labels = list(colours)
         canvas.colorbar(_mappable(labels), ax=canvas.axes, label=_scale(labels)[0], shrink=0.8)
-    seconds = time_axis(*(r.time for r in results.values())).seconds
-    printed = style.printed and len(colours) < MANY
-    return finished(canvas, _end(seconds, *results.values()), printed)
+    return finished(canvas, _end(runs.seconds, *results.values()), style.printed and not many)
 
 
-def _name_runs(
-    canvas: Canvas, results: Mapping[str, Result], colours: Mapping[str, Colour], style: Style
-) -> None:
-    """One legend for all panels, as wide as the names allow."""
+def _together(figure: Figure, runs: _Runs, style: Style) -> Canvas:
+    """Panels with a curve of every run, and, of few runs, one legend as wide as the names allow."""
     from matplotlib.lines import Line2D
 
-    if len(colours) >= MANY:
-        return
-    styles = _styles(colours)
-    lines = [Line2D([], [], color=colours[r], linestyle=styles[r]) for r in results]
-    names = list(results)
-    columns = fitting(names, canvas.get_figwidth())
-    canvas.legend(lines, names, loc="outside lower center", ncols=columns)
+    canvas, panels = _panels(figure, list(runs.results.values()), style)
+    for axes, panel in panels:
+        histories = [h for curve in panel.curves for h in _draw_runs(axes, panel, curve, runs)]
+        cut_spikes(axes, histories)
+        _shade(axes, panel, runs.results.values(), runs.seconds)
+        legend_above(axes)
+    calm([(axes, panel.ylabel) for axes, panel in panels])
+    if len(runs.colours) < MANY:
+        looks = ({"color": runs.colours[r], "linestyle": runs.styles[r]} for r in runs.results)
+        names = list(runs.results)
+        columns = fitting(names, canvas.get_figwidth())
+        lines = [Line2D([], [], **look) for look in looks]
+        canvas.legend(lines, names, loc="outside lower center", ncols=columns)
+    return canvas
 
 
-def _draw_runs(
-    axes: Any,
-    panel: Panel,
-    results: Mapping[str, Result],
-    colours: Mapping[str, Colour],
-    seconds: float,
-) -> None:
-    histories = [_draw_run(axes, panel, c, results, colours, seconds) for c in panel.curves]
-    cut_spikes(axes, list(chain.from_iterable(histories)))
-
-
-def _draw_run(  # noqa: PLR0913, PLR0917 - a curve of all runs
-    axes: Any,
-    panel: Panel,
-    curve: Curve,
-    results: Mapping[str, Result],
-    colours: Mapping[str, Colour],
-    seconds: float,
-) -> list[Array]:
+def _draw_runs(axes: Any, panel: Panel, curve: Curve, runs: _Runs) -> list[Array]:
     """One curve of every run; returns what was drawn."""
-    histories = {label: _positive(curve.history(r), panel) for label, r in results.items()}
-    many, styles = len(results) >= MANY, _styles(colours)
+    histories = {label: curve.history(result) for label, result in runs.results.items()}
+    if panel.log:  # zeros cannot be drawn
+        histories = {label: np.where(h > 0, h, np.nan) for label, h in histories.items()}
+    many, styles = len(histories) >= MANY, runs.styles
     for label, history in histories.items():
         look = {"linewidth": 0.5, "alpha": 0.5} if many else {"linestyle": styles[label]}
         look |= {"linestyle": curve.style} if curve.style else {}
-        drawn_as = curve.broken(results[label].time / seconds, history)
-        axes.plot(*drawn_as, color=colours[label], **look)
-    times = [result.time for result in results.values()]
-    if many and all(np.array_equal(times[0], time) for time in times):
-        drawn = np.stack(list(histories.values()))
-        percentile = np.nanpercentile if np.isnan(drawn).any() else np.percentile  # far quicker
-        low, middle, high = percentile(drawn, BAND, axis=0)
-        axes.fill_between(times[0] / seconds, low, high, color="k", alpha=0.15, linewidth=0)
-        axes.plot(times[0] / seconds, middle, "k-", linewidth=1)
+        time = runs.results[label].time / runs.seconds
+        axes.plot(*curve.broken(time, history), color=runs.colours[label], **look)
+    if many:
+        _draw_band(axes, list(histories.values()), runs)
     return list(histories.values())
 
 
-def _positive(history: Array, panel: Panel) -> Array:
-    """Zeros cannot be drawn on a logarithmic axis."""
-    return np.where(history > 0, history, np.nan) if panel.log else history
+def _draw_band(axes: Any, histories: Sequence[Array], runs: _Runs) -> None:
+    """The middle of the runs at every time, where all have the same."""
+    times = [result.time for result in runs.results.values()]
+    if all(np.array_equal(times[0], time) for time in times):
+        drawn, time = np.stack(histories), times[0] / runs.seconds
+        percentile = np.nanpercentile if np.isnan(drawn).any() else np.percentile  # far quicker
+        low, middle, high = percentile(drawn, BAND, axis=0)
+        axes.fill_between(time, low, high, color="k", alpha=0.15, linewidth=0)
+        axes.plot(time, middle, "k-", linewidth=1)

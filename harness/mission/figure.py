@@ -5,7 +5,8 @@ need.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import re
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +19,12 @@ Axes = Any
 Colour = Any
 """A colour as matplotlib understands it: a name, or red, green, blue, opacity."""
 AXES = ("x", "y", "z")
+
+
+def unit_of(label: str) -> str:
+    """What a label has in brackets, or nothing."""
+    found = re.search(r"\[(.*?)\]", label)
+    return found[1] if found else ""
 
 
 @dataclass(frozen=True)
@@ -50,6 +57,15 @@ class Curve:
         values = result[self.source] if isinstance(self.source, str) else self.source(result)
         return self.convert(values) if self.convert else values
 
+    def lines(self, history: Array) -> Iterator[tuple[Array, str]]:
+        """Values (rows,) of every line, and its name."""
+        if history.ndim == 1:
+            yield history, self.label
+            return
+        for k in range(history.shape[1]):
+            element = self.labels[k] if k < len(self.labels) else str(k + 1)
+            yield history[:, k], f"{self.label} {element}".strip()
+
     def broken(self, time: Array, history: Array) -> tuple[Array, Array]:
         """Time and history with a row that is no number in every jump."""
         if np.isinf(self.jump):
@@ -76,6 +92,9 @@ class Level:
             return self.value
         held = [name for name in self.value if result.holds(parameters=(name,))]
         return float(result.parameter(held[0])) if held else None
+
+
+IDLE = "attitude frozen: acts on nothing"
 
 
 @dataclass(frozen=True)
@@ -111,6 +130,27 @@ class Panel:
         """The curves whose parameters the result holds."""
         return (curve for curve in self.curves if result.holds(parameters=curve.parameters))
 
+    def is_silent(self, *results: Result) -> bool:
+        """Whether there is nothing but zeros, or no number at all."""
+        return not any(
+            np.nan_to_num(curve.history(result)[self.rows(result)]).any()
+            for result in results
+            for curve in self.held(result)
+        )
+
+    def line(self, result: Result) -> tuple[float, str] | None:
+        """Height of the level and what stands beside it, if the result says where it is."""
+        if self.level is None or (height := self.level.height(result)) is None:
+            return None
+        return height, f"{self.level.label} {height:g} {unit_of(self.ylabel)}".strip()
+
+    def idle(self, results: Iterable[Result]) -> tuple[float, float] | None:
+        """Begin and end [s] of the time in which what is drawn acts in none of the runs."""
+        if self.idle_until is None:
+            return None
+        begin, end = min((r.time[0], min(self.idle_until(r), r.time[-1])) for r in results)
+        return (float(begin), float(end)) if end > begin else None
+
 
 @dataclass(frozen=True)
 class Figure:
@@ -139,14 +179,15 @@ class Figure:
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure that is no history; draw: into an empty figure of matplotlib; parameters: of the run
-    that it needs; shows: whether there is anything in it, if that is not certain.
+    """A figure that is no history; draw: into an empty figure of matplotlib, from the result;
+    parameters: of the run that it needs; shows: whether there is anything in it, if that is not
+    certain.
     """
 
     name: str
     title: str
     needs: tuple[str, ...]
-    draw: Callable[[Axes, Result], None]
+    draw: Callable[..., None]
     size: tuple[float, float] = (11, 5)
     parameters: tuple[str, ...] = ()
     shows: Callable[[Result], bool] | None = None
@@ -161,25 +202,10 @@ class Drawing:
 
 
 @dataclass(frozen=True)
-class Overlay:
+class Overlay(Drawing):
     """A drawing of several runs; draw: into an empty figure, from the runs and their colours by
     label.
     """
-
-    name: str
-    title: str
-    needs: tuple[str, ...]
-    draw: Callable[[Axes, Mapping[str, Result], Mapping[str, Colour]], None]
-    size: tuple[float, float] = (11, 5)
-    parameters: tuple[str, ...] = ()
-
-    def fits(self, result: Result) -> bool:
-        """Whether the result holds everything that is drawn."""
-        return result.holds(*self.needs, parameters=self.parameters)
-
-    def is_empty(self, _: Result) -> bool:
-        """Whether there is nothing to be seen in a figure that fits."""
-        return False
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from harness.errors import ResultsError
-from harness.figures.choice import overlays_of
-from harness.figures.plots import named
+from harness.figures.choice import compared, overlays_of
 from harness.figures.style import SCREEN
 from harness.mission import Figure, Overlay
 from harness.mission.library import of_result
@@ -126,15 +125,10 @@ def _cell(value: float, words: Sequence[str] | None) -> str:
 
 def figures(canvas: Canvas, results: Mapping[str, Result]) -> list[dict[str, Any]]:
     """The overlaid figures that fit at least one run and show something."""
-    found = []
-    for figure in overlays_of(results):
-        fitting = {label: r for label, r in results.items() if figure.fits(r)}
-        if len(fitting) < min(2, len(results)):
-            continue  # one run alone compares nothing
-        if any(not figure.is_empty(r) for r in fitting.values()):
-            panels = _drawn(canvas, figure, results, fitting)
-            title = named(figure, fitting, results).title
-            found.append({"name": figure.name, "title": title, "plots": panels})
+    found = [
+        {"name": figure.name, "title": figure.title, "plots": _drawn(canvas, figure, results, runs)}
+        for figure, runs in compared(results)[0]
+    ]
     return [each for each in found if each["plots"]]
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.figures.finish import untexed
+from harness.figures.captions import untexed
 from harness.report.plots import STYLES, Canvas, Plot
 
 SECONDS = {"time [s]": 1.0, "time [h]": 3600.0}

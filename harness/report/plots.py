@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from harness.figures.limits import ROUNDING, unit_of
-from harness.mission import Curve, Figure, Panel, Phase
+from harness.figures.finish import ROUNDING
+from harness.mission.figure import AXES, IDLE, Curve, Figure, Panel, Phase, unit_of
 from harness.mission.library import of_result
 from harness.report.arrays import Arrays, kept_points, kept_rows
 from harness.results.result import Array, Result, Rows
@@ -31,7 +31,6 @@ STYLES = {"--": "dash", ":": "dot", "-.": "dashdot", "-": "solid"}
 """Line styles of matplotlib."""
 DECADES = 3.0
 """Positive histories that span so many powers of ten are drawn on a logarithmic axis."""
-AXES = ("x", "y", "z")
 QUATERNION = ("q0", "q1", "q2", "q3")
 
 
@@ -65,16 +64,7 @@ class Canvas:
 def figure(canvas: Canvas, table: Figure, result: Result) -> list[Plot]:
     """The panels of a figure of one run that are not zero throughout."""
     return calmed(
-        [_panel(canvas, panel, result) for panel in table.panels if any_of(panel, result)]
-    )
-
-
-def any_of(panel: Panel, *results: Result) -> bool:
-    """Whether a panel shows anything but zeros."""
-    return any(
-        np.nan_to_num(curve.history(r)[panel.rows(r)]).any()
-        for r in results
-        for curve in panel.held(r)
+        [_panel(canvas, panel, result) for panel in table.panels if not panel.is_silent(result)]
     )
 
 
@@ -86,19 +76,14 @@ def _panel(canvas: Canvas, panel: Panel, result: Result) -> Plot:
         time, history = curve.broken(result.time[shown], curve.history(result)[shown])
         first, count = (first if curve.anew else len(curves)), len(curves)
         size = max(size, float(np.abs(np.nan_to_num(history)).max()))
-        for values, name, dash in _elements(curve, history):
+        for values, name, dash in _lines(curve, history):
             colour = "ink" if "k" in curve.style else first + len(curves) - count
             curves.append(canvas.curve(time, values, name, colour=colour, dash=dash))
-    curves += [_least(canvas, panel, *found) for found in panel.minima(result)]
-    about = {"log": panel.log, "levels": _levels(panel, result), "shade": _idle(panel, result)}
-    return plot(panel.ylabel, curves, size=size, **about)
-
-
-def _least(canvas: Canvas, panel: Panel, time: float, value: float) -> Plot:
-    """A mark where the least value matters."""
-    text = f"least {value:.4g} {unit_of(panel.ylabel)} at {time:g} s"
-    look = {"colour": "ink", "dash": "solid", "marker": "circle"}
-    return canvas.curve(np.array([time]), np.array([value]), text, **look)
+    for instant, value in panel.minima(result):
+        text = f"least {value:.4g} {unit_of(panel.ylabel)} at {instant:g} s"
+        look = {"colour": "ink", "dash": "solid", "marker": "circle"}
+        curves.append(canvas.curve(np.array([instant]), np.array([value]), text, **look))
+    return plot(panel.ylabel, curves, size=size, log=panel.log, **_marks(panel, result))
 
 
 def plot(y: str, curves: list[Plot], **about: Any) -> Plot:
@@ -117,34 +102,20 @@ def calmed(plots: list[Plot]) -> list[Plot]:
     return plots
 
 
-def _elements(curve: Curve, history: Array) -> Iterator[tuple[Array, str, str]]:
+def _lines(curve: Curve, history: Array) -> Iterator[tuple[Array, str, str]]:
     """Values, name and style of every line of a curve."""
     style = STYLES[re.sub(r"[a-z]", "", curve.style) or "-"]
-    if history.ndim == 1:
-        yield history, curve.label, style
-        return
-    for k in range(history.shape[1]):
-        label = curve.labels[k] if k < len(curve.labels) else str(k + 1)
-        dash = DASHES[k % len(DASHES)] if style == "solid" else style
-        yield history[:, k], f"{curve.label} {label}".strip(), dash
+    for k, (values, name) in enumerate(curve.lines(history)):
+        yield values, name, DASHES[k % len(DASHES)] if style == "solid" else style
 
 
-def _levels(panel: Panel, result: Result) -> list[Plot]:
-    """A horizontal line with its name, if the result says where it is."""
-    height = panel.level.height(result) if panel.level else None
-    if panel.level is None or height is None:
-        return []
-    return [
-        {"y": height, "text": f"{panel.level.label} {height:g} {unit_of(panel.ylabel)}".strip()}
-    ]
-
-
-def _idle(panel: Panel, *results: Result) -> list[list[Any]]:
-    """The time in which what is drawn acts in none of the runs."""
-    if panel.idle_until is None:
-        return []
-    begin, end = min((r.time[0], min(panel.idle_until(r), r.time[-1])) for r in results)
-    return [[float(begin), float(end), "attitude frozen: acts on nothing"]] if end > begin else []
+def _marks(panel: Panel, *results: Result) -> dict[str, Any]:
+    """The level of the first result, and the time in which what is drawn acts in none."""
+    line, idle = panel.line(results[0]), panel.idle(results)
+    return {
+        "levels": [{"y": line[0], "text": line[1]}] if line else [],
+        "shade": [[*idle, IDLE]] if idle else [],
+    }
 
 
 # ---- all variables of one run
@@ -213,7 +184,7 @@ def overlay(canvas: Canvas, table: Figure, results: Mapping[str, Result]) -> lis
     return [
         _overlaid(canvas, panel, fitting, list(results))
         for panel in table.panels
-        if any_of(panel, *fitting.values())
+        if not panel.is_silent(*fitting.values())
     ]
 
 
@@ -232,11 +203,9 @@ def _overlaid(
         for label, r in results.items()
         for curve in panel.held(r)
         for time, history in [curve.broken(r.time, curve.history(r))]
-        for values, name, dash in _elements(curve, history)
+        for values, name, dash in _lines(curve, history)
     ]
-    first = next(iter(results.values()))
-    about = {"levels": _levels(panel, first), "shade": _idle(panel, *results.values())}
-    return plot(panel.ylabel, curves, log=panel.log, **about)
+    return plot(panel.ylabel, curves, log=panel.log, **_marks(panel, *results.values()))
 
 
 # ---- a quantity against its rate, for every result that holds both

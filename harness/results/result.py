@@ -107,7 +107,7 @@ class Result(Views):
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Vectors and matrices, then the scalars and elements that belong to none."""
+        """Variables of their own shape, then the elements of what is not whole."""
         whole = {column for columns in self.vectors.values() for column in columns.flat}
         return (*self.vectors, *(n for i, n in enumerate(self.columns) if i not in whole))
 

@@ -15,17 +15,10 @@ from matplotlib.figure import Figure as MplFigure
 
 from harness import run
 from harness.cli.app import main
-from harness.figures.captions import _escaped
-from harness.figures.choice import figures_of
-from harness.figures.finish import (
-    finished,
-    look_of,
-    mathematical,
-    plain_number,
-    symbols,
-    untexed,
-)
-from harness.figures.plots import named, overlay, paint, plot
+from harness.figures.captions import _escaped, mathematical, plain_number, symbols, untexed
+from harness.figures.choice import figures_of, named
+from harness.figures.finish import finished, look_of
+from harness.figures.plots import overlay, paint, plot
 from harness.figures.style import PAPER, SCREEN, SERIF, style_of
 from harness.mission import Curve, Figure, Level, Panel
 from harness.report.html import of_run
