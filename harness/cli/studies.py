@@ -64,7 +64,7 @@ class Cluster:
         bool, option("--insecure", "Accept a scheduler without TLS, open to everybody")
     ] = False
     dashboard: Annotated[
-        bool, option("--dashboard", "Serve Dask's pages to users of this machine")
+        bool, option("--dashboard", "Serve Dask's pages for --scheduler and --slurm")
     ] = False
 
 
@@ -237,13 +237,13 @@ class Campaign:
                 found = campaign(definition, folder, progress=show, said=said, **how)
             except RequirementError as error:  # all is there
                 found, problem = error.partial, error
-        typer.echo(printable(found.summary()))
         drawn = ""
         if self.pictures.figures:
             place = figures_of(folder)
             number = len(campaigns.pictures(found.store, place, *self.pictures.how()))
             drawn = f", {number} figures in {place}" if number else ""
-        typer.echo(f"\ndataset {folder}{drawn}")
+        if not self.quiet:
+            typer.echo(f"{printable(found.summary())}\n\ndataset {folder}{drawn}")
         if problem is not None:
             raise problem
 
@@ -346,8 +346,8 @@ def ask(kind: str, definition: Path, how: How) -> bool:
             progress=show,
             said=(lambda text: None) if how.quiet else (lambda text: typer.echo(printable(text))),
         )
-    typer.echo(printable(found.summary()))
-    typer.echo(f"\ndataset {found.path}")
+    if not how.quiet:
+        typer.echo(f"{printable(found.summary())}\n\ndataset {found.path}")
     return found.verdict
 
 

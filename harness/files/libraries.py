@@ -11,7 +11,8 @@ from harness.errors import HarnessError
 EXTRAS = {
     "plot": ("matplotlib", "scipy"),
     "report": ("jinja2", "k3d", "plotly", "trimesh"),
-    "campaign": ("cryptography", "dask", "distributed", "zarr"),
+    "campaign": ("zarr",),
+    "cluster": ("cryptography", "dask", "distributed"),
     "notebook": ("pandas", "xarray"),
     "exchange": ("astropy", "erfa", "oem", "pyarrow", "sgp4"),
     "python": ("pythonfmu",),

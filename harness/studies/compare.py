@@ -8,26 +8,21 @@ run only.
 
 from __future__ import annotations
 
-import atexit
 import logging
 import math
-import multiprocessing
 import os
 import re
-import signal
 import textwrap
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, as_completed
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from queue import SimpleQueue
 
 from harness.errors import HarnessError, RunError, UsageError
 from harness.files.output import command_line, work_for
 from harness.master.changes import apply
-from harness.master.child import end_with_parent
 from harness.master.executors import FUSED, known_executor
 from harness.master.fused import Whole, compiled
 from harness.master.isolated import PATIENCE
@@ -42,6 +37,7 @@ from harness.results.requirements import findings, say_inconsistencies
 from harness.results.result import Result
 from harness.ssp.library import load
 from harness.studies import table
+from harness.studies.crew import CRASH, Crew, LostError, prepare
 from harness.studies.table import Measures, write_csv
 from harness.studies.variants import Variant
 from harness.studies.warm import Warm
@@ -146,6 +142,7 @@ def compare(  # noqa: PLR0913 - what a comparison can be told
     step, and ResultsError; a run that fails under way ends early, the others go on.
     """
     known_executor(executor)
+    prepare(__name__)
     variants, in_force = _in_force(system, variants)
     if every is not None and every < 1:
         raise UsageError(f"--every must be at least 1, not {every}")
@@ -273,67 +270,21 @@ def _run_all(
     per row.
     """
     count = min(len(variants), os.cpu_count() or 1)
-    free: SimpleQueue[_Lane] = SimpleQueue()
-    for _ in range(count):
-        free.put(_Lane(flown, patience))
-    with ThreadPoolExecutor(count) as pool:
-        jobs = [pool.submit(_in_a_lane, free, *variant) for variant in variants]
-        try:
-            for done, job in enumerate(as_completed(jobs), start=1):
+    with Crew(count, partial(_at_work, *flown, command_line())) as crew:
+        jobs = [crew.submit(_attempt, *variant, patience) for variant in variants]
+        for done, job in enumerate(as_completed(jobs), start=1):
+            with suppress(LostError):
                 job.result()
-                if progress is not None:
-                    progress(done)
-        except BaseException:
-            _end(jobs)
-            raise
-        finally:
-            while not free.empty():
-                free.get().close()
-    return tuple(job.result() for job in jobs)
+            if progress is not None:
+                progress(done)
+    return tuple(_outcome(job, v) for job, (v, *_) in zip(jobs, variants, strict=True))
 
 
-def _end(jobs: Iterable[Future[Outcome]]) -> None:
-    """Cancel what waits and end what runs."""
-    for job in jobs:
-        job.cancel()
-    for process in multiprocessing.active_children():
-        process.terminate()
-
-
-class _Lane:
-    """A process that runs one variant after the other, exchanged when one has ended it."""
-
-    def __init__(self, flown: tuple[str | Path, str], patience: float) -> None:
-        self.flown = flown
-        self.patience = patience
-        self.process: ProcessPoolExecutor | None = None
-
-    def run(self, variant: Variant, file: Path, every: int) -> Outcome:
-        """Run one variant."""
-        if self.process is None:
-            context = multiprocessing.get_context("spawn")
-            given = *self.flown, command_line()
-            self.process = ProcessPoolExecutor(1, context, _get_ready, given)
-        try:
-            return self.process.submit(_attempt, variant, file, every, self.patience).result()
-        except BrokenProcessPool:
-            self.close()
-            crash = "its process was ended from outside, or by a crash inside an FMU"
-            return Outcome(variant, None, crash)
-
-    def close(self) -> None:
-        """End the process."""
-        if self.process is not None:
-            self.process.shutdown()
-            self.process = None
-
-
-def _in_a_lane(free: SimpleQueue[_Lane], variant: Variant, file: Path, every: int) -> Outcome:
-    lane = free.get()
+def _outcome(job: Future[Outcome], variant: Variant) -> Outcome:
     try:
-        return lane.run(variant, file, every)
-    finally:
-        free.put(lane)
+        return job.result()
+    except LostError:
+        return Outcome(variant, None, CRASH)
 
 
 # ---- in the process
@@ -342,17 +293,15 @@ def _in_a_lane(free: SimpleQueue[_Lane], variant: Variant, file: Path, every: in
 _warm: Warm | None = None
 
 
-def _get_ready(system: str | Path, executor: str, command: str | None) -> None:
-    """Leave Ctrl-C and the warnings that _check() has already logged to the parent, end when it
-    ends, and clean up at the end.
-    """
+@contextmanager
+def _at_work(system: str | Path, executor: str, command: str | None) -> Iterator[None]:
+    """Leave the warnings that _check() has already logged to the parent."""
     global _warm  # noqa: PLW0603 - a process has one simulation
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     _log.setLevel(logging.ERROR)
-    end_with_parent()
     work_for(command)
     _warm = Warm(system, executor)
-    atexit.register(_warm.close)
+    with closing(_warm):
+        yield
 
 
 def _attempt(variant: Variant, path: Path, every: int, patience: float) -> Outcome:

@@ -3,9 +3,7 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -88,42 +86,6 @@ def trusted(monkeypatch, tmp_path):
     """
     monkeypatch.setattr("harness.master.isolated.all_ours", lambda _: True)
     monkeypatch.chdir(tmp_path)
-
-
-class Crew:
-    """A process that stays for all comparisons of the tests, in place of one or two for each."""
-
-    pool: ProcessPoolExecutor | None = None
-
-    def __init__(self, count: int, context: Any, ready: Callable, given: tuple) -> None:
-        if Crew.pool is None:
-            Crew.pool = ProcessPoolExecutor(count, context)
-        self.submit(_begin, Path.cwd(), ready, given).result()
-
-    def submit(self, function: Callable, *given: Any) -> Any:
-        assert Crew.pool is not None
-        return Crew.pool.submit(function, *given)
-
-    def shutdown(self) -> None:
-        pass
-
-
-def _begin(folder: Path, ready: Callable, given: tuple) -> None:
-    os.chdir(folder)
-    ready(*given)
-
-
-@pytest.fixture(scope="session")
-def _one_crew() -> Iterator[None]:
-    yield
-    if Crew.pool is not None:
-        Crew.pool.shutdown()
-
-
-@pytest.fixture
-def crew(_one_crew, monkeypatch):
-    """Comparisons without the start of a process for each."""
-    monkeypatch.setattr("harness.studies.compare.ProcessPoolExecutor", Crew)
 
 
 @pytest.fixture(autouse=True)

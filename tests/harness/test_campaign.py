@@ -31,6 +31,7 @@ from harness.results.files import read
 from harness.results.result import Result
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
+from harness.studies import crew
 from harness.studies.campaign import engine, factors, metrics, summary
 from harness.studies.campaign.campaign import like
 from harness.studies.campaign.draft import read_plan
@@ -596,7 +597,10 @@ def test_the_command_shows_the_summary_and_repeats_a_run(system, tmp_path, capsy
         + '[factors]\n"twice.k" = {uniform = {low = 1.0, high = 2.0}}\n'
         + '[metrics]\nend = "twice.y[-1]"\n[keep]\nbands = ["twice.y"]\n'
     )
-    assert main(["campaign", "few.toml", "-o", "few.zarr", "--workers", "0"]) == 0
+    command = ["campaign", "few.toml", "--workers", "0", "-o"]
+    assert main([*command, "quiet.zarr", "--quiet"]) == 0
+    assert capsys.readouterr().out == ""
+    assert main([*command, "few.zarr"]) == 0
     out = capsys.readouterr().out
     assert out.startswith("12 runs, 0 failed\nsuccess: 12 of 12, 100.0 % (95 %: 75.8 to 100.0 %)\n")
     assert "end: twice.k +1.00" in out
@@ -723,30 +727,21 @@ def test_workers_end_with_a_campaign_that_is_interrupted_while_they_start(
     system, tmp_path, monkeypatch
 ):
     """Else they are closed at the exit of Python, with a traceback if they are slow."""
-    log = []
+    begin, begun = crew._Lane.begin, []
     earlier = signal.signal(signal.SIGINT, signal.default_int_handler)  # may have been ignored
 
-    class Cluster:
-        def __init__(self, **_):
-            signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
-            log.append("started")
+    def interrupted(lane):
+        begin(lane)
+        begun.append(lane._process)
+        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
 
-        def __enter__(self):
-            return self
-
-        def __exit__(self, *_):
-            log.append("ended")
-
-        def scale(self, count):
-            log.append(f"{count} workers on their way")
-
-    monkeypatch.setattr("distributed.SpecCluster", Cluster)
+    monkeypatch.setattr(crew._Lane, "begin", interrupted)
     try:
         with pytest.raises(KeyboardInterrupt):
             campaign(table(system), tmp_path / "out.zarr", workers=2)
     finally:
         signal.signal(signal.SIGINT, earlier)
-    assert log == ["started", "2 workers on their way", "ended"]
+    assert [process.is_alive() for process in begun] == [False, False]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")

@@ -29,8 +29,6 @@ from tests.harness.demo import TOML
 from tests.harness.foreign_fmu import Model, build, p, u, y
 from tests.harness.interrupts import LONGEST, start, until
 
-pytestmark = pytest.mark.usefixtures("crew")
-
 
 @pytest.fixture
 def system(fmus, tmp_path):

@@ -21,8 +21,6 @@ from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from harness.system.names import base
 
-pytestmark = pytest.mark.usefixtures("crew")
-
 
 @pytest.fixture
 def said(capsys):

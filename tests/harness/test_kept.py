@@ -29,8 +29,6 @@ from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from tests.harness.interrupts import LONGEST, heard, start, until
 
-pytestmark = pytest.mark.usefixtures("crew")
-
 posix = pytest.mark.skipif(os.name != "posix", reason="signals and modes of POSIX")
 
 

@@ -27,8 +27,6 @@ from harness.system.problems import problems
 from harness.system.values import Variable
 from tests.harness.foreign_fmu import Model, build, p, u, y
 
-pytestmark = pytest.mark.usefixtures("crew")
-
 TOML = """
 name = "chain"
 [experiment]

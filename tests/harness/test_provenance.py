@@ -22,8 +22,6 @@ from harness.results.provenance import Provenance, Slot, flat, from_flat, from_t
 from harness.studies.again import again, agreement
 from harness.system.model import Swap
 
-pytestmark = pytest.mark.usefixtures("crew")
-
 SHORT = {"stop": 2.0}
 
 

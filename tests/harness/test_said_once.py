@@ -19,8 +19,6 @@ from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from harness.studies import table
 
-pytestmark = pytest.mark.usefixtures("crew")
-
 TOML = """
 name = "odd"
 [experiment]

@@ -19,10 +19,10 @@ from harness.master.messages import said_once
 from harness.master.recorder import recorded
 from harness.ssp.library import find_system, name_of
 from harness.studies.campaign import gate, metrics
-from harness.studies.campaign.clusters import Workers, checked, prepare
+from harness.studies.campaign.clusters import Workers, checked
 from harness.studies.campaign.credentials import Files
 from harness.studies.campaign.draft import read_plan
-from harness.studies.campaign.engine import Block, Flown, crew
+from harness.studies.campaign.engine import Block, Flown, crew, get_ready
 from harness.studies.campaign.plan import Layout, Plan
 from harness.studies.campaign.store import Store, refuse_existing
 from harness.studies.campaign.summary import text, unjudged
@@ -92,7 +92,7 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     definition: path of a .toml, or the table itself; workers: processes of this machine (default:
     one per processor, 0: this one), or jobs of SLURM; scheduler: address of a Dask scheduler;
     tls_ca, tls_cert, tls_key: PEM files, who may enter it (default: the configuration of Dask);
-    insecure: it may be without TLS; dashboard: with Dask's pages, on this machine; resume: go on
+    insecure: it may be without TLS; dashboard: with Dask's pages, for these two; resume: go on
     with an interrupted campaign; require: conditions on it, `lower(success) >= 99 %`, see
     harness.studies.campaign.gate; strict: it must be as it expects itself, or, if it expects
     nothing, every run must succeed; progress: called after every block; said: called with what the
@@ -104,7 +104,7 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     """
     tls = Files(*(None if file is None else Path(file) for file in (tls_ca, tls_cert, tls_key)))
     who = checked(Workers(workers, scheduler, slurm, tls, insecure, dashboard))
-    prepare(who)
+    get_ready(who)
     with said_once():
         plan, found = read_plan(definition if isinstance(definition, Mapping) else Path(definition))
     _refuse_conditions(plan, found, require)

@@ -1,61 +1,35 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Where a campaign runs: processes of this machine, a Dask scheduler by its address, or SLURM.
+"""Where a campaign runs: processes of this machine, or of Dask, by the address of a scheduler or as
+jobs of SLURM.
 
-None of them lets anybody in who has not got the credentials, and none opens a page that was not
+Neither of these lets anybody in who has not got the credentials, and none opens a page that was not
 asked for.
 """
 
 from __future__ import annotations
 
-import atexit
 import logging
-import multiprocessing
 import os
-import signal
-import sys
-from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import cache
 from importlib.util import find_spec
-from multiprocessing import forkserver, resource_tracker
-from types import ModuleType
 from typing import Any
+from urllib.parse import urlsplit
 
 from harness.errors import UsageError
-from harness.files.signals import held
 from harness.files.temporary import PrivateFolder
-from harness.studies.campaign import credentials, slurm, worker
+from harness.studies.campaign import credentials, slurm
 
-DEATHS = 1
-"""Workers of its own that a block, or a piece of one, may lose before it is taken apart."""
-KEPT = 32 << 20
-MEMORY = {
-    "MALLOC_ARENA_MAX": 1,
-    "MALLOC_TRIM_THRESHOLD_": 8 * KEPT,
-    "MALLOC_MMAP_THRESHOLD_": KEPT,
-}
-"""A worker flies one run after the other in the same memory: it need not give it back and ask the
-system for the same pages again (glibc takes at most 32 MiB, and gives threads heaps of 64 MiB that
-come and go).
-"""
-ALONE = {"OMP_NUM_THREADS": 1, "MKL_NUM_THREADS": 1, "OPENBLAS_NUM_THREADS": 1}
-"""There is a worker per processor: linear algebra takes no further ones (as dask has it)."""
-METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-NODES = "harness.studies.campaign.nodes"
-NEEDED = ("distributed", NODES, worker.__name__)
-"""Modules that are imported once for all workers of this machine."""
 SETTINGS = {
-    "distributed.scheduler.allowed-failures": DEATHS,
-    **{f"distributed.nanny.pre-spawn-environ.{name}": size for name, size in MEMORY.items()},
-    "distributed.worker.multiprocessing-method": METHOD,
     # what dask watches itself for, by default fifty times a second, takes a tenth of a processor
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s",
+    "distributed.scheduler.allowed-failures": 1,
     "distributed.scheduler.active-memory-manager.start": False,
 }
-"""Of dask, for the workers of a campaign."""
+"""Of dask, for its scheduler here."""
 HERE = "127.0.0.1"
 """What is not for other machines listens here."""
 
@@ -87,10 +61,12 @@ def checked(workers: Workers) -> Workers:
     if workers.scheduler is not None and workers.slurm:
         raise UsageError("--scheduler and --slurm: one of both")
     if not workers.elsewhere and any(workers.tls):
-        raise UsageError("--tls-ca: is for --scheduler and --slurm; workers here have their own")
+        raise UsageError("--tls-ca: is for --scheduler and --slurm; nobody can reach workers here")
     if workers.insecure and workers.scheduler is None:
-        raise UsageError("--insecure: is for --scheduler; all others have TLS anyway")
-    if workers.dashboard and workers.scheduler is None and not find_spec("bokeh"):
+        raise UsageError("--insecure: is for --scheduler; nobody else can be reached without TLS")
+    if workers.dashboard and not workers.elsewhere:
+        raise UsageError("--dashboard: is for --scheduler and --slurm")
+    if workers.dashboard and workers.slurm and not find_spec("bokeh"):
         raise UsageError("--dashboard: needs pip install bokeh")
     if workers.scheduler is not None:
         credentials.of_scheduler(workers.scheduler, workers.tls, workers.insecure)
@@ -100,24 +76,31 @@ def checked(workers: Workers) -> Workers:
 
 
 @contextmanager
-def connected(workers: Workers) -> Iterator[Any]:
-    """A client of dask.distributed, with the cluster that it is for."""
+def connected(workers: Workers, said: Callable[[str], None]) -> Iterator[Any]:
+    """A client of dask.distributed, with the cluster that it is for; said: receives what the user
+    should know.
+    """
     from dask import config
-    from distributed import Client, utils
+    from distributed import Client
 
-    utils._forkserver_preload_set = True  # prepare() has done that, with fewer modules
     for name in list(logging.root.manager.loggerDict):  # what it logs is not for our user
         if name.startswith("distributed"):
             logging.getLogger(name).setLevel(logging.CRITICAL)
     with ExitStack() as life:
         # a folder of Dask's own would be one in which others may put what workers import
-        life.enter_context(config.set({**SETTINGS, "temporary-directory": str(_private().path)}))
+        private = str(life.enter_context(PrivateFolder()))
+        life.enter_context(config.set({**SETTINGS, "temporary-directory": private}))
         target, security = _target(workers, life)
         try:
-            with nullcontext() if workers.elsewhere else held():  # half a client cannot be closed
-                client = life.enter_context(Client(target, security=security))
+            client = life.enter_context(Client(target, security=security))
         except (OSError, TimeoutError) as error:
             raise UsageError(f"--scheduler {workers.scheduler}: {_why(error)}") from error
+        if security is None:
+            said(f"{workers.scheduler}: {credentials.OPEN}")
+        if workers.dashboard:
+            link = urlsplit(client.dashboard_link)
+            place = link if workers.scheduler else link._replace(netloc=f"{HERE}:{link.port}")
+            said(f"dashboard: {place.geturl()}")
         yield client
 
 
@@ -127,12 +110,9 @@ def _target(workers: Workers, life: ExitStack) -> tuple[Any, Any]:
         security = credentials.of_scheduler(workers.scheduler, workers.tls, workers.insecure)
         bare = security is not None and "://" not in workers.scheduler
         return ("tls://" if bare else "") + workers.scheduler, security
-    pages = _scheduler(workers.dashboard)
-    if workers.slurm:
-        found = slurm.cluster(workers.count, credentials.named(workers.tls), pages, life)
-    else:
-        found = _local(processes(workers), pages, life)
-    return found, found.security
+    named, pages = credentials.named(workers.tls), _scheduler(workers.dashboard)
+    jobs = slurm.cluster(workers.count, named, pages, life)
+    return jobs, jobs.security
 
 
 def _why(error: BaseException) -> str:
@@ -154,103 +134,3 @@ def _scheduler(pages: bool) -> dict[str, Any]:
 def processes(workers: Workers) -> int:
     """Of this machine."""
     return workers.count or os.cpu_count() or 1
-
-
-# ---- processes of this machine
-
-
-def prepare(workers: Workers) -> None:
-    """Start the process that workers of this machine are forked from, without waiting until it has
-    imported what they need.
-    """
-    if METHOD != "forkserver" or workers.elsewhere or workers.count == 0:
-        return
-    # its socket lies in a folder that a killed process would leave behind
-    process: Any = multiprocessing.current_process()
-    process._config.setdefault("tempdir", str(_private().path))
-    multiprocessing.get_context(METHOD).set_forkserver_preload(list(NEEDED))
-    wanted = {name: str(value) for name, value in {**MEMORY, **ALONE}.items()}
-    with _ctrl_c_for_us_alone(), _environment(wanted):
-        forkserver.ensure_running()
-
-
-@contextmanager
-def _environment(wanted: Mapping[str, str]) -> Iterator[None]:
-    """What is not set otherwise is set for a while."""
-    further = {name: value for name, value in wanted.items() if name not in os.environ}
-    os.environ.update(further)
-    try:
-        yield
-    finally:
-        for name in further:
-            del os.environ[name]
-
-
-@cache
-def _private() -> PrivateFolder:
-    """Of this process: for the socket of the server that workers are forked from, which stays, and
-    for what Dask keeps in files.
-    """
-    folder = PrivateFolder()
-    atexit.register(folder.close)
-    return folder
-
-
-def _local(count: int, scheduler: dict[str, Any], life: ExitStack) -> Any:
-    """Workers on this machine, on their way, that end with `life`."""
-    from distributed import Nanny, SpecCluster
-
-    from harness.studies.campaign import nodes
-
-    security = credentials.made()
-    node = {"host": HERE, "protocol": "tls://", "security": security}
-    options = {
-        **node,
-        "worker_class": nodes.Worker,
-        "nthreads": 1,
-        "memory_limit": 0,
-        "silence_logs": logging.CRITICAL,
-        "env": dict(os.environ),  # the process that they are forked from has that of its start
-    }
-    life.enter_context(_without_main())
-    with held(), _ctrl_c_for_us_alone():
-        cluster = life.enter_context(
-            SpecCluster(
-                scheduler={**scheduler, "options": {**scheduler["options"], **node}},
-                worker={"cls": Nanny, "options": options},
-                security=security,
-                silence_logs=logging.CRITICAL,
-            )
-        )
-        cluster.scale(count)
-        return cluster
-
-
-@contextmanager
-def _without_main() -> Iterator[None]:
-    """Processes that are started here do not run the script again that has called us: what they do
-    is in modules of ours and in files that they read.
-    """
-    main = sys.modules["__main__"]
-    sys.modules["__main__"] = ModuleType("__main__")
-    try:
-        yield
-    finally:
-        sys.modules["__main__"] = main
-
-
-@contextmanager
-def _ctrl_c_for_us_alone() -> Iterator[None]:
-    """Threads and processes that are started here never see SIGINT; it reaches us afterwards.
-
-    The thread of the cluster passes the mask on to all workers that it starts later.
-    """
-    if os.name != "posix":
-        yield
-        return
-    resource_tracker.ensure_running()  # it would lift the mask again
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -2,26 +2,27 @@
 """How the blocks of a campaign are run: by this process, or spread over workers.
 
 An engine is given blocks and yields what came of them, in whatever order. What was given to a
-worker that was killed goes to another one; what kills every worker is taken apart, and the run that
-does it is a failed run.
+worker that was killed flies once more, run by run, and the run that kills another one is a failed
+run.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from functools import partial
 from itertools import islice
+from queue import SimpleQueue
 from typing import Any, NamedTuple
 
 from harness.master.changes import Changes
 from harness.studies.campaign import worker
 from harness.studies.campaign.clusters import Workers, connected, processes
-from harness.studies.campaign.credentials import OPEN
 from harness.studies.campaign.worker import Row, Task
+from harness.studies.crew import CRASH, Crew, LostError, prepare
 
-CRASH = "its process was ended from outside, or by a crash inside an FMU"
 AHEAD = 3
 """Blocks per worker that are under way or wait."""
 
@@ -39,6 +40,23 @@ Fly = Callable[[Task, Iterable[Block]], Flown]
 """Runs all blocks; may be called again and again."""
 
 
+class Hands(NamedTuple):
+    """Who does it: an executor, how many processes are there, at least, and what it raises if one
+    was ended.
+    """
+
+    executor: Executor
+    there: Callable[[], int]
+    least: int
+    ended: type[Exception]
+
+
+def get_ready(workers: Workers) -> None:
+    """Let processes of this machine be near when they are needed."""
+    if workers.count != 0 and not workers.elsewhere:
+        prepare(worker.__name__)
+
+
 @contextmanager
 def crew(workers: Workers, said: Callable[[str], None]) -> Iterator[Fly]:
     """Who runs blocks; processes of this machine are still starting when it is there.
@@ -46,18 +64,24 @@ def crew(workers: Workers, said: Callable[[str], None]) -> Iterator[Fly]:
     said: receives what the user should know, as the address of the dashboard. Raises UsageError (a
     scheduler that does not answer, no SLURM).
     """
-    if workers.count == 0 and not workers.elsewhere:
-        try:
+    least = processes(workers)
+    if workers.elsewhere:
+        with connected(workers, said) as client:
+            yield partial(_spread, of_cluster(client, least))
+    elif workers.count == 0:
+        with worker.at_work():
             yield _here
-        finally:
-            worker.close()
-        return
-    with connected(workers) as client:
-        if client.security.require_encryption is not True:
-            said(f"{workers.scheduler}: {OPEN}")
-        if workers.dashboard:
-            said(f"dashboard: {client.dashboard_link}")
-        yield partial(_spread, client, workers)
+    else:
+        with Crew(least, worker.at_work) as executor:
+            yield partial(_spread, Hands(executor, lambda: least, least, LostError))
+
+
+def of_cluster(client: Any, least: int) -> Hands:
+    """The workers of a cluster of Dask."""
+    from distributed import KilledWorker
+
+    executor = client.get_executor(pure=False)
+    return Hands(executor, lambda: max(least, len(client.nthreads())), least, KilledWorker)
 
 
 def _here(task: Task, blocks: Iterable[Block]) -> Flown:
@@ -65,9 +89,9 @@ def _here(task: Task, blocks: Iterable[Block]) -> Flown:
         yield block.first, worker.fly_block(task, block.changes)
 
 
-def _spread(client: Any, workers: Workers, task: Task, blocks: Iterable[Block]) -> Flown:
+def _spread(hands: Hands, task: Task, blocks: Iterable[Block]) -> Flown:
     """All workers are busy from this call on."""
-    spread = _Spread(client, workers, task, blocks)
+    spread = _Spread(hands, task, blocks)
     spread.fill()
     return spread.flown()
 
@@ -77,31 +101,32 @@ class _Spread:
     flown in pieces, so that all workers end together.
     """
 
-    def __init__(self, client: Any, workers: Workers, task: Task, blocks: Iterable[Block]) -> None:
-        from distributed import as_completed
-
-        self.client, self.task = client, task
-        self.least = processes(workers)
-        self.left = last_in_pieces(blocks, self.least, task.piece)
-        self.jobs: dict[Any, tuple[Block, int, Sequence[Changes]]] = {}
+    def __init__(self, hands: Hands, task: Task, blocks: Iterable[Block]) -> None:
+        self.hands, self.task = hands, task
+        self.left = last_in_pieces(blocks, hands.least, task.piece)
+        self.jobs: dict[Future[list[Row]], tuple[Block, int, Sequence[Changes]]] = {}
         self.landed: dict[int, dict[int, list[Row]]] = {}
         """Of a block by its first run: rows by the place of their piece."""
-        self.ended = as_completed()
+        self.over: SimpleQueue[Future[list[Row]]] = SimpleQueue()
 
     def fill(self) -> None:
         """Hand over as many blocks as there is room for."""
-        room = AHEAD * max(self.least, len(self.client.nthreads())) - len(self.landed)
+        room = AHEAD * self.hands.there() - len(self.landed)
         for block, piece in islice(self.left, max(0, room)):
             self.landed[block.first] = {}
             for place in range(0, len(block.changes), piece):
                 part = block.changes[place : place + piece]
-                job = self.client.submit(worker.fly_block, self.task, part, pure=False)
+                job = self._flight(part)
                 self.jobs[job] = block, place, part
-                self.ended.add(job)
+                job.add_done_callback(self.over.put)
+
+    def _flight(self, part: Sequence[Changes]) -> Future[list[Row]]:
+        return self.hands.executor.submit(worker.fly_block, self.task, part)
 
     def flown(self) -> Flown:
         """Blocks that are complete; others take their place."""
-        for job in self.ended:
+        while self.jobs:
+            job = self.over.get()
             block, place, part = self.jobs.pop(job)
             rows = self.landed[block.first]
             rows[place] = self._rows(job, part)
@@ -110,26 +135,18 @@ class _Spread:
                 self.fill()
                 yield block.first, [row for place in sorted(rows) for row in rows[place]]
 
-    def _rows(self, job: Any, part: Sequence[Changes]) -> list[Row]:
-        """Of a piece; the runs of one whose workers were killed fly once more, each alone."""
-        from distributed import KilledWorker
-
+    def _rows(self, job: Future[list[Row]], part: Sequence[Changes]) -> list[Row]:
+        """Of a piece; the runs of one whose worker was killed fly once more, each alone."""
         try:
-            return list(job.result())
-        except KilledWorker:
+            return job.result()
+        except self.hands.ended:
             return [self._alone(changes) for changes in part]
-        finally:
-            job.release()
 
     def _alone(self, changes: Changes) -> Row:
-        from distributed import KilledWorker
-
-        job = self.client.submit(worker.fly_block, self.task, [changes], pure=False)
         try:
-            row: Row = job.result()[0]
-        except KilledWorker:
+            return self._flight([changes]).result()[0]
+        except self.hands.ended:
             return worker.lost(self.task, CRASH)
-        return row
 
 
 def last_in_pieces(blocks: Iterable[Block], count: int, piece: int) -> Iterator[tuple[Block, int]]:

@@ -10,7 +10,8 @@ from __future__ import annotations
 import atexit
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -112,6 +113,15 @@ def close() -> None:
     """End the simulation of this process."""
     while _pilots:
         _pilots.popitem()[1].warm.close()
+
+
+@contextmanager
+def at_work() -> Iterator[None]:
+    """What a process is in while it flies blocks."""
+    try:
+        yield
+    finally:
+        close()
 
 
 def fly_block(task: Task, block: Sequence[Changes]) -> list[Row]:

@@ -24,9 +24,9 @@ from harness.master.messages import said_once
 from harness.results.requirements import has_slope
 from harness.spelling import did_you_mean
 from harness.studies.campaign.campaign import task_of
-from harness.studies.campaign.clusters import Workers, prepare, processes
+from harness.studies.campaign.clusters import Workers, processes
 from harness.studies.campaign.draft import read_plan, table_of
-from harness.studies.campaign.engine import Block, Fly, crew
+from harness.studies.campaign.engine import Block, Fly, crew, get_ready
 from harness.studies.campaign.factors import SMALLEST
 from harness.studies.campaign.plan import Values
 from harness.studies.campaign.worker import FAILED, Row
@@ -69,7 +69,7 @@ class Flights:
         }
         refuse_listed(table)
         self.workers = Workers(workers)
-        prepare(self.workers)
+        get_ready(self.workers)
         with said_once():
             self.plan, self.found = read_plan(table | {"runs": 1}, path)
         self.groups = {name: list(places) for name, places in self.plan.groups.items()}

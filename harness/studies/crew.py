@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Processes of this machine that run one thing after the other. One that something ends, a crash
+inside an FMU or a kill, costs what it was doing and is exchanged; nobody else can reach any.
+"""
+
+from __future__ import annotations
+
+import atexit
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from contextlib import AbstractContextManager, contextmanager
+from functools import cache
+from multiprocessing import connection, forkserver, resource_tracker
+from pathlib import Path
+from queue import SimpleQueue
+from types import ModuleType
+from typing import Any, Self
+
+from harness.files.signals import held
+from harness.files.temporary import PrivateFolder
+from harness.master.child import end_with_parent
+
+KEPT = 32 << 20
+ENVIRONMENT = {
+    "MALLOC_ARENA_MAX": 1,
+    "MALLOC_TRIM_THRESHOLD_": 8 * KEPT,
+    "MALLOC_MMAP_THRESHOLD_": KEPT,
+    **dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), 1),
+}
+"""A process flies one run after the other in the same memory: it need not give it back and ask the
+system for the same pages again (glibc takes at most 32 MiB, and gives threads heaps of 64 MiB that
+come and go). There is one per processor: linear algebra takes no further ones.
+"""
+METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
+CRASH = "its process was ended from outside, or by a crash inside an FMU"
+"""Of what a process was doing that has been ended."""
+
+Ready = Callable[[], AbstractContextManager[object]]
+"""What a process of a crew is in while it works."""
+
+
+class LostError(Exception):
+    """The process that was doing it has been ended."""
+
+
+class Crew(Executor):
+    """So many processes, on their way from `with` on. What one raises is raised by the future;
+    LostError if it has been ended.
+
+    ready: what every process is in while it works, a function of a module.
+    """
+
+    def __init__(self, count: int, ready: Ready) -> None:
+        self._lanes = [_Lane(ready) for _ in range(count)]
+        self._free: SimpleQueue[_Lane] = SimpleQueue()
+        self._threads = ThreadPoolExecutor(count)
+
+    def __enter__(self) -> Self:
+        try:
+            with held():
+                for lane in self._lanes:
+                    lane.begin()
+                    self._free.put(lane)
+        except BaseException:
+            self.shutdown(cancel_futures=True)
+            raise
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self.shutdown(cancel_futures=kind is not None)
+
+    def submit(self, work: Callable[..., Any], /, *given: Any, **named: Any) -> Future[Any]:
+        """Do it as soon as a process is free, in the order of the calls."""
+        return self._threads.submit(self._done, work, given, named)
+
+    def _done(self, *work: Any) -> Any:
+        lane = self._free.get()
+        try:
+            return lane.done(*work)
+        finally:
+            self._free.put(lane)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End all processes: when what they do is over, or at once if `cancel_futures`."""
+        if cancel_futures:
+            for lane in self._lanes:
+                lane.kill()
+        self._threads.shutdown(wait, cancel_futures=cancel_futures)
+        for lane in self._lanes:
+            lane.end()
+
+
+class _Lane:
+    """One process after the other, and the line to it."""
+
+    def __init__(self, ready: Ready) -> None:
+        self._ready = ready
+        self._process: Any = None
+        self._line: Any = None
+        self._over = False
+        self._starts = threading.Lock()
+
+    def begin(self) -> None:
+        """Start a process; LostError if there are to be no more."""
+        with self._starts, _own_start():
+            if self._over:
+                raise LostError
+            context: Any = multiprocessing.get_context(METHOD)
+            self._line, theirs = context.Pipe()
+            given = theirs, self._ready, dict(os.environ), Path.cwd()
+            self._process = context.Process(target=_serve, args=given)
+            self._process.start()
+            theirs.close()
+
+    def done(self, *work: Any) -> Any:
+        """What came of it."""
+        if self._process is None:
+            self.begin()
+        try:
+            self._line.send(work)
+            if self._line not in connection.wait([self._line, self._process.sentinel]):
+                raise EOFError
+            value, error = self._line.recv()
+        except (EOFError, OSError) as ended:
+            self.end()
+            raise LostError from ended
+        if error is not None:
+            raise error
+        return value
+
+    def kill(self) -> None:
+        """End its process at once, for good."""
+        with self._starts:
+            self._over = True
+            if self._process is not None:
+                self._process.terminate()
+
+    def end(self) -> None:
+        """End its process when it has nothing to do."""
+        if self._process is not None:
+            self._line.close()
+            self._process.join()
+            self._process = None
+
+
+# ---- in the process
+
+
+def _serve(line: Any, ready: Ready, environment: Mapping[str, str], folder: Path) -> None:
+    """Do what comes through the line until it is closed; Ctrl-C is for the one at its other end."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with_parent()
+    os.environ.update(environment)  # the process that this one is forked from has that of its start
+    os.chdir(folder)
+    with ready():
+        while True:
+            try:
+                work, given, named = line.recv()
+            except EOFError:
+                return
+            value, problem = None, None
+            try:
+                value = work(*given, **named)
+            except BaseException as error:
+                error.add_note(traceback.format_exc())
+                problem = error
+            line.send((value, problem))
+
+
+# ---- how it starts
+
+
+def prepare(*modules: str) -> None:
+    """Start the process that all others are forked from, without waiting until it has imported
+    these modules.
+    """
+    if METHOD != "forkserver":
+        return
+    # its socket lies in a folder that a killed process would leave behind
+    process: Any = multiprocessing.current_process()
+    process._config.setdefault("tempdir", str(_private().path))
+    multiprocessing.get_context(METHOD).set_forkserver_preload(list(modules))
+    with _own_start():
+        forkserver.ensure_running()
+
+
+@cache
+def _private() -> PrivateFolder:
+    """Of this process, for the socket of the server that others are forked from, which stays."""
+    folder = PrivateFolder()
+    atexit.register(folder.close)
+    return folder
+
+
+_ONE = threading.Lock()
+
+
+@contextmanager
+def _own_start() -> Iterator[None]:
+    """Processes that are started here do not run the script again that has called us (what they do
+    is in modules of ours and in files that they read), never see SIGINT, and have ENVIRONMENT.
+    """
+    with _ONE, _without_main(), _without_ctrl_c(), _environment():
+        yield
+
+
+@contextmanager
+def _without_main() -> Iterator[None]:
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
+
+
+@contextmanager
+def _without_ctrl_c() -> Iterator[None]:
+    """It reaches us afterwards."""
+    if os.name != "posix":
+        yield
+        return
+    resource_tracker.ensure_running()  # it would lift the mask again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _environment() -> Iterator[None]:
+    """What is not set otherwise is set for a while."""
+    further = {name: str(v) for name, v in ENVIRONMENT.items() if name not in os.environ}
+    os.environ.update(further)
+    try:
+        yield
+    finally:
+        for name in further:
+            del os.environ[name]
