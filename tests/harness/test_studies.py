@@ -399,12 +399,12 @@ def test_the_command_says_what_it_found_and_ends_with_status_1(system, tmp_path,
     """
     (tmp_path / "my.toml").write_text(text)
     out = str(tmp_path / "o.zarr")
-    assert main(["worst", str(tmp_path / "my.toml"), "-o", out, "--workers", "0", "-q"]) == 1
+    assert main(["worst", str(tmp_path / "my.toml"), "-o", out, "--workers", "0"]) == 1
     assert "small: NOT MET" in capsys.readouterr().out
     safe = text.replace('of = "small"', 'of = "positive"').replace("= 60", "= 24")
     (tmp_path / "my.toml").write_text(safe)
     out = str(tmp_path / "p.zarr")
-    assert main(["worst", str(tmp_path / "my.toml"), "-o", out, "--workers", "0", "-q"]) == 0
+    assert main(["worst", str(tmp_path / "my.toml"), "-o", out, "--workers", "0"]) == 0
     said = capsys.readouterr().out
     assert "no failure in 24 flights" in said
     assert "this is no proof; 0 of 24 random ones would say p < 1" in said
@@ -430,7 +430,7 @@ def test_a_file_of_the_project_is_asked_all_that_it_describes(
     (tmp_path / "my.toml").write_text(text)
     monkeypatch.setattr("harness.mission.library.campaigns", lambda: {"my": tmp_path / "my.toml"})
     monkeypatch.chdir(tmp_path)
-    study = ["study", "my", "--workers", "0", "-q"]
+    study = ["study", "my", "--workers", "0"]
     assert main(study) == 0
     said = capsys.readouterr().out
     assert said.index("small: share of the mean effects") < said.index("no failure in 24 flights")
