@@ -139,7 +139,7 @@ class Panel:
         )
 
     def line(self, result: Result) -> tuple[float, str] | None:
-        """Height of the level and what stands beside it, if the result says where it is."""
+        """Height of the level and its label; None if the result has no value for it."""
         if self.level is None or (height := self.level.height(result)) is None:
             return None
         return height, f"{self.level.label} {height:g} {unit_of(self.ylabel)}".strip()
