@@ -72,7 +72,41 @@ def kept_rows(values: Array, points: int) -> Rows:
     return np.asarray(found[found < count])
 
 
-def kept_points(x: Array, y: Array, points: int) -> Rows:
-    """Rows of a curve in a plane that are drawn: the extremes of both coordinates."""
-    both = np.concatenate((kept_rows(x, points // 2), kept_rows(y, points // 2)))
-    return np.unique(both)
+NUMBERS = 2_000_000
+"""Characters of a page for numbers of curves, about."""
+PER_POINT = 8 * 4 / 3
+"""Characters of a point: two numbers of four bytes, four characters for three."""
+
+
+def points_of(curves: int, least: int, most: int) -> int:
+    """Points of a curve so that so many of them fit a page."""
+    return int(np.clip(NUMBERS / PER_POINT / max(1, curves), least, most))
+
+
+class Canvas:
+    """Where the plots of a page keep their numbers; points: of a curve, at most."""
+
+    def __init__(self, arrays: Arrays, points: int) -> None:
+        self.arrays, self.points = arrays, points
+        self.thinned = False
+
+    def curve(self, time: Array, values: Array, name: str, **look: Any) -> dict[str, Any]:
+        """One history with its extremes."""
+        return {"name": name, **self._drawn(time, values, kept_rows(values, self.points)), **look}
+
+    def plane(self, x: Array, y: Array, **look: Any) -> dict[str, Any]:
+        """A curve in a plane with the extremes of both coordinates."""
+        return self._drawn(x, y, self.rows_of(x, y)) | look
+
+    def line(self, x: Any, y: Any, **look: Any) -> dict[str, Any]:
+        """A curve of all its points."""
+        return {"x": self.arrays.keep(x), "y": self.arrays.keep(y), **look}
+
+    def rows_of(self, x: Array, y: Array) -> Rows:
+        """The rows of a curve in a plane that are drawn."""
+        half = self.points // 2
+        return np.unique(np.concatenate((kept_rows(x, half), kept_rows(y, half))))
+
+    def _drawn(self, x: Array, y: Array, rows: Rows) -> dict[str, Any]:
+        self.thinned |= len(rows) < len(x)
+        return self.line(x[rows], y[rows])

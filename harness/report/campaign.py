@@ -13,11 +13,11 @@ import numpy as np
 
 from harness.errors import ResultsError
 from harness.report import comparison, study
-from harness.report.arrays import Arrays
-from harness.report.plots import Canvas, Plot, number
+from harness.report.arrays import Arrays, Canvas
+from harness.report.plots import Plot, diagram, number
 from harness.report.template import render
 from harness.results.result import Array
-from harness.results.verdict import Judged, Verdict
+from harness.results.verdict import Verdict
 from harness.studies.campaign import summary
 from harness.studies.campaign.store import Store
 from harness.studies.campaign.worker import COMPLETE, FAILED, PENDING
@@ -39,49 +39,50 @@ def of_dataset(path: Path) -> str:
 
 
 def _page(store: Store, path: Path) -> str:
-    status, metrics = store.array("status"), summary.metric_columns(store)
-    metrics = {name: x for name, x in metrics.items() if np.isfinite(x).any()}
     units = store.units()
+    found = summary.metric_columns(store).items()
+    metrics = {name: x for name, x in found if np.isfinite(x).any()}
     shown = {with_unit(name, units): x for name, x in metrics.items()}
     factors = {with_unit(n, units): x for n, x in summary.varying_factors(store).items()}
     arrays = Arrays()
     canvas, flown = Canvas(arrays, POINTS), study.flights(store, path)
     beside = comparison.canvas_of(flown, arrays)
-    figures = [
-        _figure("study", list(study.plots(canvas, store))),
-        _figure("histograms", [_histogram(canvas, n, x) for n, x in shown.items()]),
-        _figure("factors", [p for n, x in shown.items() for p in _against(canvas, n, x, factors)]),
-        _figure("bands", list(_bands(canvas, store))),
-    ]
-    pages = [{"name": f["name"], "figures": [f]} for f in figures if f["plots"]]
+    pages = _figures(canvas, store, shown, factors)
     pages.append({"name": "beside", "figures": comparison.figures(beside, flown) if flown else []})
     return render(
         "campaign.html",
         arrays,
         comparison.side_by_side(flown, arrays, [page for page in pages if page["figures"]]),
+        **_runs(store, metrics, path),
         flown=list(flown),
-        name=path.name,
-        system=str(store.group.attrs["system"]),
-        count={k: int((status == v).sum()) for k, v in STATES.items()},
         study=study.text(store, str(path)),
-        success=_success(store),
         metrics=[_metric(name, x) for name, x in shown.items()],
-        worst=_worst(store, metrics, path) if metrics else None,
-        failures=_failures(store, path),
         shares=[_named(n, s) for n, s in summary.requirements(store).items()],
-        expected=[_expectation(each) for each in summary.expectations(store)],
+        expected=[{"text": e.text, "look": e.verdict.value} for e in summary.expectations(store)],
         chance=[line for n, x in shown.items() if (line := summary.left_out(n, factors, x))],
         definition=[{"name": k, "value": _text(v)} for k, v in store.definition()[0].items()],
         points=canvas.points if canvas.thinned else 0,
-        dots=DOTS if len(status) > DOTS else 0,
     )
 
 
 STATES = {"complete": COMPLETE, "failed": FAILED, "pending": PENDING}
 
 
-def _figure(name: str, plots: list[Plot]) -> dict[str, Any]:
-    return {"name": name, "title": "", "plots": plots}
+def _figures(
+    canvas: Canvas, store: Store, shown: Mapping[str, Array], factors: Mapping[str, Array]
+) -> list[dict[str, Any]]:
+    """The sections that have something to show, each with one figure."""
+    plots = {
+        "study": list(study.plots(canvas, store)),
+        "histograms": [_histogram(canvas, name, x) for name, x in shown.items()],
+        "factors": [p for name, x in shown.items() for p in _against(canvas, name, x, factors)],
+        "bands": list(_bands(canvas, store)),
+    }
+    return [
+        {"name": name, "figures": [{"name": name, "title": "", "plots": found}]}
+        for name, found in plots.items()
+        if found
+    ]
 
 
 # ---- numbers
@@ -103,21 +104,28 @@ def _metric(name: str, values: Array) -> dict[str, Any]:
     return {"name": name, "cells": [f"{x:.5g}" for x in numbers]}
 
 
-def _worst(store: Store, metrics: Mapping[str, Array], path: Path) -> dict[str, Any]:
-    """The worst runs, with the command that repeats each."""
-    name, found = summary.worst(store, metrics)
-    command = f"harness run {store.system} --like {path}#"
-    rows = [{"value": f"{metrics[name][k]:.5g}", "command": f"{command}{k}"} for k in found]
-    return {"metric": name, "runs": rows}
-
-
-def _failures(store: Store, path: Path) -> list[dict[str, Any]]:
-    """Every run that has failed or not succeeded, why, and the command that repeats it."""
-    command = f"harness run {store.system} --like {path}#"
-    return [
-        {"run": run, "why": why, "command": f"{command}{run}"}
-        for run, why in summary.failures(store).items()
-    ]
+def _runs(store: Store, metrics: Mapping[str, Array], path: Path) -> dict[str, Any]:
+    """How many runs there are, and the worst, the failed and those without success, each with the
+    command that repeats it.
+    """
+    status, command = store.array("status"), f"harness run {store.system} --like {path}#"
+    worst = None
+    if metrics:
+        name, found = summary.worst(store, metrics)
+        runs = [{"value": f"{metrics[name][k]:.5g}", "command": f"{command}{k}"} for k in found]
+        worst = {"metric": name, "runs": runs}
+    return {
+        "name": path.name,
+        "system": str(store.group.attrs["system"]),
+        "count": {k: int((status == v).sum()) for k, v in STATES.items()},
+        "success": _success(store),
+        "worst": worst,
+        "failures": [
+            {"run": run, "why": why, "command": f"{command}{run}"}
+            for run, why in summary.failures(store).items()
+        ],
+        "dots": DOTS if len(status) > DOTS else 0,
+    }
 
 
 def _named(name: str, found: summary.Share) -> dict[str, Any]:
@@ -125,10 +133,6 @@ def _named(name: str, found: summary.Share) -> dict[str, Any]:
     look = Verdict.NOT_MET if found.missed else Verdict.MET
     look = look if found.judged else Verdict.NOT_EXERCISED
     return {"name": name, "text": str(found), "look": look.value}
-
-
-def _expectation(each: Judged) -> dict[str, str]:
-    return {"text": each.text, "look": each.verdict.value}
 
 
 def _text(value: Any) -> str:
@@ -146,9 +150,8 @@ def _histogram(canvas: Canvas, name: str, values: Array) -> Plot:
     counts, edges = np.histogram(values[np.isfinite(values)], bins="auto")
     x = np.repeat(edges, 2)
     y = np.concatenate(([0], np.repeat(counts, 2), [0])).astype(np.float64)
-    curve = {"x": canvas.arrays.keep(x), "y": canvas.arrays.keep(y)}
     look = {"name": "", "fill": True, "colour": 0, "dash": "solid"}
-    return {"title": name, "x": name, "y": "runs", "time": False, "curves": [curve | look]}
+    return diagram(name, name, "runs", [canvas.line(x, y, **look)])
 
 
 def _against(
@@ -163,10 +166,8 @@ def _against(
     kept = np.linspace(0, len(values) - 1, min(DOTS, len(values))).round().astype(np.intp)
     look = {"name": "", "marker": "dot", "colour": 0, "dash": "solid"}
     for factor, x in summary.ranked(factors, values).items():
-        curve = {"x": canvas.arrays.keep(x[kept]), "y": canvas.arrays.keep(values[kept])}
-        text = f"rank correlation {summary.rank_correlation(x, values):+.2f}"
-        about = {"title": f"{name}: {text}", "x": factor, "y": name, "time": False}
-        yield {**about, "curves": [curve | look]}
+        title = f"{name}: rank correlation {summary.rank_correlation(x, values):+.2f}"
+        yield diagram(title, factor, name, [canvas.line(x[kept], values[kept], **look)])
 
 
 def _map(canvas: Canvas, name: str, values: Array, factors: Mapping[str, Array]) -> Plot:
@@ -180,7 +181,7 @@ def _map(canvas: Canvas, name: str, values: Array, factors: Mapping[str, Array])
         "rows": rows.tolist(),
         "name": name,
     }
-    return {"title": name, "x": x_name, "y": y_name, "time": False, "curves": [curve]}
+    return diagram(name, x_name, y_name, [curve])
 
 
 def _bands(canvas: Canvas, store: Store) -> Iterator[Plot]:
@@ -208,8 +209,7 @@ def _edges(canvas: Canvas, time: Array, percentiles: list[float], band: Array) -
         x = np.concatenate((t, t[::-1]))
         y = np.concatenate((edges[low], edges[-1 - low][::-1]))
         name = f"{percentiles[low]:g} to {percentiles[-1 - low]:g} %"
-        look = {"name": name, "fill": True, "colour": 0, "dash": "solid"}
-        curves.append({"x": canvas.arrays.keep(x), "y": canvas.arrays.keep(y), **look})
+        curves.append(canvas.line(x, y, name=name, fill=True, colour=0, dash="solid"))
     middle = edges[len(percentiles) // 2]
     name = f"{percentiles[len(percentiles) // 2]:g} %"
     return [*curves, canvas.curve(t, middle, name, colour=1, dash="solid")]

@@ -8,8 +8,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from harness.errors import ResultsError
 from harness.figures.choice import compared, overlays_of
 from harness.figures.style import SCREEN
@@ -17,19 +15,14 @@ from harness.mission import Figure, Overlay
 from harness.mission.library import of_result
 from harness.mission.mission import together
 from harness.report import facts, painted, plots
-from harness.report.arrays import Arrays
-from harness.report.plots import Canvas
-from harness.report.scene import replay_several
+from harness.report.arrays import Arrays, Canvas, points_of
+from harness.report.story import replay_several
 from harness.report.template import render
 from harness.results.files import read
 from harness.results.result import Result
 from harness.studies.compare import TABLE
 from harness.studies.table import read_csv
 from harness.studies.variants import Variant, with_files
-
-NUMBERS, POINTS = 2_000_000, (150, 1500)
-"""Characters of the page for numbers, about; least and most points of a curve."""
-PER_POINT = 8 * 4 / 3
 
 
 def of_folder(folder: Path) -> str:
@@ -55,8 +48,7 @@ def of_folder(folder: Path) -> str:
 
 def canvas_of(results: Mapping[str, Result], arrays: Arrays) -> Canvas:
     """A canvas on which the figures of all runs fit a page."""
-    curves = max(1, sum(_curves(r) for r in results.values()))
-    return Canvas(arrays, int(np.clip(NUMBERS / PER_POINT / curves, *POINTS)))
+    return Canvas(arrays, points_of(sum(map(_curves, results.values())), 150, 1500))
 
 
 def side_by_side(

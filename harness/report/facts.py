@@ -46,25 +46,19 @@ WORST_FIRST = ("bad", "fair", "none", "idle", "good")
 
 def chips(result: Result) -> list[Facts]:
     """How many rules, requirements and claims have which verdict, the worst first."""
+    given = judged(result)
     found = [{"kind": "good", "text": "complete"} if result.complete else BROKEN]
+    found += [{"kind": "fair", "text": OTHER} for paper in given if paper.deviations]
     tallies = (
         (Kind.RULE, [each.verdict for each in rule_findings(of_result(result), result)]),
         (Kind.REQUIREMENT, [each.verdict for each in findings(result)]),
+        (Kind.CLAIM, [each.verdict for paper in given for _, each in paper.claims]),
     )
     for kind, verdicts in tallies:
         for part in _tally(kind, verdicts):
             many = f"{kind.value}{'' if part['number'] == 1 else 's'}"
             text = f"{part['number']} {many} {part['text']}"
             found.append({"kind": part["kind"], "text": text.replace("rules holds", "rules hold")})
-    claims: Counter[tuple[str, str]] = Counter()
-    for paper in papers(result):
-        for part in paper["count"]:
-            claims[part["kind"], part["text"]] += part["number"]
-        found += [{"kind": "fair", "text": paper["other"]}] if paper["other"] else []
-    found += [
-        {"kind": kind, "text": f"{number} claim{'' if number == 1 else 's'} {text}"}
-        for (kind, text), number in claims.items()
-    ]
     return sorted(found, key=lambda chip: WORST_FIRST.index(chip["kind"]))
 
 

@@ -25,8 +25,7 @@ from harness.errors import UsageError
 from harness.master.changes import Changes, apply
 from harness.master.web import Module, module_of
 from harness.report import conditions, models, run
-from harness.report.arrays import Arrays, kept_points, kept_rows
-from harness.report.plots import Canvas
+from harness.report.arrays import Arrays, Canvas, kept_rows
 from harness.report.template import render, text_of
 from harness.report.trace import Trace, Traced, traces_kept
 from harness.results.result import Array, Result, Rows
@@ -241,7 +240,7 @@ class TracedCanvas(Canvas):
 
     def rows_of(self, x: Array, y: Array) -> Rows:
         """The rows of a curve in a plane that are drawn."""
-        rows = kept_points(np.array(x, dtype=float), np.array(y, dtype=float), self.points)
+        rows = super().rows_of(np.array(x, dtype=float), np.array(y, dtype=float))
         self.chosen.append(rows)
         return rows
 
@@ -286,7 +285,7 @@ def _traced(result: Result, changing: list[str]) -> tuple[TracedCanvas, Data]:
             values=trace.root("values", result.values),
             parameters=table and replace(table, values=trace.root("parameters", table.values)),
         )
-        canvas = TracedCanvas(TracedArrays(trace), run.points_of(result))
+        canvas = TracedCanvas(TracedArrays(trace), run.canvas_of(result, Arrays()).points)
         data = run.content(canvas, rows)
     canvas.traced.fixed |= set(_lost(result, changing, canvas))
     return canvas, data

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from harness.figures.captions import untexed
-from harness.report.plots import STYLES, Canvas, Plot
+from harness.report.arrays import Canvas
+from harness.report.plots import STYLES, Plot
 
 SECONDS = {"time [s]": 1.0, "time [h]": 3600.0}
 """Labels of the time axis and their seconds."""
@@ -36,7 +37,7 @@ def _plot(canvas: Canvas, axes: Any) -> Plot:
         "time": time,
         "log": axes.get_yscale() == "log",
         "equal": axes.get_aspect() == 1.0,
-        "levels": [_level(line) for line in _levels(axes)],
+        "levels": _levels(axes),
         "curves": list(_curves(canvas, axes, unit)),
     }
     if not axes.get_autoscaley_on():
@@ -49,15 +50,17 @@ def _plot(canvas: Canvas, axes: Any) -> Plot:
     return found
 
 
-def _levels(axes: Any) -> list[Any]:
+def _levels(axes: Any) -> list[Plot]:
     """Lines that are horizontal through all of the axes."""
     other = [line for line in axes.get_lines() if line.get_transform() != axes.transData]
-    return [line for line in other if np.ptp(np.asarray(line.get_ydata(), dtype=float)) == 0]
+    flat = [line for line in other if np.ptp(np.asarray(line.get_ydata(), dtype=float)) == 0]
+    return [{"y": float(line.get_ydata()[0]), "text": _named(line)} for line in flat]
 
 
-def _level(line: Any) -> Plot:
+def _named(line: Any) -> str:
+    """The label of a line, if it was given one."""
     label = str(line.get_label())
-    return {"y": float(line.get_ydata()[0]), "text": "" if label.startswith("_") else label}
+    return "" if label.startswith("_") else label
 
 
 def _curves(canvas: Canvas, axes: Any, unit: float) -> Iterator[Plot]:
@@ -74,18 +77,15 @@ def _curves(canvas: Canvas, axes: Any, unit: float) -> Iterator[Plot]:
             yield _curve(canvas, *corners.T, name="", fill=True, colour=len(palette), dash="solid")
     for bar in axes.patches:
         left, bottom, width, height = bar.get_bbox().bounds
-        x, y = np.array(
-            [[left, bottom], [left, bottom + height]] * 1
-            + [[left + width, bottom + height], [left + width, bottom], [left, bottom]]
-        ).T
-        yield _curve(canvas, x, y, name="", fill=True, colour=0, dash="solid")
+        right, top = left + width, bottom + height
+        corners = [[left, bottom], [left, top], [right, top], [right, bottom], [left, bottom]]
+        yield _curve(canvas, *np.transpose(corners), name="", fill=True, colour=0, dash="solid")
 
 
 def _line(canvas: Canvas, line: Any, palette: dict[Any, int], unit: float) -> Plot:
     x, y = (np.asarray(data, dtype=float).ravel() for data in (line.get_xdata(), line.get_ydata()))
-    label = str(line.get_label())
     look = {
-        "name": "" if label.startswith("_") else label,
+        "name": _named(line),
         "colour": _colour(line.get_color(), palette),
         "dash": STYLES.get(line.get_linestyle(), "solid"),
     }
@@ -95,9 +95,7 @@ def _line(canvas: Canvas, line: Any, palette: dict[Any, int], unit: float) -> Pl
 
 
 def _curve(canvas: Canvas, x: Any, y: Any, **look: Any) -> Plot:
-    rows = canvas.rows_of(x, y) if len(x) > canvas.points else np.arange(len(x))
-    canvas.thinned |= len(rows) < len(x)
-    return {"x": canvas.arrays.keep(x[rows]), "y": canvas.arrays.keep(y[rows]), **look}
+    return (canvas.plane if len(x) > canvas.points else canvas.line)(x, y, **look)
 
 
 def _colour(colour: Any, palette: dict[Any, int]) -> Any:

@@ -19,8 +19,8 @@ import numpy as np
 from harness.figures.finish import ROUNDING
 from harness.mission.figure import AXES, IDLE, Curve, Figure, Panel, Phase, unit_of
 from harness.mission.library import of_result
-from harness.report.arrays import Arrays, kept_points, kept_rows
-from harness.results.result import Array, Result, Rows
+from harness.report.arrays import Canvas
+from harness.results.result import Array, Result
 from harness.system.names import base
 
 Plot = dict[str, Any]
@@ -32,30 +32,6 @@ STYLES = {"--": "dash", ":": "dot", "-.": "dashdot", "-": "solid"}
 DECADES = 3.0
 """Positive histories that span so many powers of ten are drawn on a logarithmic axis."""
 QUATERNION = ("q0", "q1", "q2", "q3")
-
-
-class Canvas:
-    """Where the plots of a page keep their numbers; points: of a curve, at most."""
-
-    def __init__(self, arrays: Arrays, points: int) -> None:
-        self.arrays, self.points = arrays, points
-        self.thinned = False
-        self._kept: dict[int, Any] = {}
-
-    def curve(self, time: Array, values: Array, name: str, **look: Any) -> Plot:
-        """One history with its extremes."""
-        rows = kept_rows(values, self.points)
-        self.thinned |= len(rows) < len(values)
-        return {
-            "name": name,
-            "x": self.arrays.keep(time[rows]),
-            "y": self.arrays.keep(values[rows]),
-            **look,
-        }
-
-    def rows_of(self, x: Array, y: Array) -> Rows:
-        """The rows of a curve in a plane that are drawn."""
-        return kept_points(x, y, self.points)
 
 
 # ---- the figures of one run
@@ -84,6 +60,11 @@ def _panel(canvas: Canvas, panel: Panel, result: Result) -> Plot:
         look = {"colour": "ink", "dash": "solid", "marker": "circle"}
         curves.append(canvas.curve(np.array([instant]), np.array([value]), text, **look))
     return plot(panel.ylabel, curves, size=size, log=panel.log, **_marks(panel, result))
+
+
+def diagram(title: str, x: str, y: str, curves: list[Plot]) -> Plot:
+    """A plot over something else than time."""
+    return {"title": title, "x": x, "y": y, "time": False, "curves": curves}
 
 
 def plot(y: str, curves: list[Plot], **about: Any) -> Plot:
@@ -226,19 +207,9 @@ def phases(canvas: Canvas, result: Result) -> Iterator[Plot]:
 
 
 def _plot(canvas: Canvas, phase: Phase, x: Array, y: Array) -> Plot:
+    names = {1: ("",), 3: AXES}.get(x.shape[1], tuple(str(k + 1) for k in range(x.shape[1])))
     curves = []
-    for k in range(x.shape[1]):
-        rows = canvas.rows_of(x[:, k], y[:, k])
-        canvas.thinned |= len(rows) < len(x)
-        name = "" if x.shape[1] == 1 else AXES[k] if x.shape[1] == 3 else str(k + 1)
-        curves.append(
-            {
-                "name": name,
-                "x": canvas.arrays.keep(x[rows, k]),
-                "y": canvas.arrays.keep(y[rows, k]),
-                "colour": k,
-                "dash": DASHES[k],
-                "ends": True,
-            }
-        )
-    return {"title": phase.title, "x": phase.x, "y": phase.y, "time": False, "curves": curves}
+    for k, name in enumerate(names):
+        look = {"colour": k, "dash": DASHES[k], "ends": True}
+        curves.append({"name": name, **canvas.plane(x[:, k], y[:, k], **look)})
+    return diagram(phase.title, phase.x, phase.y, curves)

@@ -5,45 +5,34 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from harness.figures.choice import figures_of
 from harness.figures.style import SCREEN
 from harness.mission import Drawing, Figure
 from harness.report import facts, models, painted, plots
-from harness.report.arrays import Arrays
-from harness.report.plots import Canvas
-from harness.report.scene import replay
+from harness.report.arrays import Arrays, Canvas, points_of
+from harness.report.story import replay
 from harness.report.template import render
 from harness.results.result import Result
 
-NUMBERS = 2_000_000
-"""Characters of the page for numbers of curves, about."""
-POINTS = (200, 2400)
-"""Least and most points of a curve."""
-PER_POINT = 8 * 4 / 3
-"""Characters of a point: two numbers of four bytes, four characters for three."""
-SECTIONS = ("margins", "figures", "actuators", "phases")
-ACTUATORS = {
-    "force",
-    "torque",
-    "wheel_speeds",
-    "firing",
-    "engines",
-    "joints",
-    "gimbals",
-    "acceleration",
-}
-"""Figures of what the actuators do."""
-PLANES = {"phase_planes", "poincare"}
-"""Figures that are phase plots."""
-MARGINS = {"safety_margins"}
-"""Figures of the safety monitor."""
+SECTIONS = {
+    "margins": {"safety_margins"},
+    "figures": {},
+    "actuators": {
+        "force", "torque", "wheel_speeds", "firing", "engines", "joints", "gimbals", "acceleration",
+    },
+    "phases": {"phase_planes", "poincare"},
+}  # fmt: skip
+"""Sections of the page with the figures that they have; others are in `figures`."""
+
+
+def canvas_of(result: Result, arrays: Arrays) -> Canvas:
+    """A canvas on which all curves of a run, each drawn about twice, fit a page."""
+    return Canvas(arrays, points_of(2 * len(result.columns), 200, 2400))
 
 
 def of_run(result: Result) -> str:
     """The page of one run as text."""
-    canvas = Canvas(Arrays(), points_of(result))
+    canvas = canvas_of(result, Arrays())
     data = content(canvas, result)
     return models.fitting(render("run.html", canvas.arrays, data, **texts(result, canvas)), result)
 
@@ -72,12 +61,6 @@ def texts(result: Result, canvas: Canvas) -> dict[str, Any]:
     }
 
 
-def points_of(result: Result) -> int:
-    """Points of a curve so that all together, each drawn about twice, are not too many."""
-    curves = len(result.columns)
-    return int(np.clip(NUMBERS / PER_POINT / max(1, 2 * curves), *POINTS))
-
-
 def _figures(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
     """The figures of the result in their sections, the first of a name."""
     sections: dict[str, list[dict[str, Any]]] = {name: [] for name in SECTIONS}
@@ -93,11 +76,7 @@ def _figures(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
 
 
 def _section(name: str) -> str:
-    if name in ACTUATORS:
-        return "actuators"
-    if name in MARGINS:
-        return "margins"
-    return "phases" if name in PLANES else "figures"
+    return next((section for section, names in SECTIONS.items() if name in names), "figures")
 
 
 def _drawn(canvas: Canvas, figure: Figure | Drawing, result: Result) -> list[plots.Plot]:

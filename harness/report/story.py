@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What happens in a replay: its title, and events at their instants.
+"""Which replay fits a result, and what happens in it: its title, and events at their instants.
 
 A mission gives phases and events of its own; the worst instants of the requirements, the first
 violations of the safety rules and the passes through the shadow come from the result.
@@ -14,6 +14,8 @@ import numpy as np
 
 from harness.claims.report import rule_findings
 from harness.mission.library import of_result
+from harness.mission.mission import together
+from harness.report import models
 from harness.report.arrays import Arrays
 from harness.results.requirements import findings
 from harness.results.result import Array, Result
@@ -24,36 +26,45 @@ DARK = 0.5
 """Part of the disc of the Sun that is covered in the shadow."""
 
 
-def told(result: Result, arrays: Arrays, scene: Scene) -> Scene:
-    """The scene with its title and all its events in their order."""
-    events = [*scene.get("events", ()), *_worst(result), *_violations(result)]
-    events += _shadow(result, arrays, scene)
-    known = result.provenance
-    name = plain(result.system)
-    chosen = known.params if known and known.params and known.params != "default" else ""
-    return scene | {
-        "name": result.system,
-        "title": f"{name}, {plain(chosen)}" if chosen else name,
-        "events": sorted(events, key=lambda event: event["time"]),
-    }
-
-
-def told_of_several(results: Mapping[str, Result], scene: Scene) -> Scene:
-    """The scene of several runs by label with its title and the events of all of them, each with
-    its label.
+def replay(result: Result, arrays: Arrays) -> Scene | None:
+    """The replay of a result with its title and all its events in their order; None if it holds
+    nothing that moves.
     """
-    events = list(scene.get("events", ()))
-    ends = max(float(result.time[-1]) for result in results.values() if len(result.time))
-    for label, result in results.items():
-        own = [*_worst(result), *_violations(result)]
-        if len(result.time) and result.time[-1] < ends:
-            own.append(event(result.time[-1], "the run ends", "abort"))
-        events += of_run(label, own)
-    return scene | {
-        "name": ", ".join(results),
-        "title": f"{len(results)} runs",
-        "events": sorted(events, key=lambda each: each["time"]),
-    }
+    if len(result.time) < 2:
+        return None
+    for kind in of_result(result).scene:
+        if result.holds(*kind.needs, parameters=kind.parameters):
+            found = kind.build(result, arrays)
+            if files := models.named(result):
+                found = models.dressed(found, files, arrays)
+            further = [*_worst(result), *_violations(result), *_shadow(arrays, found)]
+            known = result.provenance
+            chosen = known.params if known and known.params and known.params != "default" else ""
+            titles = [plain(name) for name in (result.system, chosen) if name]
+            return _titled(found, result.system, ", ".join(titles), further)
+    return None
+
+
+def replay_several(results: Mapping[str, Result], arrays: Arrays) -> Scene | None:
+    """The replay of several runs by label in one scene, with the events of all, each with its
+    label; None if their mission has none.
+    """
+    for kind in together(map(of_result, results.values())).scene:
+        if kind.several and (found := kind.several(results, arrays)):
+            ends = max(float(result.time[-1]) for result in results.values() if len(result.time))
+            further = []
+            for label, result in results.items():
+                own = [*_worst(result), *_violations(result)]
+                if len(result.time) and result.time[-1] < ends:
+                    own.append(event(result.time[-1], "the run ends", "abort"))
+                further += of_run(label, own)
+            return _titled(found, ", ".join(results), f"{len(results)} runs", further)
+    return None
+
+
+def _titled(scene: Scene, name: str, title: str, further: list[Scene]) -> Scene:
+    events = sorted([*scene.get("events", ()), *further], key=lambda event: event["time"])
+    return scene | {"name": name, "title": title, "events": events}
 
 
 def of_run(label: str, events: Iterable[Scene]) -> list[Scene]:
@@ -100,7 +111,7 @@ def _violations(result: Result) -> Iterator[Scene]:
             yield event(found.violated, f"{found.name}: violated for the first time", "violation")
 
 
-def _shadow(result: Result, arrays: Arrays, scene: Scene) -> Iterator[Scene]:
+def _shadow(arrays: Arrays, scene: Scene) -> Iterator[Scene]:
     """Where a dated run enters and leaves the shadow of the planet."""
     if "undated" in scene or "sun" not in scene:
         return

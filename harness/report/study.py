@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from harness.report.plots import Canvas, Plot
+from harness.report.arrays import Canvas
+from harness.report.plots import Plot, diagram
 from harness.results.files import read
 from harness.results.result import Array, Result
 from harness.studies.campaign.store import Store
@@ -63,9 +64,7 @@ def _estimate(store: Store) -> Any:
 
 
 def _line(canvas: Canvas, x: Any, y: Any, **look: Any) -> Plot:
-    """A curve of all its points."""
-    kept = {"x": canvas.arrays.keep(np.asarray(x)), "y": canvas.arrays.keep(np.asarray(y))}
-    return {**kept, "name": "", "colour": 0, "dash": "solid", **look}
+    return canvas.line(x, y, **{"name": "", "colour": 0, "dash": "solid", **look})
 
 
 def _tornado(canvas: Canvas, name: str, found: Any, factors: list[str]) -> Plot:
@@ -79,8 +78,7 @@ def _tornado(canvas: Canvas, name: str, found: Any, factors: list[str]) -> Plot:
         if "low" in found:
             ends = [found["low"][k], found["high"][k]]
             curves.append(_line(canvas, ends, [float(place)] * 2, colour=place, dash="dash"))
-    title = f"{name}: what matters"
-    return {"title": title, "x": "effect", "y": "factor", "time": False, "curves": curves}
+    return diagram(f"{name}: what matters", "effect", "factor", curves)
 
 
 def _convergence(canvas: Canvas, label: str, margins: Array, found: Any) -> Plot:
@@ -88,26 +86,24 @@ def _convergence(canvas: Canvas, label: str, margins: Array, found: Any) -> Plot
     last = found["run"] - found["place"] + found["flights"]
     y = margins[last - found["flights"] : last]
     y = np.where(np.isfinite(y), y, np.nan)
-    flight = np.arange(1, len(y) + 1, dtype=np.float64)
-    best = np.fmin.accumulate(y)
+    flight = np.arange(1, len(y) + 1)
     curves = [
         _line(canvas, flight, y, name="flights", marker="dot"),
-        _line(canvas, flight, best, name="worst so far", colour=1),
+        _line(canvas, flight, np.fmin.accumulate(y), name="worst so far", colour=1),
     ]
-    return {"title": label, "x": "flight", "y": label, "time": False, "curves": curves}
+    return diagram(label, "flight", label, curves)
 
 
 def _parallel(canvas: Canvas, name: str, store: Store, column: int) -> Plot:
     """Numbers of the worst flights side by side; failures in another colour."""
     numbers, margins = store.array("numbers"), store.array("margin")[:, column]
-    axis = np.arange(1, numbers.shape[1] + 1, dtype=np.float64)
+    axis = np.arange(1, numbers.shape[1] + 1)
     curves = [
         _line(canvas, axis, numbers[k], colour=int(margins[k] < 0))
         for k in np.argsort(margins, kind="stable")[:WORST]
     ]
     title = f"{name}: the worst {len(curves)} flights"
-    about = {"title": title, "x": "number", "y": "standard deviations", "time": False}
-    return {**about, "curves": curves}
+    return diagram(title, "number", "standard deviations", curves)
 
 
 def _levels(canvas: Canvas, name: str, repeats: Any) -> Plot:
@@ -117,5 +113,4 @@ def _levels(canvas: Canvas, name: str, repeats: Any) -> Plot:
         limits, p = [level[0] for level in levels], [level[1] for level in levels]
         y = np.log10(np.maximum(p, DECADES))
         curves.append(_line(canvas, limits, y, name=f"repeat {k + 1}", colour=k))
-    title = f"{name}: probability of less than a margin"
-    return {"title": title, "x": "margin", "y": "log10 p", "time": False, "curves": curves}
+    return diagram(f"{name}: probability of less than a margin", "margin", "log10 p", curves)

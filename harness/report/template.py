@@ -29,21 +29,9 @@ SCRIPTS = {
 }
 """Script of a library in its package."""
 CODE = (
-    "symbols",
-    "plots",
-    "history",
-    "shapes",
-    "labels",
-    "bodies",
-    "marks",
-    "sky",
-    "cameras",
-    "clock",
-    "story",
-    "record",
-    "replay",
-    "page",
-)
+    "symbols", "plots", "history", "shapes", "labels", "bodies", "marks", "sky", "cameras", "clock",
+    "story", "record", "replay", "page",
+)  # fmt: skip
 """Scripts of the page in the order in which they are loaded."""
 
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from harness.report import bodies
 from harness.report.arrays import Arrays
-from harness.report.scene import Body, Scene, frames, in_orbit, instants, scene
-from harness.report.sky import sky
+from harness.report.scene import Body, Scene, frames, in_orbit, instants, scene, sky
 from harness.report.story import event, of_run
 from harness.results.result import Array, Result, Rows
 

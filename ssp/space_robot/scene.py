@@ -16,8 +16,8 @@ from harness.report.scene import (
     joint,
     number,
     scene,
+    sky,
 )
-from harness.report.sky import sky
 from harness.results.result import Result
 
 ROBOT = ("robot.r_SN_N", "robot.v_SN_N", "robot.q_SN", "robot.joint_angle")

@@ -7,8 +7,7 @@ import numpy as np
 
 from harness.report import bodies
 from harness.report.arrays import Arrays
-from harness.report.scene import HILL, INERTIAL, Body, Scene, instants, joint, number, scene
-from harness.report.sky import sky
+from harness.report.scene import HILL, INERTIAL, Body, Scene, instants, joint, number, scene, sky
 from harness.results.result import Array, Result
 
 from .figures import SHAPE

@@ -15,7 +15,7 @@ import pytest
 from harness import run
 from harness.report import conditions, fly
 from harness.report.arrays import Arrays
-from harness.report.scene import replay
+from harness.report.story import replay
 from harness.results.expressions import FUNCTIONS
 from harness.results.provenance import Provenance
 from harness.results.requirements import finding
