@@ -50,6 +50,11 @@ def test_notches_are_the_prewarped_bilinear_transform_on_every_axis_and_channel(
     assert deviation(response(fmu, commands), both) < 1e-12
 
 
+def test_nothing_is_commanded_before_the_first_sample(fmu):
+    unit = fmu("notch_filter", NOTCHES, dict.fromkeys(INPUTS, np.ones(3)))
+    assert [unit.get(name).tolist() for name in OUTPUTS] == [[0.0] * 3] * 3
+
+
 @pytest.mark.parametrize(("i", "gain"), [(0, 0.05 / 0.7), (1, 0.1 / 0.4)])
 def test_gain_at_the_frequency_of_a_notch_is_depth_over_width(fmu, i, gain):
     """The other notch is off; after the transient of 1/(width frequency)."""
