@@ -222,7 +222,7 @@ def tune(definition: str | Path | Mapping[str, Any], output: str | Path, **how: 
 
 
 def _study(kind: str, *given: Any, **how: Any) -> Study:
-    from harness.studies.inquiry.studies import STUDIES
+    from harness.studies.inquiry import STUDIES
 
     return STUDIES[kind](*given, **how)
 

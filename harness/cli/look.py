@@ -152,7 +152,7 @@ def plan_command(
     Print the plan as a table and draw it; exit status 1 if it is not feasible.
     """
     from harness.figures.plots import overlay
-    from harness.studies.plan import plan
+    from harness.studies.show import plan
 
     found = plan(system, **changes)
     typer.echo(found.text())

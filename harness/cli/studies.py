@@ -334,7 +334,7 @@ def _study(kind: str, definition: Path, how: How) -> None:
 def ask(kind: str, definition: Path, how: How) -> bool:
     """Run a study and print what it found; whether that is well."""
     from harness.cli.campaigns import counting
-    from harness.studies.inquiry.studies import STUDIES
+    from harness.studies.inquiry import STUDIES
 
     target = how.output or Path("results") / f"{definition.stem}_{kind}.zarr"
     with counting(kind, not how.quiet and sys.stderr.isatty()) as show:
@@ -391,7 +391,7 @@ def study_command(
 def _kinds(path: Path, wanted: str | None) -> list[str]:
     """What a file is run for: the studies that it describes, else a campaign; or what is wanted."""
     from harness.studies.campaign.draft import table_of
-    from harness.studies.inquiry.studies import STUDIES
+    from harness.studies.inquiry import STUDIES
 
     table = table_of(path)
     described = [kind for kind in STUDIES if isinstance(table.get(kind), Mapping)]

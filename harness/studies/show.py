@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What there is to connect and to set: components of a system, variables of a component or FMU."""
+"""What there is before anything is run: components of a system, variables of a component or FMU, to
+connect and to set; what a mission plans.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, TypeAlias, Unpack
@@ -11,6 +14,8 @@ from typing import NamedTuple, TypeAlias, Unpack
 from harness.errors import UsageError
 from harness.files import paths
 from harness.master.changes import Changes, apply
+from harness.mission import Plan
+from harness.mission.library import everything, mission
 from harness.spelling import did_you_mean
 from harness.ssp.library import load, of_component
 from harness.system.conversion import final
@@ -233,3 +238,32 @@ def _rows(shape: Index, place: Index, values: Mapping[Index, Scalar | None]) -> 
     if not shape:
         return values[place]
     return [_rows(shape[1:], (*place, i), values) for i in range(shape[0])]
+
+
+# ---- plans
+
+Planner = Callable[..., Plan]
+
+
+def plan(system: str | Path | System, **changes: Unpack[Changes]) -> Plan:
+    """The plan of a system by its mission; changes: those of run().
+
+    Raises UsageError if its mission plans nothing, else what run() raises.
+    """
+    with load(system) as found:
+        own = mission(found.mission) if found.mission else everything()
+        planners = own.plans if own else ()
+        if not planners:
+            raise UsageError(f"{found.name}: its mission plans nothing")
+        return _first(planners, found, **changes)
+
+
+def _first(planners: tuple[Planner, ...], system: System, **changes: Unpack[Changes]) -> Plan:
+    """The plan of the first planner that the system is for: of a system without a mission every
+    one is asked.
+    """
+    *others, last = planners
+    for planner in others:
+        with suppress(UsageError):
+            return planner(system, **changes)
+    return last(system, **changes)

@@ -12,7 +12,7 @@ from harness import run
 from harness.cli.app import main
 from harness.errors import UsageError
 from harness.ssp.library import load
-from harness.studies.plan import plan
+from harness.studies.show import plan
 
 COARSE = {"guidance.nodes": 24}
 

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from harness.studies.inquiry import probability, sensitivity, stopping, worst
+from harness.studies.campaign import stopping
+from harness.studies.inquiry import probability, sensitivity, worst
 from harness.studies.inquiry.boundary import boundary
 
 from .known_failures import CASES, answer, indices_of_sobol_g, ishigami, linear, sobol_g

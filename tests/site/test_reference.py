@@ -16,7 +16,7 @@ from harness.files import paths
 from harness.mission.library import places, systems_in
 from harness.ssp import build
 from harness.ssp.library import load
-from harness.studies.campaign import draft, factors, kinds
+from harness.studies.campaign import draft, factors, plan
 from harness.studies.inquiry import study
 
 
@@ -69,9 +69,9 @@ def test_every_key_of_a_campaign_is_in_the_reference_and_no_other(writer):
     ours = {name: set(entries) for name, entries in writer["keys"].CAMPAIGN.items()}
     assert ours == {
         "": set(draft.KEYS),
-        "fixed": set(kinds.CHANGES),
+        "fixed": set(plan.CHANGES),
         "factors": {*factors.CHOICES, *factors.DRAWS},
-        "keep": set(kinds.KEPT),
+        "keep": set(plan.KEPT),
         **{name: set(entries) for name, entries in study.ENTRIES.items()},
     }
 

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from harness import run
 from harness.cli.app import main
 from harness.errors import UsageError
-from harness.studies.plan import plan
+from harness.studies.show import plan
 from ssp.arm_capture.kinematics import arm_of, jacobian, pose
 from ssp.arm_capture.plan import LINE, limits_of
 from ssp.arm_capture.reach import between, clearance, reach

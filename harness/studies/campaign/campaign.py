@@ -24,10 +24,10 @@ from harness.studies.campaign.credentials import Files
 from harness.studies.campaign.draft import read_plan
 from harness.studies.campaign.engine import Block, Flown, crew, get_ready
 from harness.studies.campaign.plan import Layout, Plan
+from harness.studies.campaign.stopping import Until
 from harness.studies.campaign.store import Store, refuse_existing
 from harness.studies.campaign.summary import text, unjudged
 from harness.studies.campaign.worker import FAILED, PENDING, SUCCESS, Task
-from harness.studies.inquiry.stopping import Until
 
 ROWS = 200
 """Rows of kept histories, unless the campaign says otherwise."""

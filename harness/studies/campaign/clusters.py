@@ -10,16 +10,19 @@ from __future__ import annotations
 
 import logging
 import os
+import shlex
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
+from pathlib import Path
+from shutil import which
 from typing import Any
 from urllib.parse import urlsplit
 
 from harness.errors import UsageError
 from harness.files.temporary import PrivateFolder
-from harness.studies.campaign import credentials, slurm
+from harness.studies.campaign import credentials
 
 SETTINGS = {
     # what dask watches itself for, by default fifty times a second, takes a tenth of a processor
@@ -30,6 +33,8 @@ SETTINGS = {
     "distributed.scheduler.active-memory-manager.start": False,
 }
 """Of dask, for its scheduler here."""
+MEMORY_GB = 2
+"""Of a job of SLURM per core, where jobqueue.yaml says nothing."""
 HERE = "127.0.0.1"
 """What is not for other machines listens here."""
 
@@ -110,9 +115,50 @@ def _target(workers: Workers, life: ExitStack) -> tuple[Any, Any]:
         security = credentials.of_scheduler(workers.scheduler, workers.tls, workers.insecure)
         bare = security is not None and "://" not in workers.scheduler
         return ("tls://" if bare else "") + workers.scheduler, security
-    named, pages = credentials.named(workers.tls), _scheduler(workers.dashboard)
-    jobs = slurm.cluster(workers.count, named, pages, life)
+    jobs = _jobs(workers, life)
     return jobs, jobs.security
+
+
+def _jobs(workers: Workers, life: ExitStack) -> Any:
+    """Jobs as jobqueue.yaml says, by default of one core; every core gets a process of its own,
+    for a process flies one run at a time. Credentials that nobody names are made and handed on in
+    a folder that only this user may enter, beside the logs of the jobs.
+    """
+    from dask import config
+
+    if which("sbatch") is None:
+        raise UsageError("--slurm: there is no sbatch here; call it where jobs are submitted")
+    try:
+        from dask_jobqueue.slurm import SLURMCluster
+    except ImportError as error:
+        raise UsageError('--slurm: needs pip install "servicing-fmus[slurm]"') from error
+
+    def said(name: str, otherwise: Any) -> Any:
+        return config.get(f"jobqueue.slurm.{name}", None) or otherwise
+
+    cores, scheduler = said("cores", 1), _scheduler(workers.dashboard)
+    shared = life.enter_context(PrivateFolder(Path.cwd()))
+    try:
+        jobs = SLURMCluster(
+            cores=cores,
+            processes=cores,
+            memory=said("memory", f"{cores * MEMORY_GB}GB"),
+            log_directory=said("log-directory", "slurm-logs"),
+            local_directory=said("local-directory", shlex.quote(str(shared))),
+            security=credentials.named(workers.tls) or credentials.made_in(shared),
+            scheduler_cls=scheduler["cls"],
+            scheduler_options={**said("scheduler-options", {}), **scheduler["options"]},
+            worker_extra_args=[
+                *said("worker-extra-args", []),
+                "--worker-class",
+                "harness.studies.campaign.nodes.Worker",
+            ],
+        )
+        life.enter_context(jobs)
+        jobs.scale(jobs=workers.count or 1)
+    except (OSError, RuntimeError, ValueError) as error:
+        raise UsageError(f"--slurm: {' '.join(str(error).split())}") from error
+    return jobs
 
 
 def _why(error: BaseException) -> str:

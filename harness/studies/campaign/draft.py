@@ -24,18 +24,20 @@ from harness.spelling import did_you_mean
 from harness.ssp.library import load, take_mission
 from harness.studies.campaign import metrics
 from harness.studies.campaign.factors import SAMPLERS, Factor, factor
-from harness.studies.campaign.kinds import (
+from harness.studies.campaign.layout import wrong_names
+from harness.studies.campaign.plan import (
     CHANGES,
     KEPT,
+    Layout,
+    Plan,
+    Values,
     is_number,
     is_whole,
     wrong_choices,
     wrong_entries,
 )
-from harness.studies.campaign.layout import wrong_names
-from harness.studies.campaign.plan import Layout, Plan, Values
+from harness.studies.campaign.stopping import wrong_until
 from harness.studies.campaign.worker import SUCCESS
-from harness.studies.inquiry.stopping import wrong_until
 from harness.system.graph import Checked, Graph, Slot, checked, columns, constants, say_warnings
 from harness.system.model import System
 from harness.system.tables import read_toml

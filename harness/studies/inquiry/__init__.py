@@ -7,3 +7,19 @@ where it died. What it returns is its estimate. `flights.py` makes flights of nu
 of a campaign; `driver.py` keeps every flight in the dataset of a campaign, which answers again when
 an interrupted study goes on.
 """
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from harness.studies.inquiry import boundary, probability, sensitivity, tuning, worst
+from harness.studies.inquiry.study import Study
+
+STUDIES: dict[str, Callable[..., Study]] = {
+    "sensitivity": sensitivity.sensitivity,
+    "worst": worst.worst,
+    "probability": probability.probability,
+    "map": boundary.boundary_map,
+    "tune": tuning.tune,
+}
+"""By the name of their table in the file of a campaign."""

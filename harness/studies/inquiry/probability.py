@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import UsageError
+from harness.studies.campaign.stopping import clopper_pearson
 from harness.studies.campaign.store import Store
 from harness.studies.inquiry.flights import asked, column
-from harness.studies.inquiry.stopping import clopper_pearson
 from harness.studies.inquiry.study import Study, begun, plain, prepared, say_nominal
 
 Array = NDArray[np.float64]

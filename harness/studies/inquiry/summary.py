@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from harness.studies.campaign.plan import Plan
+from harness.studies.campaign.stopping import clopper_pearson
 from harness.studies.campaign.store import Store
 from harness.studies.campaign.worker import FAILED
-from harness.studies.inquiry.stopping import clopper_pearson
 
 
 class _Of(NamedTuple):
