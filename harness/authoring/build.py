@@ -18,9 +18,8 @@ from pathlib import Path
 
 from harness.errors import FmuError, UsageError
 from harness.files import paths
-from harness.files.archive import pack
+from harness.files.archive import pack, parsed, serialized
 from harness.files.output import written
-from harness.files.safe_xml import parsed, serialized
 from harness.system.interface import Interface, read_interface
 
 ENDINGS = (".c", ".py")

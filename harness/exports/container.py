@@ -20,11 +20,11 @@ from uuid import NAMESPACE_URL, uuid5
 from lxml import etree
 
 from harness.errors import ResultsError, StructureError, UsageError
-from harness.files.archive import pack
+from harness.files.archive import XmlElement, pack
 from harness.files.temporary import PrivateFolder
 from harness.master.isolated import guarded
 from harness.master.simulation import Simulation
-from harness.ssp.xml import XmlElement, literal
+from harness.ssp.xml import literal
 from harness.system.conversion import final, way
 from harness.system.graph import read_interfaces
 from harness.system.interface import Interface

@@ -1,24 +1,32 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Unpacking of .ssp and .fmu archives that may come from anywhere, and packing of our own.
+"""Archives and XML that may come from anywhere, and packing of our own.
 
-Every name is judged before anything is written: no absolute path, no `..`, no link, no name twice,
-no more than MAX_UNPACKED bytes.
+Of an .ssp or .fmu every name is judged before anything is written: no absolute path, no `..`, no
+link, no name twice, no more than MAX_UNPACKED bytes. XML has no document type, hence no entity, no
+network, and no encoding in which a document type could hide.
 """
 
 from __future__ import annotations
 
 import errno
 import io
+import re
 import stat
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
+from typing import Any
+
+from lxml import etree
 
 from harness.errors import ArchiveError
 from harness.files.output import written
 from harness.files.paths import is_file
+
+XmlElement = Any
+"""lxml has no types."""
 
 MAX_UNPACKED = 2 * 1024**3
 """Largest sum of unpacked sizes of one archive, and of all archives of one run [bytes]."""
@@ -186,3 +194,57 @@ def _unsafe(entry: zipfile.ZipInfo) -> str | None:
     if mode not in (0, stat.S_IFREG, stat.S_IFDIR):
         return "a link or special file"
     return None
+
+
+# ---- XML
+
+_BOMS = (b"\xef\xbb\xbf", b"\xff\xfe", b"\xfe\xff")
+_DECLARED = re.compile(rb"""<\?xml[^>]*?\sencoding\s*=\s*["']([^"'>]*)["']""")
+_PLAIN = re.compile(rb"(utf-?8|utf-?16([bl]e)?|us-ascii|ascii|iso-?8859-?\d+|(windows|cp)-?125\d)")
+"""Encodings that write ASCII as itself, but for zeros."""
+
+
+class UnsafeXmlError(ValueError):
+    """The text is not parsed; str() is the reason."""
+
+
+def parsed(data: bytes) -> XmlElement:
+    """Root element of an XML text, comments and processing instructions left out.
+
+    Raises UnsafeXmlError: a document type, an encoding that could hide one, or no XML at all.
+    """
+    _refuse_hidden(data)
+    parser = etree.XMLParser(
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        remove_comments=True,
+        remove_pis=True,
+    )
+    try:
+        tree = etree.ElementTree(etree.fromstring(data, parser))
+    except etree.XMLSyntaxError as error:
+        raise UnsafeXmlError(f"not a readable XML file ({error})") from error
+    if tree.docinfo.doctype:
+        raise UnsafeXmlError("a document type declaration is not allowed")
+    return tree.getroot()
+
+
+def serialized(root: XmlElement) -> bytes:
+    """An element as a file in UTF-8."""
+    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8"))
+
+
+def _refuse_hidden(data: bytes) -> None:
+    """Judge the bytes before anything parses them."""
+    text = data.replace(b"\0", b"")
+    for mark in _BOMS:
+        text = text.removeprefix(mark)
+    if not text.lstrip().startswith(b"<"):
+        raise UnsafeXmlError("not a readable XML file (it does not begin with <)")
+    declared = _DECLARED.match(text.lstrip())
+    if declared and not _PLAIN.fullmatch(declared[1].lower()):
+        encoding = declared[1].decode("ascii", "replace")
+        raise UnsafeXmlError(f"its encoding {encoding} is not read, only UTF-8 and its like")
+    if b"<!DOCTYPE" in text:
+        raise UnsafeXmlError("a document type declaration is not allowed")

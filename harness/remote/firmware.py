@@ -13,9 +13,8 @@ from typing import NamedTuple
 import fmpy
 
 from harness.errors import FmuError, UsageError
-from harness.files.archive import read_entry, unpack
+from harness.files.archive import parsed, read_entry, unpack
 from harness.files.paths import link_sources
-from harness.files.safe_xml import parsed
 from harness.remote.targets import SPECS, Target
 from harness.system.interface import Interface, read_interface
 

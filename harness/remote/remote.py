@@ -14,9 +14,8 @@ from lxml import etree
 
 from harness.errors import UsageError
 from harness.files import cache
-from harness.files.archive import pack, read_entry
+from harness.files.archive import pack, parsed, read_entry
 from harness.files.paths import link_library, link_sources
-from harness.files.safe_xml import parsed
 from harness.remote.firmware import Part, build
 from harness.remote.targets import Target
 

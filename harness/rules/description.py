@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
-from harness.files.safe_xml import XmlElement, serialized
+from harness.files.archive import XmlElement, serialized
 
 SHOWN = 5
 """Variables that a line names."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
-from harness.files.safe_xml import XmlElement
+from harness.files.archive import XmlElement
 from harness.rules.description import Declared, Description
 
 NUMBERS = {

@@ -9,7 +9,7 @@ import math
 import re
 from collections.abc import Iterator
 
-from harness.files.safe_xml import XmlElement
+from harness.files.archive import XmlElement
 from harness.rules.description import Declared, Description, some, twice
 
 _BARE_GUID = re.compile(r"[0-9a-fA-F]{8}(-[0-9a-fA-F]{4}){3}-[0-9a-fA-F]{12}")

@@ -14,8 +14,7 @@ import fmpy
 from lxml import etree
 
 from harness.errors import ArchiveError
-from harness.files.archive import inspect, read_entry
-from harness.files.safe_xml import UnsafeXmlError, XmlElement, parsed
+from harness.files.archive import UnsafeXmlError, XmlElement, inspect, parsed, read_entry
 from harness.rules import header, variables, version3
 from harness.rules.description import TYPES, Description, Rule
 from harness.rules.description3 import Description3

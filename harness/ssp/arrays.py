@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from harness.errors import FmuError
-from harness.ssp.schema import NUMBERS
-from harness.ssp.xml import NS, XmlElement, tag
+from harness.files.archive import XmlElement
+from harness.ssp.xml import NS, NUMBERS, tag
 from harness.system.interface import Interface, read_interface
 from harness.system.model import Connection, Port
 from harness.system.names import Grid, Index, Name, elements_of, grid, index

@@ -10,14 +10,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import zip_longest
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from urllib.parse import unquote, urlsplit
 
 from harness.errors import ArchiveError, StructureError
-from harness.files.archive import inspect, read_entry
+from harness.files.archive import XmlElement, inspect, read_entry
 from harness.files.paths import is_file
 from harness.spelling import did_you_mean
-from harness.ssp import schema as schemas
 from harness.ssp import xml
 from harness.ssp.arrays import array, array_of, dimensions, indices, names_of, one_of, size_text
 from harness.ssp.parameters import (
@@ -26,11 +25,10 @@ from harness.ssp.parameters import (
     mapped,
     mapping,
     parameter_set,
-    prefixed,
     units_of,
 )
 from harness.system.model import Parameter, Parameters
-from harness.system.names import Grid
+from harness.system.names import Grid, Index
 from harness.system.units import Hop, Unit
 
 Place = tuple[str, ...]
@@ -107,8 +105,6 @@ _log = logging.getLogger("harness")
 
 CONNECTORS = "ssd:Connectors/ssd:Connector"
 CONNECTIONS = "ssd:Connections/ssd:Connection"
-SSV_TYPE = "application/x-ssp-parameter-set"
-SSM_TYPE = "application/x-ssp-parameter-mapping"
 
 
 class End(NamedTuple):
@@ -122,6 +118,20 @@ class End(NamedTuple):
     gives: bool | None
 
 
+class Part(NamedTuple):
+    """A kind of file that an element may hold instead: its type, its schema, and where it stands
+    then.
+    """
+
+    mime: str
+    schema: str
+    inline: str
+
+
+VALUES = Part("application/x-ssp-parameter-set", xml.SSV_SCHEMA, "ssd:ParameterValues/*")
+MAPPING = Part("application/x-ssp-parameter-mapping", xml.SSM_SCHEMA, "*")
+
+
 class ElementReader:
     """One pass over the elements of a file that collects problems instead of stopping at the first.
 
@@ -129,7 +139,7 @@ class ElementReader:
     arrays: whether connectors may be arrays, from SSP 2.0 on.
     """
 
-    def __init__(self, folder: Path, root: xml.XmlElement, own: bool, arrays: bool) -> None:
+    def __init__(self, folder: Path, root: XmlElement, own: bool, arrays: bool) -> None:
         self.folder = folder
         self.units: UnitsByName = units_of(root, "ssd:Units")
         self.own = own
@@ -138,7 +148,7 @@ class ElementReader:
 
     # ---- elements
 
-    def group(self, element: xml.XmlElement, place: Place = ()) -> Group:
+    def group(self, element: XmlElement, place: Place = ()) -> Group:
         """A system with all that is in it."""
         children = self._children(element, place)
         parameters = self._bindings(element, _label(place))
@@ -147,10 +157,10 @@ class ElementReader:
         group = Group(place, connectors, parameters, arrays, children)
         return replace(group, edges=tuple(self._edges(element, group)))
 
-    def _children(self, element: xml.XmlElement, place: Place) -> dict[str, Element]:
+    def _children(self, element: XmlElement, place: Place) -> dict[str, Element]:
         children: dict[str, Element] = {}
-        for child in element.iterfind("ssd:Elements/*", xml.NS):
-            name, kind = child.get("name"), child.tag.rpartition("}")[2]
+        for child in xml.every(element, "ssd:Elements/*"):
+            name, kind = child.get("name"), xml.kind_of(child)
             here = (*place, name)
             if name in children:
                 self.problems.append(f"{_label(here)}: there are two elements of this name")
@@ -158,18 +168,17 @@ class ElementReader:
                 self.problems.append(f"{_label(here)}: signal dictionaries are not supported")
                 children[name] = Leaf(here)
             else:
-                children[name] = (
-                    self.group(child, here) if kind == "System" else self._leaf(child, here)
-                )
+                read = self.group if kind == "System" else self._leaf
+                children[name] = read(child, here)
         return children
 
-    def _leaf(self, element: xml.XmlElement, place: Place) -> Leaf:
+    def _leaf(self, element: XmlElement, place: Place) -> Leaf:
         label, source = _label(place), element.get("source")
         fmu = self.folder if source is None else self.file(source, label)
         if source is None:
             self.problems.append(f"{label}: names no FMU, there is nothing to run")
         self._judge_kind(element, label, fmu)
-        hint = element.find("ssd:Annotations/ssc:Annotation/osp:StepSizeHint", xml.NS)
+        hint = xml.first(element, "ssd:Annotations/ssc:Annotation/osp:StepSizeHint")
         arrays = dict(self._arrays_of_fmu(element, place, fmu))
         return Leaf(
             place,
@@ -180,7 +189,7 @@ class ElementReader:
             xml.number(hint, "value", self.problems),
         )
 
-    def _judge_kind(self, element: xml.XmlElement, label: str, fmu: Path) -> None:
+    def _judge_kind(self, element: XmlElement, label: str, fmu: Path) -> None:
         """What a component is its file says; the log tells where the description differs."""
         kind = element.get("type", xml.FMU_TYPE)
         if kind != xml.FMU_TYPE:
@@ -194,15 +203,15 @@ class ElementReader:
             _log.warning("%s: model exchange is not supported, run by co-simulation", label)
 
     def _connectors(
-        self, element: xml.XmlElement, place: Place, arrays: Mapping[str, Grid]
+        self, element: XmlElement, place: Place, arrays: Mapping[str, Grid]
     ) -> dict[str, Connector]:
         connectors = {}
-        for e in element.iterfind(CONNECTORS, xml.NS):
-            point, unit = Point(place, e.get("name")), e.find("ssc:Real", xml.NS)
-            unit = None if unit is None else unit.get("unit")
+        for e in xml.every(element, CONNECTORS):
+            point, real = Point(place, e.get("name")), xml.first(e, "ssc:Real")
+            unit: Any = None if real is None else real.get("unit")
             if unit is not None and unit not in self.units:
                 _log.warning("%s: the file does not define its unit %s, ignored", point, unit)
-            if e.find("ssc:Clock", xml.NS) is not None or e.find("ssd:Clock", xml.NS) is not None:
+            if any(xml.first(e, clock) is not None for clock in ("ssc:Clock", "ssd:Clock")):
                 self.problems.append(f"connector {point}: clocks are not supported")
             for name in names_of(point.connector, arrays.get(point.connector)):
                 connectors[name] = Connector(e.get("kind"), self.units.get(unit))
@@ -211,12 +220,12 @@ class ElementReader:
     # ---- arrays
 
     def _arrays_of_fmu(
-        self, element: xml.XmlElement, place: Place, fmu: Path
+        self, element: XmlElement, place: Place, fmu: Path
     ) -> Iterator[tuple[str, Grid]]:
         """Connectors that are arrays; their sizes are those of the FMU, which may differ, with a
         note.
         """
-        for e in element.iterfind(CONNECTORS, xml.NS) if self.arrays and is_file(fmu) else ():
+        for e in xml.every(element, CONNECTORS) if self.arrays and is_file(fmu) else ():
             name = e.get("name")
             found = array_of(fmu, name)
             sizes = () if found is None else found.shape
@@ -229,7 +238,7 @@ class ElementReader:
 
     def _arrays_of_group(
         self,
-        element: xml.XmlElement,
+        element: XmlElement,
         place: Place,
         children: Mapping[str, Element],
         parameters: Parameters,
@@ -237,43 +246,46 @@ class ElementReader:
         """Connectors of a system that are arrays: of the size in the file, else of what they are
         connected to inside.
         """
-        for e in element.iterfind(CONNECTORS, xml.NS):
-            if not (dims := dimensions(e)):
-                continue
-            sizes = [_size(d, parameters) for d in dims]
+        for e in xml.every(element, CONNECTORS):
+            sizes = [_size(d, parameters) for d in dimensions(e)]
             known = tuple(size for size in sizes if size)
-            inside = None if len(known) == len(sizes) else _joined(element, e, children)
-            if found := inside or (array(known) if len(known) == len(sizes) else None):
+            found = array(known) if len(known) == len(sizes) else _joined(element, e, children)
+            if found:
                 yield e.get("name"), found
-            else:
+            elif sizes:
                 self.problems.append(f"{Point(place, e.get('name'))}: its size is not known")
 
     # ---- connections
 
-    def _edges(self, element: xml.XmlElement, group: Group) -> Iterator[Edge]:
-        for e in element.iterfind(CONNECTIONS, xml.NS):
+    def _edges(self, element: XmlElement, group: Group) -> Iterator[Edge]:
+        for e in xml.every(element, CONNECTIONS):
             start, end = (self._end(e, side, group) for side in ("start", "end"))
-            if start is None or end is None:
-                continue
-            gives = (end.gives is None or not end.gives) if start.gives is None else start.gives
-            takes = gives if end.gives is None else not end.gives
-            if gives != takes:
-                both = "give" if gives else "take"
-                self.problems.append(
-                    f"{start.name} to {end.name}: is a connection between two that {both} a value"
-                )
-            elif (start.array and start.array.shape) != (end.array and end.array.shape):
-                self.problems.append(
-                    f"{start.name} to {end.name}: joins {size_text(start.array)} with "
-                    f"{size_text(end.array)}; one element has its startIndices or endIndices"
-                )
-            else:
-                source, target = (start, end) if gives else (end, start)
-                hop = self._hop(e, target.points[0], group)
-                for one, other in zip(source.points, target.points, strict=True):
-                    yield Edge(one, other, hop)
+            if start and end:
+                yield from self._between(e, start, end, group)
 
-    def _end(self, element: xml.XmlElement, side: str, group: Group) -> End | None:
+    def _between(
+        self, connection: XmlElement, start: End, end: End, group: Group
+    ) -> Iterator[Edge]:
+        """What a connection joins, scalar by scalar."""
+        gives = (end.gives is None or not end.gives) if start.gives is None else start.gives
+        takes = gives if end.gives is None else not end.gives
+        if gives != takes:
+            both = "give" if gives else "take"
+            problem = f"is a connection between two that {both} a value"
+        elif (start.array and start.array.shape) != (end.array and end.array.shape):
+            problem = (
+                f"joins {size_text(start.array)} with {size_text(end.array)}; one element has its "
+                "startIndices or endIndices"
+            )
+        else:
+            source, target = (start, end) if gives else (end, start)
+            hop = self._hop(connection, target.points[0], group)
+            for one, other in zip(source.points, target.points, strict=True):
+                yield Edge(one, other, hop)
+            return
+        self.problems.append(f"{start.name} to {end.name}: {problem}")
+
+    def _end(self, element: XmlElement, side: str, group: Group) -> End | None:
         """A connector, or the element of it that a connection is restricted to; None if it is not
         there.
         """
@@ -285,28 +297,29 @@ class ElementReader:
             )
             return None
         owner = group if name is None else group.children[name]
-        point, whole, place = Point(owner.place, connector), None, indices(element, side)
-        if self.arrays:
-            whole = _array(owner, connector)
         try:
-            names = [one_of(connector, whole, place)] if place else names_of(connector, whole)
+            return self._found(owner, connector, indices(element, side), owner is group)
         except ValueError as error:
-            self.problems.append(f"{point}: {error}")
+            self.problems.append(f"{Point(owner.place, connector)}: {error}")
             return None
+
+    def _found(self, owner: Element, connector: str, place: Index, inside: bool) -> End:
+        """A connector of an element, seen from inside of it or from outside; ValueError."""
+        whole = _array(owner, connector) if self.arrays else None
+        names = [one_of(connector, whole, place)] if place else names_of(connector, whole)
         known = owner.connectors.get(names[0])
         if known is None and isinstance(owner, Group):
             close = did_you_mean(connector, owner.connectors)
-            self.problems.append(f"{point}: the system has no such connector{close}")
-            return None
-        points = tuple(Point(owner.place, name) for name in names)
+            raise ValueError(f"the system has no such connector{close}")
         gives = None
         if known is not None and known.kind not in EITHER:
-            gives = (known.kind in INWARD) == (owner is group)
-        return End(point, points, None if place else whole, gives)
+            gives = (known.kind in INWARD) == inside
+        points = tuple(Point(owner.place, name) for name in names)
+        return End(Point(owner.place, connector), points, None if place else whole, gives)
 
-    def _hop(self, element: xml.XmlElement, target: Point, group: Group) -> Hop:
+    def _hop(self, element: XmlElement, target: Point, group: Group) -> Hop:
         for kind in ("a Boolean", "an Integer", "an Enumeration"):
-            if element.find(f"ssc:{kind.split()[1]}MappingTransformation", xml.NS) is not None:
+            if xml.first(element, f"ssc:{kind.split()[1]}MappingTransformation") is not None:
                 self.problems.append(
                     f"{target}: {kind}MappingTransformation of a signal is not supported"
                 )
@@ -321,11 +334,11 @@ class ElementReader:
     # ---- parameters
 
     def _bindings(
-        self, element: xml.XmlElement, label: str, fmu: Path | None = None
+        self, element: XmlElement, label: str, fmu: Path | None = None
     ) -> dict[str, Parameter]:
         """All parameter sets bound to an element, later ones winning."""
         parameters: dict[str, Parameter] = {}
-        for binding in element.iterfind("ssd:ParameterBindings/ssd:ParameterBinding", xml.NS):
+        for binding in xml.every(element, "ssd:ParameterBindings/ssd:ParameterBinding"):
             try:
                 parameters |= self._bound(binding, label, fmu)
             except StructureError as error:
@@ -335,66 +348,47 @@ class ElementReader:
             for name, parameter in parameters.items()
         }
 
-    def _bound(
-        self, binding: xml.XmlElement, label: str, fmu: Path | None
-    ) -> Mapping[str, Parameter]:
-        if self._ignored(binding, "ssd:ParameterValues/*", label):
+    def _bound(self, binding: XmlElement, label: str, fmu: Path | None) -> Mapping[str, Parameter]:
+        if (root := self._part(binding, VALUES, label, fmu)) is None:
             return {}
-        root = self._part(
-            binding, "ssd:ParameterValues/*", (SSV_TYPE, schemas.SSV_SCHEMA), label, fmu
-        )
-        parameters = dict(prefixed(parameter_set(root, self.units), binding.get("prefix", "")))
-        found = binding.find("ssd:ParameterMapping", xml.NS)
-        if found is None or self._ignored(found, "*", label):
-            return parameters
-        return mapped(
-            parameters, mapping(self._part(found, "*", (SSM_TYPE, schemas.SSM_SCHEMA), label, fmu))
-        )
-
-    def _ignored(self, element: xml.XmlElement, inline: str, label: str) -> bool:
-        """Whether a file of another tool binds nothing here; the log tells."""
-        empty = element.get("source") is None and element.find(inline, xml.NS) is None
-        if empty and not self.own:
-            kind = element.tag.rpartition("}")[2]
-            _log.warning("%s: a %s is empty and names no file, ignored", label, kind)
-        return empty and not self.own
+        prefix = binding.get("prefix", "")  # which comes before any mapping
+        parameters = {prefix + n: p for n, p in parameter_set(root, self.units).items()}
+        found = xml.first(binding, "ssd:ParameterMapping")
+        root = None if found is None else self._part(found, MAPPING, label, fmu)
+        return parameters if root is None else mapped(parameters, mapping(root))
 
     def _part(
-        self,
-        element: xml.XmlElement,
-        inline: str,
-        kind: tuple[str, str],
-        label: str,
-        fmu: Path | None,
-    ) -> xml.XmlElement:
+        self, element: XmlElement, part: Part, label: str, fmu: Path | None
+    ) -> XmlElement | None:
         """Root of a parameter set or mapping: inside the element, a file of the archive, or a file
-        inside the FMU.
+        inside the FMU. None where a file of another tool binds nothing; the log tells.
         """
-        mime, schema = kind
-        if element.get("type", mime) != mime:
-            raise StructureError([f"{element.get('type')} cannot be read, only {mime}"])
-        source = element.get("source")
+        inline, source = xml.first(element, part.inline), element.get("source")
+        if source is None and inline is None:
+            problem = f"a {xml.kind_of(element)} is empty and names no file"
+            if self.own:
+                raise StructureError([problem])
+            _log.warning("%s: %s, ignored", label, problem)
+            return None
+        if element.get("type", part.mime) != part.mime:
+            raise StructureError([f"{element.get('type')} cannot be read, only {part.mime}"])
         if source is None:
-            if (found := element.find(inline, xml.NS)) is None:
-                raise StructureError(
-                    [f"a {element.tag.rpartition('}')[2]} is empty and names no file"]
-                )
-            return schemas.embedded(found, schema)
+            return xml.embedded(inline, part.schema)
         if element.get("sourceBase") == "component":
-            return self._inside(fmu, source, schema)
+            return xml.parse(self._inside(fmu, source), part.schema, name=source)
         path = self.file(source, label)
         if not is_file(path):
             raise StructureError([])
-        return schemas.parse(path, schema)
+        return xml.parse(path, part.schema)
 
-    def _inside(self, fmu: Path | None, source: str, schema: str) -> xml.XmlElement:
+    def _inside(self, fmu: Path | None, source: str) -> bytes:
+        """A file inside an FMU."""
         if fmu is None:
             raise StructureError([f"{source}: a system has no FMU that could hold this file"])
         try:
-            data = read_entry(fmu, unquote(source))
+            return read_entry(fmu, unquote(source))
         except ArchiveError as error:
             raise StructureError([f"{fmu.name}: {source} cannot be read ({error})"]) from error
-        return schemas.parse(data, schema, name=source)
 
     def file(self, source: str | None, label: str) -> Path:
         """A file inside the archive; a problem is noted if it is not there."""
@@ -418,7 +412,7 @@ def is_fmu(path: Path) -> bool:
         return False
 
 
-def _size(dimension: xml.XmlElement, parameters: Parameters) -> int | None:
+def _size(dimension: XmlElement, parameters: Parameters) -> int | None:
     """The size that the file gives, itself or by a parameter of the system; None if it does not."""
     if (size := dimension.get("size")) is not None:
         return int(size)
@@ -427,10 +421,10 @@ def _size(dimension: xml.XmlElement, parameters: Parameters) -> int | None:
 
 
 def _joined(
-    element: xml.XmlElement, connector: xml.XmlElement, children: Mapping[str, Element]
+    element: XmlElement, connector: XmlElement, children: Mapping[str, Element]
 ) -> Grid | None:
     """The array inside a system that a connector of it is joined to as a whole."""
-    for e in element.iterfind(CONNECTIONS, xml.NS):
+    for e in xml.every(element, CONNECTIONS):
         for mine, other in (("start", "end"), ("end", "start")):
             child = children.get(e.get(f"{other}Element", ""))
             is_here = e.get(f"{mine}Connector") == connector.get("name")

@@ -38,9 +38,10 @@ class Flat:
 
     def __init__(self, top: Group) -> None:
         self.problems: list[str] = []
-        self.leaves = {leaf.place: leaf for leaf in _leaves(top)}
+        elements = list(_elements(top))
+        self.leaves = {e.place: e for e in elements if isinstance(e, Leaf)}
         self.names = _names(list(self.leaves))
-        self._edges = list(_edges(top))
+        self._edges = [edge for e in elements if isinstance(e, Group) for edge in e.edges]
         self._to: dict[Point, list[Edge]] = {}
         self._from: dict[Point, list[Edge]] = {}
         for edge in self._edges:
@@ -48,9 +49,7 @@ class Flat:
             self._from.setdefault(edge.source, []).append(edge)
         self._known: dict[Point, list[Way]] = {}
         self._circle: set[Point] = set()
-        self._connectors = {
-            Point(e.place, n): c for e in _elements(top) for n, c in e.connectors.items()
-        }
+        self._connectors = {Point(e.place, n): c for e in elements for n, c in e.connectors.items()}
         self.parameters: dict[Place, dict[str, Parameter]] = {place: {} for place in self.leaves}
         self.connections = tuple(self._connections())
         self._bind(top)
@@ -75,7 +74,7 @@ class Flat:
         source = edge.source
         if source.place not in self.leaves:
             return [(origin, (*hops, edge.hop)) for origin, hops in self._behind(source)]
-        if self._kind(source) in FIXED:
+        if source in self._connectors and self._connectors[source].kind in FIXED:
             self.problems.append(f"{source}: connections between parameters are not supported")
         return [(source, (edge.hop,))]
 
@@ -97,9 +96,6 @@ class Flat:
         elif point in self._circle:
             self.problems.append(f"{point}: the connectors of systems drive each other in a circle")
         return self._known[point]
-
-    def _kind(self, point: Point) -> str:
-        return self._connectors[point].kind if point in self._connectors else ""
 
     def _port(self, point: Point) -> Port:
         return Port(self.names[point.place], point.connector)
@@ -167,9 +163,8 @@ class Flat:
     # ---- names
 
     def _report_names(self) -> None:
-        changed = [
-            f"{'.'.join(place)} as {name}" for place, name in self.names.items() if place != (name,)
-        ]
+        names = self.names.items()
+        changed = [f"{'.'.join(place)} as {name}" for place, name in names if place != (name,)]
         if changed:
             _log.warning("components with other names than in the file: %s", ", ".join(changed))
 
@@ -196,22 +191,14 @@ def _elements(element: Element) -> Iterator[Element]:
             yield from _elements(child)
 
 
-def _leaves(top: Group) -> Iterator[Leaf]:
-    return (element for element in _elements(top) if isinstance(element, Leaf))
-
-
-def _edges(top: Group) -> Iterator[Edge]:
-    for element in _elements(top):
-        if isinstance(element, Group):
-            yield from element.edges
-
-
 def _names(places: list[Place]) -> dict[Place, str]:
     """A C identifier for every component: its own name, or all names on the way to it joined;
     unique.
     """
     names: dict[Place, str] = {
-        place: place[0] for place in places if len(place) == 1 and _is_identifier(place[0])
+        place: place[0]
+        for place in places
+        if len(place) == 1 and place[0].isidentifier() and place[0].isascii()
     }
     taken = set(names.values())
     last: Counter[str] = Counter()
@@ -224,10 +211,6 @@ def _names(places: list[Place]) -> dict[Place, str]:
             taken.add(name)
             names[place] = name
     return {place: names[place] for place in places}
-
-
-def _is_identifier(name: str) -> bool:
-    return name.isidentifier() and name.isascii()
 
 
 def _identifier(name: str) -> str:

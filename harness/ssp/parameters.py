@@ -12,12 +12,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from lxml import etree
-
 from harness.errors import StructureError
-from harness.ssp import arrays, schema, xml
+from harness.files.archive import XmlElement
+from harness.ssp import arrays, xml
 from harness.ssp.arrays import connector_name, shape, type_name
-from harness.ssp.xml import NS, TOOL, XmlElement, attributes, child, literal, serialized, tag
+from harness.ssp.xml import attributes, child, document, literal, serialized
 from harness.system.conversion import final
 from harness.system.interface import BASE_UNITS, Interface
 from harness.system.model import Parameter, Parameters
@@ -43,10 +42,10 @@ class Entry(NamedTuple):
 
 def read_ssv(path: Path) -> dict[str, Parameter]:
     """Parameters of an .ssv file by name; StructureError if it is not one or holds NaN."""
-    return parameter_set(schema.parse(path, schema.SSV_SCHEMA))
+    return parameter_set(xml.parse(path, xml.SSV_SCHEMA))
 
 
-def parameter_set(root: xml.XmlElement, further: UnitsByName | None = None) -> dict[str, Parameter]:
+def parameter_set(root: XmlElement, further: UnitsByName | None = None) -> dict[str, Parameter]:
     """Parameters of an ssv:ParameterSet element by name, arrays element by element; further: units
     known beside its own.
 
@@ -54,7 +53,7 @@ def parameter_set(root: xml.XmlElement, further: UnitsByName | None = None) -> d
     """
     units = {**(further or {}), **units_of(root, "ssv:Units")}
     parameters, problems = dict[str, Parameter](), list[str]()
-    for element in root.iterfind("ssv:Parameters/ssv:Parameter", xml.NS):
+    for element in xml.every(root, "ssv:Parameters/ssv:Parameter"):
         name, value = element.get("name"), element[0]
         unit = value.get("unit")
         try:
@@ -72,21 +71,18 @@ def parameter_set(root: xml.XmlElement, further: UnitsByName | None = None) -> d
     return parameters
 
 
-def units_of(root: xml.XmlElement, table: str) -> dict[str, Unit]:
+def units_of(root: XmlElement, table: str) -> dict[str, Unit]:
     """Units that a file defines, by name."""
-    return {
-        e.get("name"): Unit(e.get("name"), _base(e[0]))
-        for e in root.iterfind(f"{table}/ssc:Unit", xml.NS)
-    }
+    units = {}
+    for e in xml.every(root, f"{table}/ssc:Unit"):
+        base = {n: float(e[0].get(n, "1" if n == "factor" else "0")) for n in BASE_UNITS}
+        units[e.get("name")] = Unit(e.get("name"), base)
+    return units
 
 
-def _base(element: xml.XmlElement) -> dict[str, float]:
-    return {name: float(element.get(name, "1" if name == "factor" else "0")) for name in BASE_UNITS}
-
-
-def _scalar(element: xml.XmlElement, text: str) -> Scalar:
+def _scalar(element: XmlElement, text: str) -> Scalar:
     """A value of ssv:Real, ssv:Integer, ... as Python has it."""
-    match element.tag.rpartition("}")[2]:
+    match xml.kind_of(element):
         case "Real":
             number = float(text)
             if math.isnan(number):
@@ -104,12 +100,12 @@ def _scalar(element: xml.XmlElement, text: str) -> Scalar:
 # ---- mappings
 
 
-def mapping(root: xml.XmlElement) -> list[Entry]:
+def mapping(root: XmlElement) -> list[Entry]:
     """Entries of an ssm:ParameterMapping element; StructureError with every transformation that
     makes no sense.
     """
     entries, problems = [], []
-    for element in root.iterfind("ssm:MappingEntry", xml.NS):
+    for element in xml.every(root, "ssm:MappingEntry"):
         try:
             table, hop = _table(element), hop_of(element)
             entries.append(Entry(element.get("source"), element.get("target"), hop, table))
@@ -120,11 +116,11 @@ def mapping(root: xml.XmlElement) -> list[Entry]:
     return entries
 
 
-def hop_of(element: xml.XmlElement, unit: Unit | None = None) -> Hop:
+def hop_of(element: XmlElement, unit: Unit | None = None) -> Hop:
     """What a connection or mapping entry does to a number that ends in `unit`; ValueError if it is
     not finite.
     """
-    linear = element.find("ssc:LinearTransformation", xml.NS)
+    linear = xml.first(element, "ssc:LinearTransformation")
     change = Affine()
     if linear is not None:
         change = Affine(float(linear.get("factor", "1")), float(linear.get("offset", "0")))
@@ -134,17 +130,14 @@ def hop_of(element: xml.XmlElement, unit: Unit | None = None) -> Hop:
     return Hop(change, convert, unit)
 
 
-def _table(element: xml.XmlElement) -> dict[str, str] | None:
+def _table(element: XmlElement) -> dict[str, str] | None:
     """Table of a Boolean-, Integer- or EnumerationMappingTransformation as texts, None without
     one.
     """
     for kind in ("Boolean", "Integer", "Enumeration"):
-        found = element.find(f"ssc:{kind}MappingTransformation", xml.NS)
+        found = xml.first(element, f"ssc:{kind}MappingTransformation")
         if found is not None:
-            return {
-                _key(kind, e.get("source")): _key(kind, e.get("target"))
-                for e in found.iterfind("*")
-            }
+            return {_key(kind, e.get("source")): _key(kind, e.get("target")) for e in found}
     return None
 
 
@@ -189,28 +182,16 @@ def _transformed(parameters: Mapping[str, Parameter], entry: Entry) -> Parameter
         raise ValueError("the parameter set has no such parameter")
     parameter = parameters[entry.source]
     if entry.table is None:
-        return (
-            parameter
-            if entry.hop == Hop()
-            else replace(parameter, hops=(*parameter.hops, entry.hop))
-        )
+        further = () if entry.hop == Hop() else (entry.hop,)
+        return replace(parameter, hops=(*parameter.hops, *further))
     value = parameter.value
     key = str(value).lower() if isinstance(value, bool) else str(value)
     if key not in entry.table:
         raise ValueError(f"its table has no entry for {key}")
-    return replace(parameter, value=_like(value, entry.table[key]))
-
-
-def _like(value: Scalar, text: str) -> Scalar:
-    """A text of a table as the type of the value that it replaces."""
+    text = entry.table[key]
     if isinstance(value, bool):
-        return text == "true"
-    return text if isinstance(value, str) else int(text)
-
-
-def prefixed(parameters: Mapping[str, Parameter], prefix: str) -> Iterator[tuple[str, Parameter]]:
-    """Parameters with the prefix of their binding, which comes before any mapping."""
-    return ((prefix + name, parameter) for name, parameter in parameters.items())
+        return replace(parameter, value=text == "true")
+    return replace(parameter, value=text if isinstance(value, str) else int(text))
 
 
 # ---- to be written, one set per component
@@ -225,8 +206,7 @@ def ssv(
     """A parameter set of one component; names are relative to the component. Of an array of FMI 3.0
     it has all elements, from SSP 2.0 on.
     """
-    root = etree.Element(tag("ssv:ParameterSet"), nsmap={"ssv": NS["ssv"], "ssc": NS["ssc"]})
-    attributes(root, version=f"{version}.0", name=set_name, generationTool=TOOL)
+    root = document("ssv:ParameterSet", ("ssv", "ssc"), version, name=set_name)
     table = child(root, "ssv:Parameters")
     # in files of other tools others are ignored
     variables = [interface.variables[name] for name in parameters if name in interface.variables]
@@ -243,8 +223,7 @@ def bare_ssv(set_name: str, parameters: Parameters, version: int) -> bytes:
     """Parameters for an FMU that is not in the archive: numbers in the units of its own
     variables.
     """
-    root = etree.Element(tag("ssv:ParameterSet"), nsmap={"ssv": NS["ssv"], "ssc": NS["ssc"]})
-    attributes(root, version=f"{version}.0", name=set_name, generationTool=TOOL)
+    root = document("ssv:ParameterSet", ("ssv", "ssc"), version, name=set_name)
     table = child(root, "ssv:Parameters")
     for name, given in parameters.items():
         kind = "String" if isinstance(given.value, str) else "Real"

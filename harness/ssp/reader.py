@@ -16,10 +16,10 @@ from pathlib import Path
 
 from harness.errors import ArchiveError, StructureError
 from harness.files import cache
-from harness.files.archive import MAX_UNPACKED, unpack, unpacked_size
+from harness.files.archive import MAX_UNPACKED, XmlElement, unpack, unpacked_size
 from harness.files.paths import is_file
 from harness.files.temporary import PrivateFolder
-from harness.ssp import schema, xml
+from harness.ssp import xml
 from harness.ssp.elements import ElementReader, Leaf
 from harness.ssp.flatten import Flat
 from harness.ssp.parameters import read_ssv
@@ -132,7 +132,7 @@ def _read(folder: Path) -> tuple[System, list[str]]:
     """The system in an unpacked .ssp and its problems; StructureError if it cannot be read."""
     if not (folder / xml.SSD_FILE).is_file():
         raise StructureError([f"it holds no {xml.SSD_FILE}"])
-    root = schema.parse(folder / xml.SSD_FILE, schema.SSD_SCHEMA)
+    root = xml.parse(folder / xml.SSD_FILE, xml.SSD_SCHEMA)
     if (count := sum(1 for _ in root.iter(xml.tag("ssd:Component")))) > MAX_COMPONENTS:
         raise StructureError(
             [f"it has {count} components, more than the limit of {MAX_COMPONENTS}"]
@@ -146,23 +146,23 @@ class _Reader:
     elsewhere.
     """
 
-    def __init__(self, folder: Path, root: xml.XmlElement) -> None:
+    def __init__(self, folder: Path, root: XmlElement) -> None:
         self.folder = folder
         self.root = root
-        self.run = root.find(
-            f"ssd:Annotations/ssc:Annotation[@type='{xml.RUN_ANNOTATION}']/run:Run", xml.NS
-        )
+        ours = f"ssd:Annotations/ssc:Annotation[@type='{xml.RUN_ANNOTATION}']/run:Run"
+        self.run = xml.first(root, ours)
         self.schedule = {e.get("name"): e for e in self._own("run:Component")}
         self.elements = ElementReader(
-            folder, root, own=self.run is not None, arrays=schema.is_version_2(root)
+            folder, root, own=self.run is not None, arrays=xml.is_version_2(root)
         )
         self.problems = self.elements.problems
 
     def system(self) -> System:
-        flat = Flat(self.elements.group(self.root.find("ssd:System", xml.NS)))
+        flat = Flat(self.elements.group(xml.first(self.root, "ssd:System")))
         self.problems += flat.problems
         experiment = self._experiment()
         components = tuple(self._component(leaf, flat, experiment) for leaf in flat.leaves.values())
+        mission = self._said("mission")
         return System(
             name=self.root.get("name"),
             description=self.root.get("description", ""),
@@ -175,42 +175,41 @@ class _Reader:
             ),
             requirements=self._texts("run:Requirement"),
             consistency=self._texts("run:Consistency"),
-            strict=self.run is not None and self.run.get("strict") == "true",
+            strict=self._said("strict") == "true",
             compared=self._compared(),
             sliders={
                 e.get("name", ""): (self._number(e, "low"), self._number(e, "high"))
                 for e in self._own("run:Slider")
             },
-            mission=self._mission(),
+            mission=mission if mission.isidentifier() else "",  # what is no name says nothing
             declared=flat.declared(),
         )
 
     def _texts(self, path: str) -> dict[str, str]:
         return {e.get("name", ""): e.get("text", "") for e in self._own(path)}
 
+    def _said(self, attribute: str) -> str:
+        """An attribute of our own annotation; "" in a file of another tool."""
+        return "" if self.run is None else self.run.get(attribute, "")
+
     def _compared(self) -> str:
         """Name of the set that a comparison takes; one that is not there is a problem."""
-        name = "" if self.run is None else self.run.get("compare", "")
+        name = self._said("compare")
         if name and name not in {e.get("name") for e in self._own("run:ParameterSet")}:
             self.problems.append(f"compare: there is no parameter set {name}")
             return ""
         return name
 
-    def _mission(self) -> str:
-        """Name of the mission; what is no name says nothing."""
-        name = "" if self.run is None else self.run.get("mission", "")
-        return name if name.isidentifier() else ""
-
-    def _own(self, path: str) -> list[xml.XmlElement]:
+    def _own(self, path: str) -> list[XmlElement]:
         """Elements of our own annotation, none in a file of another tool."""
-        return [] if self.run is None else list(self.run.iterfind(path, xml.NS))
+        return [] if self.run is None else list(xml.every(self.run, path))
 
     def _experiment(self) -> Experiment:
         """Time span of the file; the step is OSP's, the algorithm ours, without ours Jacobi, which
         needs no order.
         """
-        default = self.root.find("ssd:DefaultExperiment", xml.NS)
-        step = self.root.find("ssd:DefaultExperiment//osp:FixedStepAlgorithm", xml.NS)
+        default = xml.first(self.root, "ssd:DefaultExperiment")
+        step = xml.first(self.root, "ssd:DefaultExperiment//osp:FixedStepAlgorithm")
         return Experiment(
             start=self._number(default, "startTime") or 0.0,
             stop=self._number(default, "stopTime"),
@@ -222,7 +221,7 @@ class _Reader:
 
     def _epoch(self) -> str:
         """UTC of t = 0; what is no date says nothing and is a problem."""
-        text = "" if self.run is None else self.run.get("epoch", "")
+        text = self._said("epoch")
         try:
             return written(moment(text)) if text else ""
         except ValueError as error:
@@ -230,13 +229,9 @@ class _Reader:
             return ""
 
     def _component(self, leaf: Leaf, flat: Flat, experiment: Experiment) -> Component:
-        name = flat.names[leaf.place]
-        return Component(
-            name,
-            leaf.fmu,
-            flat.parameters[leaf.place],
-            *self._schedule(name, leaf.hint, experiment),
-        )
+        name, parameters = flat.names[leaf.place], flat.parameters[leaf.place]
+        timing = self._schedule(name, leaf.hint, experiment)
+        return Component(name, leaf.fmu, parameters, *timing)
 
     def _schedule(self, name: str, hint: float | None, experiment: Experiment) -> tuple[int, int]:
         """Period and latency from our annotation, else every from OSP's hint of a longer step."""
@@ -249,7 +244,7 @@ class _Reader:
             )
         return max(1, round(hint / experiment.step)) if hint and experiment.step else 1, 0
 
-    def _set(self, element: xml.XmlElement, components: tuple[Component, ...]) -> ParameterSet:
+    def _set(self, element: XmlElement, components: tuple[Component, ...]) -> ParameterSet:
         """A set that our annotation lists but nothing binds: one .ssv per component that has
         parameters.
         """
@@ -262,30 +257,23 @@ class _Reader:
         stop, step = self._number(element, "stop"), self._number(element, "step")
         return ParameterSet(name, element.get("description", ""), parameters, stop, step)
 
-    def _alternative(
-        self, element: xml.XmlElement, components: tuple[Component, ...]
-    ) -> Alternative:
+    def _alternative(self, element: XmlElement, components: tuple[Component, ...]) -> Alternative:
         fmu = element.get("fmu", "")
-        return Alternative(
-            element.get("component", ""),
-            fmu,
-            self._files(f"resources/alternatives/{fmu}", components),
-        )
+        parameters = self._files(f"resources/alternatives/{fmu}", components)
+        return Alternative(element.get("component", ""), fmu, parameters)
 
     def _files(self, place: str, components: tuple[Component, ...]) -> dict[str, Parameters]:
         """Parameters by component from the .ssv files of a folder of the archive."""
-        files = {c.name: self.folder / place / f"{c.name}.ssv" for c in components}
-        return {c: self._values(path) for c, path in files.items() if self._inside(path)}
+        found: dict[str, Parameters] = {}
+        for c in components:
+            path = self.folder / place / f"{c.name}.ssv"
+            if is_file(path) and path.resolve().is_relative_to(self.folder.resolve()):
+                found[c.name] = {}
+                try:
+                    found[c.name] = read_ssv(path)
+                except StructureError as error:
+                    self.problems += error.problems
+        return found
 
-    def _values(self, path: Path) -> Parameters:
-        try:
-            return read_ssv(path)
-        except StructureError as error:
-            self.problems += error.problems
-            return {}
-
-    def _inside(self, path: Path) -> bool:
-        return is_file(path) and path.resolve().is_relative_to(self.folder.resolve())
-
-    def _number(self, element: xml.XmlElement, attribute: str) -> float | None:
+    def _number(self, element: XmlElement, attribute: str) -> float | None:
         return xml.number(element, attribute, self.problems)

@@ -10,14 +10,14 @@ of FMI 3.0.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from urllib.parse import quote
 
 from lxml import etree
 
 from harness.errors import StructureError
-from harness.files.archive import pack
+from harness.files.archive import XmlElement, pack
 from harness.ssp.arrays import connector_name, joined, shape, type_name
 from harness.ssp.parameters import BaseUnits, bare_ssv, ssv, unit_table
 from harness.ssp.xml import (
@@ -26,17 +26,16 @@ from harness.ssp.xml import (
     OSP_ANNOTATION,
     RUN_ANNOTATION,
     SSD_FILE,
-    TOOL,
-    XmlElement,
     attributes,
     child,
+    document,
     serialized,
     tag,
 )
 from harness.system.conversion import way
 from harness.system.graph import read_interfaces
 from harness.system.interface import Interface
-from harness.system.model import DEFAULT_SET, Component, System
+from harness.system.model import DEFAULT_SET, Component, Parameters, System
 from harness.system.units import IDENTITY, Affine
 from harness.system.values import Variable
 
@@ -60,26 +59,25 @@ def ssp_content(system: System, version: int | None = None) -> dict[str, bytes]:
     sources = _sources(system.components)
     content = {sources[c.name]: c.fmu.read_bytes() for c in system.components}
     content[SSD_FILE] = _Description(system, interfaces, sources, units, version).text()
-    for component in system.components:
-        if component.parameters:
-            content[_ssv_name(component)] = ssv(
-                DEFAULT_SET, component.parameters, interfaces[component.name], units, version
-            )
-    for each in system.sets:
-        told = {
-            c.name for c in system.components if c.parameters or each.parameters.get(c.name)
-        } or each.parameters
+    for place, set_name, component, parameters in _parameter_files(system):
+        content[place] = ssv(set_name, parameters, interfaces[component], units, version)
+    for each in system.alternatives:
         for name, parameters in each.parameters.items():
-            if name in told:
-                content[f"resources/sets/{each.name}/{name}.ssv"] = ssv(
-                    each.name, parameters, interfaces[name], units, version
-                )
-    for alternative in system.alternatives:
-        for name, parameters in alternative.parameters.items():
-            content[f"resources/alternatives/{alternative.fmu}/{name}.ssv"] = bare_ssv(
-                alternative.fmu, parameters, version
-            )
+            place = f"resources/alternatives/{each.fmu}/{name}.ssv"
+            content[place] = bare_ssv(each.fmu, parameters, version)
     return content
+
+
+def _parameter_files(system: System) -> Iterator[tuple[str, str, str, Parameters]]:
+    """Place in the archive, name of the set, component and parameters of every .ssv."""
+    for c in system.components:
+        if c.parameters:
+            yield _ssv_name(c), DEFAULT_SET, c.name, c.parameters
+    for each in system.sets:
+        told = {c.name for c in system.components if c.parameters or each.parameters.get(c.name)}
+        for name, parameters in each.parameters.items():
+            if name in told or not told:
+                yield f"resources/sets/{each.name}/{name}.ssv", each.name, name, parameters
 
 
 def _version(interfaces: Mapping[str, Interface], wanted: int | None) -> int:
@@ -152,15 +150,9 @@ class _Description:
         return [v for name, v in self.interfaces[component].variables.items() if name in names]
 
     def text(self) -> bytes:
-        namespaces = {prefix: NS[prefix] for prefix in ("ssd", "ssc", "ssv", "osp")}
-        root = etree.Element(tag("ssd:SystemStructureDescription"), nsmap=namespaces)
-        attributes(
-            root,
-            version=f"{self.version}.0",
-            name=self.system.name,
-            description=self.system.description,
-            generationTool=TOOL,
-        )
+        about = {"name": self.system.name, "description": self.system.description}
+        prefixes = ("ssd", "ssc", "ssv", "osp")
+        root = document("ssd:SystemStructureDescription", prefixes, self.version, **about)
         top = child(root, "ssd:System", name=self.system.name)
         elements = child(top, "ssd:Elements")
         for column, component in enumerate(self.system.components):
@@ -168,29 +160,17 @@ class _Description:
         self._connections(top)
         self._canvas(top)
         self._enumerations(root)
-        unit_table(
-            root,
-            "ssd:Units",
-            self.units,
-            (v.unit for each in self.connected.values() for v in each),
-        )
+        used = (v.unit for each in self.connected.values() for v in each)
+        unit_table(root, "ssd:Units", self.units, used)
         self._experiment(root)
         self._run(child(root, "ssd:Annotations"))
         return serialized(root)
 
     def _component(self, elements: XmlElement, component: Component, column: int) -> None:
-        element = child(
-            elements,
-            "ssd:Component",
-            name=component.name,
-            type=FMU_TYPE,
-            source=quote(self.sources[component.name]),
-        )
-        attributes(
-            element,
-            implementation="CoSimulation",
-            description=self.interfaces[component.name].model.description,
-        )
+        name, source = component.name, quote(self.sources[component.name])
+        element = child(elements, "ssd:Component", name=name, type=FMU_TYPE, source=source)
+        about = self.interfaces[name].model.description
+        attributes(element, implementation="CoSimulation", description=about)
         self._connectors(element, component)
         child(element, "ssd:ElementGeometry", **self._block(component, column))
         if component.parameters:
@@ -209,15 +189,13 @@ class _Description:
         for x, kind in ((0, "input"), (1, "output")):
             side = {name: v for name, v in rows.items() if v.causality == kind}
             for i, (name, variable) in enumerate(side.items()):
-                connector = child(
-                    table, "ssd:Connector", name=name, kind=kind, description=variable.description
-                )
+                about = variable.description
+                connector = child(table, "ssd:Connector", name=name, kind=kind, description=about)
                 self._type(connector, variable)
                 for size in shape(self.interfaces[component.name], variable):
                     child(connector, "ssc:Dimension", size=size)
-                child(
-                    connector, "ssd:ConnectorGeometry", x=x, y=round(1 - (i + 0.5) / len(side), 6)
-                )
+                y = round(1 - (i + 0.5) / len(side), 6)
+                child(connector, "ssd:ConnectorGeometry", x=x, y=y)
 
     def _rows(self, component: str) -> dict[str, Variable]:
         """Connectors of a component: its connected variables by name, of an array of FMI 3.0 the
@@ -281,56 +259,43 @@ class _Description:
         """Everything that happens on the way as one step, the conversion of units included."""
         attributes(connection, suppressUnitConversion=True)
         if change != IDENTITY:
-            child(
-                connection, "ssc:LinearTransformation", factor=change.factor, offset=change.offset
-            )
+            child(connection, "ssc:LinearTransformation", **change._asdict())
 
     def _experiment(self, root: XmlElement) -> None:
         experiment = self.system.experiment
-        default = child(
-            root, "ssd:DefaultExperiment", startTime=experiment.start, stopTime=experiment.stop
-        )
+        times = {"startTime": experiment.start, "stopTime": experiment.stop}
+        default = child(root, "ssd:DefaultExperiment", **times)
         if experiment.step:
-            annotation = child(
-                child(default, "ssd:Annotations"), "ssc:Annotation", type=OSP_ANNOTATION
-            )
+            annotations = child(default, "ssd:Annotations")
+            annotation = child(annotations, "ssc:Annotation", type=OSP_ANNOTATION)
             algorithm = child(annotation, "osp:Algorithm")
-            child(
-                algorithm,
-                "osp:FixedStepAlgorithm",
-                baseStepSize=experiment.step,
-                numWorkerThreads=0,
-            )
+            fixed = {"baseStepSize": experiment.step, "numWorkerThreads": 0}
+            child(algorithm, "osp:FixedStepAlgorithm", **fixed)
 
     def _run(self, annotations: XmlElement) -> None:
         """Our annotation: what a run needs and SSP has no place for."""
         annotation = child(annotations, "ssc:Annotation", type=RUN_ANNOTATION)
         run = etree.SubElement(annotation, tag("run:Run"), nsmap={"run": NS["run"]})
+        system, experiment = self.system, self.system.experiment
         attributes(
             run,
-            algorithm=self.system.experiment.algorithm,
-            every=self.system.experiment.every if self.system.experiment.every > 1 else None,
-            strict="true" if self.system.strict else "false",
-            mission=self.system.mission or None,
-            compare=self.system.compared or None,
-            epoch=self.system.experiment.epoch or None,
+            algorithm=experiment.algorithm,
+            every=experiment.every if experiment.every > 1 else None,
+            strict=system.strict,
+            mission=system.mission,
+            compare=system.compared,
+            epoch=experiment.epoch,
         )
-        for c in self.system.components:
+        for c in system.components:
             child(run, "run:Component", name=c.name, every=c.every, latency=c.latency)
-        for s in self.system.sets:
-            child(
-                run,
-                "run:ParameterSet",
-                name=s.name,
-                description=s.description,
-                stop=s.stop,
-                step=s.step,
-            )
-        for a in self.system.alternatives:
+        for s in system.sets:
+            times = {"stop": s.stop, "step": s.step}
+            child(run, "run:ParameterSet", name=s.name, description=s.description, **times)
+        for a in system.alternatives:
             child(run, "run:Alternative", component=a.component, fmu=a.fmu)
-        for name, text in self.system.requirements.items():
+        for name, text in system.requirements.items():
             child(run, "run:Requirement", name=name, text=text)
-        for name, text in self.system.consistency.items():
+        for name, text in system.consistency.items():
             child(run, "run:Consistency", name=name, text=text)
-        for name, (low, high) in self.system.sliders.items():
+        for name, (low, high) in system.sliders.items():
             child(run, "run:Slider", name=name, low=low, high=high)

@@ -1,18 +1,28 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Names and elements of SSP, shared by the reader and the writer of .ssp files."""
+"""XML of SSP: its names, files as roots that are valid by its schemas, and elements to be written.
+
+A file of SSP 2.0 has the namespaces of SSP 1.0. It is valid if it is valid by the schema of 1.0
+without what 2.0 has added, arrays, types and kinds of FMI 3.0, metadata, and that is well-formed.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from copy import deepcopy
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
+import fmpy
 from lxml import etree
 
 from harness.errors import StructureError
+from harness.files import cache
+from harness.files.archive import MAX_ENTRY, UnsafeXmlError, XmlElement, parsed
+from harness.files.paths import contents
+from harness.spelling import is_number
 from harness.system.values import Scalar
-
-XmlElement = Any
-"""lxml has no types."""
 
 NS = {
     "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
@@ -41,6 +51,41 @@ def tag(name: str) -> str:
     return f"{{{NS[prefix]}}}{local}"
 
 
+# ---- reading
+
+SSD_SCHEMA = "SystemStructureDescription.xsd"
+SSV_SCHEMA = "SystemStructureParameterValues.xsd"
+SSM_SCHEMA = "SystemStructureParameterMapping.xsd"
+
+OPTIONAL = (
+    "startElement",
+    "endElement",
+    "source",
+    "type",
+    "sourceBase",
+    "implementation",
+    "unit",
+    "prefix",
+)
+"""Attributes that say nothing when they are empty."""
+
+
+def first(element: XmlElement, path: str) -> XmlElement | None:
+    """The first element at a path of prefixed names; None if there is none."""
+    return element.find(path, NS)
+
+
+def every(element: XmlElement, path: str) -> Iterator[XmlElement]:
+    """All elements at a path of prefixed names."""
+    found: Iterator[XmlElement] = element.iterfind(path, NS)
+    return found
+
+
+def kind_of(element: XmlElement) -> str:
+    """The name of an element without its namespace."""
+    return str(etree.QName(element).localname)
+
+
 def number(element: XmlElement, attribute: str, problems: list[str]) -> float | None:
     """A finite number in an attribute, None without it; a problem is noted if it is something
     else.
@@ -52,13 +97,205 @@ def number(element: XmlElement, attribute: str, problems: list[str]) -> float | 
         value = math.nan
     if value is None or math.isfinite(value):
         return value
-    problems.append(
-        f"{etree.QName(element).localname}: {attribute}='{text}' is not a finite number"
-    )
+    problems.append(f"{kind_of(element)}: {attribute}='{text}' is not a finite number")
     return None
 
 
+def parse(source: Path | bytes, schema: str, name: str = "") -> XmlElement:
+    """Root element of an XML file, valid against one of the SSP schemas; neither entities nor the
+    network are used.
+
+    A file of SSP 2.0 has the names of SSP 1.0 for its types of numbers, and no metadata. Raises
+    StructureError with every violation of the schema.
+    """
+    name = source.name if isinstance(source, Path) else name
+    try:
+        data = contents(source, MAX_ENTRY) if isinstance(source, Path) else source
+    except OSError as error:
+        raise StructureError([f"{name}: cannot be read ({error.strerror})"]) from error
+    try:
+        root = parsed(data)
+    except UnsafeXmlError as error:
+        raise StructureError([f"{name}: {error}"]) from error
+    _made_readable(root)
+    cache.passed(
+        f"{schema} of fmpy {fmpy.__version__}, and SSP 2.0",
+        data,
+        lambda: _validate(root, schema, name),
+    )
+    return root
+
+
+def embedded(element: XmlElement, schema: str) -> XmlElement:
+    """An element inside another file as the root of its own, valid against one of the SSP
+    schemas.
+    """
+    root = deepcopy(element)
+    _made_readable(root)
+    _validate(root, schema, kind_of(root))
+    return root
+
+
+def _made_readable(root: XmlElement) -> None:
+    """Rewrite the spellings of SSP 2.0 and of other tools that mean the same."""
+    if is_version_2(root):
+        simplify(root)
+    _without_empty(root)
+
+
+def _validate(root: XmlElement, schema: str, name: str) -> None:
+    validator, found = _schema(schema), list[str]()
+    if is_version_2(root):
+        found = list(violations(root))
+        root = as_version_1(root)
+    if not validator.validate(root):
+        found += [f"line {e.line}: {' '.join(e.message.split())}" for e in validator.error_log]
+    if found:
+        raise StructureError(f"{name}, {line}" for line in found)
+
+
+def _without_empty(root: XmlElement) -> None:
+    """Leave out optional attributes that are empty, as OMSimulator writes them."""
+    for element in root.iter():
+        needed = ("source",) if element.tag == tag("ssd:Component") else ()
+        for name in OPTIONAL:
+            if element.get(name) == "" and name not in needed:
+                del element.attrib[name]
+
+
+@lru_cache
+def _schema(name: str) -> Any:
+    return etree.XMLSchema(file=str(Path(fmpy.__file__).parent / "ssp" / "schema" / name))
+
+
+# ---- SSP 2.0
+
+NUMBERS = {
+    "Real": ("Float64", "Float32"),
+    "Integer": tuple(f"{u}Int{n}" for u in ("", "U") for n in (8, 16, 32, 64)),
+}
+"""Types that it has added, by what a bus of numbers makes of them."""
+
+_OLD_TAGS = {
+    tag(f"{p}:{new}"): tag(f"{p}:{old}")
+    for p in ("ssc", "ssv")
+    for old in NUMBERS
+    for new in NUMBERS[old]
+}
+_OLD_KINDS = {
+    "structuralParameter": "parameter",
+    "constant": "calculatedParameter",
+    "local": "output",
+    "unspecified": "inout",
+}
+_METADATA = (tag("ssc:MetaData"), tag("ssc:Signature"))
+_NEW_PARTS = (tag("ssc:Dimension"), tag("ssc:Clock"), tag("ssd:Clock"), tag("ssv:Value"))
+_NEW_ATTRIBUTES = ("startIndices", "endIndices", "systemInnerX", "systemInnerY")
+WHOLE = range(-(2**63), 2**64)
+"""Values that an integer of any type may have."""
+
+
+def is_version_2(root: XmlElement) -> bool:
+    """Whether the root of a file says so."""
+    return str(root.get("version", "")) == "2.0"
+
+
+def simplify(root: XmlElement) -> None:
+    """Give the new types of numbers the names of the old ones and drop metadata, which is not used
+    here.
+    """
+    for element in list(root.iter(*_OLD_TAGS)):
+        element.tag = _OLD_TAGS[element.tag]
+    for element in list(root.iter(*_METADATA)):
+        element.getparent().remove(element)
+
+
+def as_version_1(root: XmlElement) -> XmlElement:
+    """A copy of a simplified root without all that SSP 1.0 does not know, to be judged by its
+    schema.
+    """
+    copy = deepcopy(root)
+    copy.set("version", "1.0")
+    for element in copy.iter(tag("ssv:String"), tag("ssv:Enumeration"), tag("ssv:Binary")):
+        if (first := element.find(tag("ssv:Value"))) is not None and "value" not in element.attrib:
+            element.set("value", first.get("value", ""))
+    for element in list(copy.iter(*_NEW_PARTS)):
+        element.getparent().remove(element)
+    for element in copy.iter(tag("ssv:Real"), tag("ssv:Integer"), tag("ssv:Boolean")):
+        _first_number(element)
+    for element in copy.iter(tag("ssd:Connector")):
+        element.set("kind", _OLD_KINDS.get(element.get("kind"), element.get("kind", "")))
+    for element in copy.iter(tag("ssd:Component")):
+        element.set("source", element.get("source", ""))
+        if element.get("implementation") == "ScheduledExecution":
+            del element.attrib["implementation"]
+    for element in copy.iter(tag("ssd:Connection"), tag("ssd:ConnectorGeometry")):
+        for name in _NEW_ATTRIBUTES:
+            element.attrib.pop(name, None)
+    return copy
+
+
+def _first_number(element: XmlElement) -> None:
+    """Keep the first number of a list, of a whole one that 32 bits do not hold only that it is
+    one.
+    """
+    first = element.get("value", "").split()[:1]
+    if first and element.tag == tag("ssv:Integer") and _whole(first[0]) in WHOLE:
+        first = ["0"]
+    element.set("value", "".join(first))
+
+
+def _whole(text: str) -> int | None:
+    return int(text) if text.lstrip("+-").isdecimal() and len(text) < 25 else None
+
+
+def violations(root: XmlElement) -> Iterator[str]:
+    """What is not well-formed in the parts that as_version_1() leaves out, with its line."""
+    for element in root.iter(tag("ssc:Dimension")):
+        for fault in _odd_size(element):
+            yield f"line {element.sourceline}: Dimension {fault}"
+    for element in root.iter(tag("ssd:Connection")):
+        for name in ("startIndices", "endIndices"):
+            if not all((_whole(i) or 0) > 0 for i in element.get(name, "").split()):
+                text = element.get(name)
+                yield f"line {element.sourceline}: {name}='{text}' are not numbers from 1 on"
+    for element in root.iter(tag("ssv:Integer"), tag("ssv:Real"), tag("ssv:Boolean")):
+        yield from _odd_values(element)
+
+
+def _odd_size(dimension: XmlElement) -> Iterator[str]:
+    size, connector = dimension.get("size"), dimension.get("sizeConnector")
+    fixed = dimension.getparent().tag != tag("ssd:Connector")
+    if size is not None and not (_whole(size) or 0) > 0:
+        yield f"size='{size}' is not a number from 1 on"
+    if size is not None and connector is not None:
+        yield "has both size and sizeConnector"
+    if fixed and (size is None or connector is not None):
+        yield "of a parameter needs its size"
+
+
+def _odd_values(element: XmlElement) -> Iterator[str]:
+    """Values of a list beyond its first, which the schema of SSP 1.0 judges."""
+    kind = kind_of(element)
+    for text in element.get("value", "").split()[1:]:
+        if kind == "Real":
+            good = is_number(text)
+        elif kind == "Boolean":
+            good = text in ("true", "false", "0", "1")
+        else:
+            good = _whole(text) in WHOLE
+        if not good:
+            yield f"line {element.sourceline}: '{text}' is no {kind}"
+
+
 # ---- writing
+
+
+def document(kind: str, prefixes: tuple[str, ...], version: int, **values: str) -> XmlElement:
+    """The root of a new file of a version of SSP."""
+    root = etree.Element(tag(kind), nsmap={prefix: NS[prefix] for prefix in prefixes})
+    attributes(root, version=f"{version}.0", **values, generationTool=TOOL)
+    return root
 
 
 def child(parent: XmlElement, kind: str, /, **values: Scalar | None) -> XmlElement:

@@ -18,8 +18,7 @@ import pytest
 
 from harness.cli.app import main
 from harness.errors import ArchiveError, ResultsError, StructureError, UsageError
-from harness.files.archive import pack
-from harness.files.safe_xml import UnsafeXmlError, parsed
+from harness.files.archive import UnsafeXmlError, pack, parsed
 from harness.results import files as result_files
 from harness.results.result import Result
 from harness.spelling import did_you_mean, file_stem, printable
@@ -168,7 +167,7 @@ def test_check_parses_nothing_before_the_document_type_is_refused(tmp_path, monk
 
     monkeypatch.setattr("fmpy.model_description.read_model_description", never)
     monkeypatch.setattr("harness.system.interface.read_model_description", never)
-    monkeypatch.setattr("harness.files.safe_xml.etree.fromstring", never)
+    monkeypatch.setattr("harness.files.archive.etree.fromstring", never)
     with zipfile.ZipFile(tmp_path / "x.fmu", "w") as archive:
         text = description(COUNTER).replace("?>", "?><!DOCTYPE x>", 1)
         archive.writestr("modelDescription.xml", text)

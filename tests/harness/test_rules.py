@@ -276,7 +276,7 @@ def test_every_rule_is_broken_by_one_of_the_faults(packed):
     """No rule that never speaks; the two that judge the archive are tried below."""
     silent = set(ERRORS + WARNINGS)
     for fault in (FATAL | ODD).values():
-        from harness.files.safe_xml import UnsafeXmlError, parsed
+        from harness.files.archive import UnsafeXmlError, parsed
         from harness.rules.description import Description
 
         try:
