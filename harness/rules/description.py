@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""modelDescription.xml as the rules read it: XML elements with the defaults of FMI 2.0 (those of
-FMI 3.0: description3.py).
+"""modelDescription.xml as the rules read it: XML elements with the defaults of FMI 2.0, and below
+what is otherwise in FMI 3.0.
 """
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import Any, ClassVar
 
 from harness.files.archive import XmlElement, serialized
@@ -19,21 +21,16 @@ SHOWN = 5
 
 TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
 
-DEFAULT_INITIAL = {
+_ANY, _FIXED = ("discrete", "continuous"), ("fixed", "tunable")
+
+INITIAL = {
+    **{("parameter", v): "exact" for v in _FIXED},
+    **{("calculatedParameter", v): "calculated" for v in _FIXED},
+    **{("input", v): "exact" for v in _ANY},
+    **{("output", v): "calculated" for v in _ANY},
+    **{("local", v): "calculated" for v in (*_FIXED, *_ANY)},
     ("output", "constant"): "exact",
     ("local", "constant"): "exact",
-    ("parameter", "fixed"): "exact",
-    ("parameter", "tunable"): "exact",
-    ("calculatedParameter", "fixed"): "calculated",
-    ("calculatedParameter", "tunable"): "calculated",
-    ("local", "fixed"): "calculated",
-    ("local", "tunable"): "calculated",
-    ("output", "discrete"): "calculated",
-    ("output", "continuous"): "calculated",
-    ("local", "discrete"): "calculated",
-    ("local", "continuous"): "calculated",
-    ("input", "discrete"): "exact",
-    ("input", "continuous"): "exact",
     ("independent", "continuous"): "",
 }
 """Values of `initial` by causality and variability (FMI 2.0, 2.2.7); no other pairs are allowed."""
@@ -46,6 +43,10 @@ class Declared:
     element: XmlElement
     value: XmlElement
     definition: XmlElement | None
+
+    INITIAL: ClassVar[Mapping[tuple[str, str], str]] = INITIAL
+    WITHOUT_INITIAL: ClassVar[tuple[str, ...]] = ("input", "independent")
+    """Causalities that must not say what their start value is."""
 
     def __str__(self) -> str:
         return f"{self.name} (line {self.element.sourceline})"
@@ -83,7 +84,7 @@ class Declared:
     @property
     def default(self) -> str | None:
         """What `initial` is by causality and variability; None: they do not fit each other."""
-        return DEFAULT_INITIAL.get((self.causality, self.variability))
+        return self.INITIAL.get((self.causality, self.variability))
 
     @property
     def needs_start(self) -> bool:
@@ -135,6 +136,12 @@ class Description:
     GUID: ClassVar[str] = "guid"
     """Attribute by which binary and description recognise each other."""
 
+    NUMBER: ClassVar[str] = "index"
+    """Attribute by which an entry of the model structure names its variable."""
+
+    TYPES: ClassVar[str] = "TypeDefinitions/SimpleType"
+    """Definitions of types."""
+
     ROOT: ClassVar[tuple[str, ...]] = (
         "modelDescription.xml",
         "model.png",
@@ -160,18 +167,18 @@ class Description:
     @cached_property
     def types(self) -> dict[str, XmlElement]:
         """Elements Real, Integer, ... of the definitions of types by name; of two the last."""
-        return {e.get("name"): e[0] for e in self.all("TypeDefinitions/SimpleType")}
+        return {e.get("name"): e[0] for e in self.all(self.TYPES)}
 
     @property
     def type_names(self) -> list[str]:
         """Names of all types."""
-        return [e.get("name") for e in self.all("TypeDefinitions/SimpleType")]
+        return [e.get("name") for e in self.all(self.TYPES)]
 
     @property
     def enumerations(self) -> list[tuple[str, list[XmlElement]]]:
         """Items of the enumerations by name."""
-        found = self.all("TypeDefinitions/SimpleType/Enumeration")
-        return [(e.getparent().get("name"), e.findall("Item")) for e in found]
+        found = [(e.get("name"), e.findall(".//Item")) for e in self.all(self.TYPES)]
+        return [(name, items) for name, items in found if items]
 
     @property
     def sources(self) -> list[str]:
@@ -184,7 +191,7 @@ class Description:
 
     def number(self, e: XmlElement) -> int:
         """The number of an entry of the model structure."""
-        return int(e.get("index"))
+        return int(e.get(self.NUMBER))
 
     @cached_property
     def items(self) -> dict[str, set[int]]:
@@ -218,6 +225,147 @@ class Description:
         return {} if found is None else found
 
 
+# ---- FMI 3.0
+
+NUMBERS = {
+    "Float64": "Real",
+    "Float32": "Real",
+    **{f"{u}Int{bits}": "Integer" for u in ("", "U") for bits in (8, 16, 32, 64)},
+    "Boolean": "Boolean",
+    "Enumeration": "Enumeration",
+}
+"""Types whose values fit on the bus, in the words of FMI 2.0."""
+
+KINDS = {**NUMBERS, "String": "String", "Binary": "Binary", "Clock": "Clock"}
+"""All types in the words of FMI 2.0, as far as it has one."""
+
+
+@dataclass(frozen=True)
+class Declared3(Declared):
+    """One variable of FMI 3.0, which may be an array."""
+
+    INITIAL: ClassVar[Mapping[tuple[str, str], str]] = {
+        **INITIAL,
+        **{("structuralParameter", v): "exact" for v in _FIXED},
+    }
+    """As in FMI 2.0, with one causality more (FMI 3.0, 2.4.7.5)."""
+    WITHOUT_INITIAL: ClassVar[tuple[str, ...]] = ("independent",)
+
+    @property
+    def type(self) -> str:
+        """Its type in the words of FMI 2.0, or Binary or Clock."""
+        return KINDS[str(self.element.tag)]
+
+    @property
+    def variability(self) -> str:
+        """Variability, by default that of its causality and type."""
+        default = "continuous" if self.type == "Real" else "discrete"
+        if self.causality.lower().endswith("parameter"):
+            default = "fixed"
+        return str(self.element.get("variability", default))
+
+    @property
+    def needs_start(self) -> bool:
+        """Clocks and Binaries need none."""
+        return self.causality == "input" and self.type not in ("Clock", "Binary")
+
+    @property
+    def starts(self) -> list[str]:
+        """Start values of the elements, as they are written."""
+        if self.element.tag in ("String", "Binary"):
+            return [str(e.get("value")) for e in self.element.iterfind("Start")]
+        return str(self.element.get("start", "")).split()
+
+    @property
+    def start(self) -> str | None:
+        """All start values; None: there are none."""
+        return " ".join(self.starts) if self.starts else None
+
+    @property
+    def dimensions(self) -> list[XmlElement]:
+        """Elements Dimension."""
+        return self.element.findall("Dimension")  # type: ignore[no-any-return]
+
+    @property
+    def clocks(self) -> list[int]:
+        """References of its clocks."""
+        return list(map(int, str(self.element.get("clocks", "")).split()))
+
+
+@dataclass(frozen=True)
+class Description3(Description):
+    """A description of FMI 3.0; build: sources/buildDescription.xml, terminals:
+    terminalsAndIcons.xml, None if they are not there.
+    """
+
+    build: XmlElement = None
+    terminals: XmlElement = None
+
+    LISTS: ClassVar[Mapping[str, str]] = {
+        kind: f"ModelStructure/{kind}"
+        for kind in ("Output", "ContinuousStateDerivative", "InitialUnknown", "ClockedState")
+    }
+    GUID: ClassVar[str] = "instantiationToken"
+    NUMBER: ClassVar[str] = "valueReference"
+    TYPES: ClassVar[str] = "TypeDefinitions/*"
+    ROOT: ClassVar[tuple[str, ...]] = tuple(
+        name for name in Description.ROOT if name not in ("model.png", "licenses")
+    )
+
+    @cached_property
+    def types(self) -> dict[str, XmlElement]:
+        """Definitions of types by name; of two the last."""
+        return {e.get("name"): e for e in self.all(self.TYPES)}
+
+    @property
+    def sources(self) -> list[str]:
+        """Source files that the build description lists."""
+        found = () if self.build is None else self.build.iter("SourceFile")
+        return [e.get("name") for e in found]
+
+    @cached_property
+    def variables(self) -> tuple[Declared3, ...]:
+        """All variables in the order of the file; aliases are no variables of their own."""
+        return tuple(
+            Declared3(e, e, self.types.get(e.get("declaredType")))
+            for e in self.all("ModelVariables/*")
+            if e.tag in KINDS
+        )
+
+    @cached_property
+    def by_reference(self) -> dict[int, Declared3]:
+        """Variables by value reference; of two the last."""
+        return {v.reference: v for v in self.variables}
+
+    def numbered(self, number: int) -> Declared | None:
+        """The variable that a number in the model structure stands for: its value reference."""
+        return self.by_reference.get(number)
+
+    def shape(self, v: Declared3) -> tuple[int, ...] | None:
+        """Sizes of an array, () of a scalar; None if one is that of a variable that gives none."""
+        sizes = tuple(self._size(e) for e in v.dimensions)
+        return None if None in sizes else sizes  # type: ignore[return-value]
+
+    def _size(self, dimension: XmlElement) -> int | None:
+        if dimension.get("start") is not None:
+            return int(dimension.get("start"))
+        found = self.by_reference.get(int(dimension.get("valueReference", "-1")))
+        if found is None or found.causality != "structuralParameter" or len(found.starts) != 1:
+            return None
+        return int(found.starts[0])
+
+    def elements(self, v: Declared3) -> list[tuple[int, ...]]:
+        """Indices of the elements of an array in their order, from 1; [()] of a scalar."""
+        return list(product(*(range(1, size + 1) for size in self.shape(v) or ())))
+
+    def count(self, v: Declared3) -> int | None:
+        """Number of elements; None if it is not known."""
+        shape = self.shape(v)
+        return None if shape is None else math.prod(shape)
+
+
+# ---- for the rules
+
 Rule = Callable[[Description], Iterator[str]]
 """Gives one line per fault."""
 
@@ -240,7 +388,7 @@ def readable(description: Description) -> bytes:
     copy = deepcopy(description.root)
     for e in copy.iterfind("ModelVariables/ScalarVariable"):
         pair = (e.get("causality", "local"), e.get("variability", "continuous"))
-        if pair not in DEFAULT_INITIAL and e.get("initial") is None:
+        if pair not in INITIAL and e.get("initial") is None:
             e.set("initial", "calculated" if pair[0] == "output" else "exact")
     for name in () if copy.get("fmiVersion") == "2.0" else ("ModelVariables", "ModelStructure"):
         for e in copy.iterfind(f"{name}/*"):

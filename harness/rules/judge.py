@@ -16,8 +16,7 @@ from lxml import etree
 from harness.errors import ArchiveError
 from harness.files.archive import UnsafeXmlError, XmlElement, inspect, parsed, read_entry
 from harness.rules import header, variables, version3
-from harness.rules.description import TYPES, Description, Rule
-from harness.rules.description3 import Description3
+from harness.rules.description import TYPES, Description, Description3, Rule
 
 FILE = "modelDescription.xml"
 BUILD, TERMINALS = "sources/buildDescription.xml", "terminalsAndIcons/terminalsAndIcons.xml"
@@ -109,9 +108,7 @@ ERRORS_3: tuple[Callable[[Description3], Iterator[str]], ...] = (
 _ONLY_2 = {
     header.bare_guid,
     header.repeated_vendor_tools,
-    variables.initials_that_are_not_given,
     variables.several_independent,
-    variables.other_types,
     variables.several_sets_in_co_simulation,
     variables.shared_references,
     variables.mixed_aliases,
@@ -120,10 +117,8 @@ _ONLY_2 = {
 
 WARNINGS_3: tuple[Callable[[Description3], Iterator[str]], ...] = (
     *(rule for rule in WARNINGS if rule not in _ONLY_2),
-    version3.initial_of_independent,
     version3.clocks_that_are_none,
     version3.clocks_as_unknowns,
-    version3.other_types,
     version3.repeated_annotations,
     version3.unknown_previous,
     version3.missing_build_description,

@@ -33,8 +33,9 @@ def undefined_types(d: Description) -> Iterator[str]:
 def other_types(d: Description) -> Iterator[str]:
     """A variable is of the kind of its type."""
     for v in d.variables:
-        if v.definition is not None and v.definition.tag != v.type:
-            yield f"{v}: is {v.type}, but its type is {v.definition.tag}"
+        kind = None if v.definition is None else str(v.definition.tag).removesuffix("Type")
+        if kind is not None and kind != v.value.tag:
+            yield f"{v}: is {v.value.tag}, but its type is {kind}"
 
 
 def unknown_states(d: Description) -> Iterator[str]:
@@ -88,7 +89,7 @@ def impossible_causalities(d: Description) -> Iterator[str]:
 def initials_that_are_not_given(d: Description) -> Iterator[str]:
     """Inputs and the independent variable say nothing of their start value."""
     for v in d.variables:
-        if v.causality in ("input", "independent") and v.element.get("initial") is not None:
+        if v.causality in v.WITHOUT_INITIAL and v.element.get("initial") is not None:
             yield f"{v}: an {v.causality} must not have initial='{v.initial}'"
 
 

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from harness.rules.description import some, twice
-from harness.rules.description3 import Description3
+from harness.rules.description import Description3, some, twice
 
 MOST = 10**6
 """Elements of one array; more are taken for a mistake."""
@@ -21,13 +20,6 @@ def independent_variable(d: Description3) -> Iterator[str]:
         yield "there is no independent variable (usually time), which FMI 3.0 demands"
     if len(found) > 1:
         yield f"{some(found)}: are independent variables, only one is allowed"
-
-
-def initial_of_independent(d: Description3) -> Iterator[str]:
-    """The independent variable says nothing of its start value."""
-    for v in d.variables:
-        if v.causality == "independent" and v.element.get("initial") is not None:
-            yield f"{v}: an independent must not have initial='{v.initial}'"
 
 
 def repeated_references(d: Description3) -> Iterator[str]:
@@ -80,14 +72,6 @@ def clocks_that_are_none(d: Description3) -> Iterator[str]:
             found = d.by_reference.get(number)
             if found is not None and found.type != "Clock":
                 yield f"{v}: its clock is {found.name}, which is {found.element.tag}"
-
-
-def other_types(d: Description3) -> Iterator[str]:
-    """A variable is of the kind of its type."""
-    for v in d.variables:
-        if v.definition is not None and v.definition.tag != f"{v.element.tag}Type":
-            kind = str(v.definition.tag).removesuffix("Type")
-            yield f"{v}: is {v.element.tag}, but its type is {kind}"
 
 
 def repeated_alias_names(d: Description3) -> Iterator[str]:

@@ -19,8 +19,7 @@ from harness.errors import FmuError
 from harness.files import machine
 from harness.files.archive import head, inspect, unpacked_size
 from harness.files.paths import Stamp, is_file, stamp
-from harness.rules.description import Description, readable
-from harness.rules.description3 import NUMBERS, Declared3, Description3
+from harness.rules.description import NUMBERS, Declared3, Description, Description3, readable
 from harness.rules.judge import judge
 from harness.system.units import Unit
 from harness.system.values import Variable
