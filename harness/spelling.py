@@ -91,6 +91,16 @@ def _pairs(name: str) -> frozenset[str]:
     return frozenset(map("".join, pairwise(framed)))
 
 
+SHOWN = 5
+"""Things that a line names."""
+
+
+def some(things: Sequence[object]) -> str:
+    """The first of several things, and how many more there are."""
+    more = f" and {len(things) - SHOWN} more" if len(things) > SHOWN else ""
+    return f"{', '.join(map(str, things[:SHOWN]))}{more}"
+
+
 def printable(text: str) -> str:
     """A text without characters that control a terminal or turn the direction of writing; line
     breaks and tabs stay.

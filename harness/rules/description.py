@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,9 +15,6 @@ from itertools import product
 from typing import Any, ClassVar
 
 from harness.files.archive import XmlElement, serialized
-
-SHOWN = 5
-"""Variables that a line names."""
 
 TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
 
@@ -368,12 +365,6 @@ class Description3(Description):
 
 Rule = Callable[[Description], Iterator[str]]
 """Gives one line per fault."""
-
-
-def some(things: Sequence[object]) -> str:
-    """The first of several things, and how many more there are."""
-    more = f" and {len(things) - SHOWN} more" if len(things) > SHOWN else ""
-    return f"{', '.join(map(str, things[:SHOWN]))}{more}"
 
 
 def twice(values: Iterable[Hashable]) -> list[Any]:

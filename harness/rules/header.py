@@ -10,7 +10,8 @@ import re
 from collections.abc import Iterator
 
 from harness.files.archive import XmlElement
-from harness.rules.description import Declared, Description, some, twice
+from harness.rules.description import Declared, Description, twice
+from harness.spelling import some
 
 _BARE_GUID = re.compile(r"[0-9a-fA-F]{8}(-[0-9a-fA-F]{4}){3}-[0-9a-fA-F]{12}")
 

@@ -9,7 +9,8 @@ import re
 from collections.abc import Iterator
 from itertools import groupby
 
-from harness.rules.description import Declared, Description, some, twice
+from harness.rules.description import Declared, Description, twice
+from harness.spelling import some
 
 _WORD = r"(?:[A-Za-z_]\w*|'(?:[^'\\]|\\.)+')"
 _ARRAY = r"(?:\[\d+(?:,\d+)*\])?"

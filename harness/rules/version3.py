@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from harness.rules.description import Description3, some, twice
+from harness.rules.description import Description3, twice
+from harness.spelling import some
 
 MOST = 10**6
 """Elements of one array; more are taken for a mistake."""

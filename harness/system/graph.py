@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -99,13 +99,10 @@ def build_graph(system: System) -> Graph:
         raise StructureError(found)
     ports = [Port(name, v) for name, interface in interfaces.items() for v in interface.outputs()]
     slot_of = {port: slot for slot, port in enumerate(ports)}
-    slots = tuple(
-        _slot(port, interfaces[port.component].variables[port.variable]) for port in ports
-    )
+    slots = tuple(_slot(p, interfaces[p.component].variables[p.variable]) for p in ports)
     driven = {c.target: (slot_of[c.source], way(c, interfaces)) for c in system.connections}
-    return Graph(
-        tuple(_node(c, interfaces[c.name], slot_of, driven) for c in system.components), slots
-    )
+    nodes = (_node(c, interfaces[c.name], slot_of, driven) for c in system.components)
+    return Graph(tuple(nodes), slots)
 
 
 class Checked(NamedTuple):
@@ -159,12 +156,12 @@ def rechecked(system: System, known: System, graph: Graph) -> Checked:
     """What checked() gives; from the graph of `known` is taken whatever has not changed since."""
     if not _same_structure(system, known, graph):
         return checked(system)
-    pairs = zip(graph.nodes, system.components, strict=True)
+    pairs = list(zip(graph.nodes, system.components, strict=True))
     changed = [new for node, c in pairs if (new := _with_new_values(node, c)).parameters]
     interfaces = {node.component.name: node.interface for node in graph.nodes}
     if any(value_problems(system, interfaces, changed)):
         return checked(system)  # it raises, with every problem
-    nodes = tuple(_adapted(*pair) for pair in zip(graph.nodes, system.components, strict=True))
+    nodes = tuple(_adapted(*pair) for pair in pairs)
     steps = macro_steps(system.experiment, [c.every for c in system.components])
     return Checked(replace(graph, nodes=nodes), steps)
 
@@ -245,24 +242,21 @@ def _slot(port: Port, variable: Variable) -> Slot:
 def _node(
     component: Component,
     interface: Interface,
-    slot_of: dict[Port, int],
-    driven: dict[Port, tuple[int, Affine]],
+    slot_of: Mapping[Port, int],
+    driven: Mapping[Port, tuple[int, Affine]],
 ) -> Node:
-    name = component.name
+    def port(variable: Variable) -> Port:
+        return Port(component.name, variable.name)
+
     inputs = interface.named("input").values()
+    parameters = (v for v in interface.named("parameter").values() if v.type != "String")
     return Node(
         component,
         interface,
-        inputs=tuple(
-            Wire(v, *driven[Port(name, v.name)]) for v in inputs if Port(name, v.name) in driven
-        ),
-        outputs=tuple(Wire(v, slot_of[Port(name, v.name)]) for v in interface.outputs().values()),
+        inputs=tuple(Wire(v, *driven[port(v)]) for v in inputs if port(v) in driven),
+        outputs=tuple(Wire(v, slot_of[port(v)]) for v in interface.outputs().values()),
         settings=tuple(_settings(component, interface)),
-        parameters=tuple(
-            (v, _slot(Port(name, v.name), v))
-            for v in interface.named("parameter").values()
-            if v.type != "String"
-        ),
+        parameters=tuple((v, _slot(port(v), v)) for v in parameters),
     )
 
 

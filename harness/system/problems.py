@@ -44,14 +44,12 @@ def _shared_streams(system: System, interfaces: Mapping[str, Interface]) -> Iter
     for component in system.components:
         known = interfaces[component.name].variables if component.name in interfaces else {}
         if "seed" in known and "stream" in known:
-            drawn = tuple(_value(component, known[name]) for name in ("seed", "stream"))
-            owners.setdefault(drawn, []).append(component.name)
+            numbers = tuple(_value(component, known[name]) for name in ("seed", "stream"))
+            owners.setdefault(numbers, []).append(component.name)
     for (seed, stream), names in owners.items():
         if len(names) > 1:
-            yield (
-                f"{' and '.join(names)}: draw the same random numbers (seed {seed:g}, stream "
-                f"{stream:g}): give each a stream of its own"
-            )
+            drawn = f"the same random numbers (seed {seed:g}, stream {stream:g})"
+            yield f"{' and '.join(names)}: draw {drawn}: give each a stream of its own"
 
 
 def _value(component: Component, variable: Variable) -> Scalar:
@@ -76,89 +74,71 @@ def _connection_problems(
     unread: Collection[str],
     strict: bool,
 ) -> Iterator[str]:
-    ends: list[Variable | None] = []
-    for port, causality in ((connection.source, "output"), (connection.target, "input")):
-        variable, problem = (
-            (None, None) if port.component in unread else _end(port, causality, interfaces)
-        )
-        ends.append(variable)
-        if problem:
-            yield problem
-    if ends[0] and ends[1]:
-        yield from _mismatch(connection, ends[0], ends[1])
+    ends: list[Variable] = []
+    for port, causality in zip(connection[:2], ("output", "input"), strict=True):
+        try:
+            if port.component not in unread:
+                ends.append(_end(port, causality, interfaces))
+        except ValueError as error:
+            yield f"{port}: {error}"
+    if len(ends) == 2:
+        yield from _mismatch(connection, *ends)
         yield from _unit_problem(connection, interfaces, strict)
 
 
-def _end(
-    port: Port, causality: str, interfaces: Mapping[str, Interface]
-) -> tuple[Variable | None, str | None]:
-    """The variable at one end of a connection, or what is wrong with it."""
+def _end(port: Port, causality: str, interfaces: Mapping[str, Interface]) -> Variable:
+    """The variable at one end of a connection; ValueError with what is wrong with it."""
     if port.component not in interfaces:
-        return (
-            None,
-            f"{port}: there is no component "
-            f"'{port.component}'{did_you_mean(port.component, interfaces)}",
-        )
+        close = did_you_mean(port.component, interfaces)
+        raise ValueError(f"there is no component '{port.component}'{close}")
     interface = interfaces[port.component]
     variable = interface.variables.get(port.variable)
     if variable is None:
-        return (
-            None,
-            f"{port}: there is no such "
-            f"{causality}{did_you_mean(port.variable, interface.named(causality))}",
-        )
+        close = did_you_mean(port.variable, interface.named(causality))
+        raise ValueError(f"there is no such {causality}{close}")
     if variable.causality != causality:
-        return (
-            None,
-            f"{port}: is connected as {causality}, but its causality is {variable.causality}",
-        )
-    return variable, None
+        found = variable.causality
+        raise ValueError(f"is connected as {causality}, but its causality is {found}")
+    return variable
 
 
 def _mismatch(connection: Connection, source: Variable, target: Variable) -> Iterator[str]:
-    if binary := [
-        p for p, v in zip(connection[:2], (source, target), strict=True) if v.type == "Binary"
-    ]:
-        yield f"{binary[0]}: Binary variables cannot be connected"
+    if "Binary" in (source.type, target.type):
+        binary = connection.source if source.type == "Binary" else connection.target
+        yield f"{binary}: Binary variables cannot be connected"
     elif source.type != target.type or source.type == "String":
-        yield (
-            f"{connection.target}: is {target.type}, cannot be driven by {connection.source}, a "
-            f"{source.type}"
-        )
+        driver = f"{connection.source}, a {source.type}"
+        yield f"{connection.target}: is {target.type}, cannot be driven by {driver}"
 
 
 def _unit_problem(
     connection: Connection, interfaces: Mapping[str, Interface], strict: bool
 ) -> Iterator[str]:
+    source, target = (interfaces[p.component].variables[p.variable] for p in connection[:2])
     try:
         change = way(connection, interfaces, strict=True)
+        if change != IDENTITY and target.type != "Real":
+            yield f"{connection.target}: is {target.type}, only a Real signal can be transformed"
     except UndefinedUnitError as error:
-        if not strict:
+        if strict:
+            yield f"{connection.target}: {error}"
+        else:
             _log.warning("%s: taken as it is, %s", connection.target, error)
-            return
-        yield f"{connection.target}: {error}"
-        return
     except ValueError as error:
-        ends = [interfaces[port.component].variables[port.variable] for port in connection[:2]]
-        yield (
-            f"{connection.target}: expected unit {ends[1].unit}, {connection.source} has "
-            f"{ends[0].unit} ({error})"
-        )
-        return
-    kind = interfaces[connection.target.component].variables[connection.target.variable].type
-    if change != IDENTITY and kind != "Real":
-        yield f"{connection.target}: is {kind}, only a Real signal can be transformed"
+        yield f"{_unequal(connection, source, target)} ({error})"
+
+
+def _unequal(connection: Connection, source: Variable, target: Variable) -> str:
+    units = f"expected unit {target.unit}, {connection.source} has {source.unit}"
+    return f"{connection.target}: {units}"
 
 
 def unequal_units(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
     """Connections that need a conversion, which no other tool would do."""
     for connection in system.connections:
-        ends = [interfaces[port.component].variables.get(port.variable) for port in connection[:2]]
-        if ends[0] and ends[1] and not units_agree(ends[0].unit, ends[1].unit):
-            yield (
-                f"{connection.target}: expected unit {ends[1].unit}, {connection.source} has "
-                f"{ends[0].unit}"
-            )
+        source, target = (interfaces[p.component].variables.get(p.variable) for p in connection[:2])
+        if source and target and not units_agree(source.unit, target.unit):
+            yield _unequal(connection, source, target)
 
 
 def _declared_problems(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
@@ -196,27 +176,20 @@ def _open_inputs(system: System, interfaces: Mapping[str, Interface]) -> Iterato
         for name, variable in interfaces[component.name].named("input").items():
             known = name in component.parameters or variable.optional
             if Port(component.name, name) not in driven and not known:
-                yield (
-                    f"{component.name}.{name}: is an open input, nothing drives it and it has no "
-                    "value"
-                )
+                fault = "is an open input, nothing drives it and it has no value"
+                yield f"{component.name}.{name}: {fault}"
 
 
 def _parameter_problems(component: Component, interface: Interface) -> Iterator[str]:
     for name, parameter in component.parameters.items():
+        place = f"{component.name}.{name}"
         if name not in interface.variables and parameter.optional:
-            _log.warning(
-                "%s.%s: %s does not have it, ignored", component.name, name, interface.path.name
-            )
+            _log.warning("%s: %s does not have it, ignored", place, interface.path.name)
         elif problem := _parameter_problem(name, parameter, interface):
-            yield f"{component.name}.{name}: {problem}"
+            yield f"{place}: {problem}"
         elif is_unconverted(parameter, interface.variables[name], interface):
-            _log.warning(
-                "%s.%s: is given in %s, which nobody defines, taken as it is",
-                component.name,
-                name,
-                parameter.unit,
-            )
+            note = "%s: is given in %s, which nobody defines, taken as it is"
+            _log.warning(note, place, parameter.unit)
 
 
 def _parameter_problem(name: str, parameter: Parameter, interface: Interface) -> str | None:
@@ -232,12 +205,9 @@ def _parameter_problem(name: str, parameter: Parameter, interface: Interface) ->
     try:
         final(parameter, variable, interface)
     except ValueError as error:
-        other = parameter.unit is not None and not units_agree(parameter.unit, variable.unit)
-        return (
-            f"is given in {parameter.unit}, but its unit is {variable.unit} ({error})"
-            if other
-            else str(error)
-        )
+        same = units_agree(parameter.unit, variable.unit)
+        other = f"is given in {parameter.unit}, but its unit is {variable.unit} ({error})"
+        return str(error) if same else other
     return None
 
 
@@ -256,7 +226,5 @@ def size_problems(system: System, interfaces: Mapping[str, Interface]) -> Iterat
     """The limits of archive.py for the run as a whole: every component is unpacked on its own."""
     size = sum(interfaces[c.name].size for c in system.components if c.name in interfaces)
     if size > MAX_UNPACKED:
-        yield (
-            f"the FMUs of all components would unpack to {size} bytes, more than the limit of "
-            f"{MAX_UNPACKED}"
-        )
+        limit = f"more than the limit of {MAX_UNPACKED}"
+        yield f"the FMUs of all components would unpack to {size} bytes, {limit}"

@@ -36,9 +36,8 @@ class Verb(Enum):
     def call(self, fmi: int = 2) -> str:
         """The function that it stands for in a version of FMI."""
         real = "Real" if fmi == 2 else "Float64"
-        return (
-            f"fmi{fmi}" + {"set": f"Set{real}", "step": "DoStep", "get": f"Get{real}"}[self.value]
-        )
+        done = {"set": f"Set{real}", "step": "DoStep", "get": f"Get{real}"}[self.value]
+        return f"fmi{fmi}{done}"
 
 
 class Periodic(Protocol):
@@ -147,45 +146,37 @@ def macro_steps(experiment: Experiment, periods: Sequence[int] = (1,)) -> int:
     that is not a multiple.
     """
     start, stop, step = experiment.start, experiment.stop, experiment.step
-    if step is None and stop is None:
-        raise StructureError(
-            ["the system defines neither macro step nor stop time: set both with --step, --stop"]
-        )
-    if step is None or not (step > 0 and math.isfinite(step)):
-        raise StructureError(
-            [
-                f"the macro step must be a positive number of seconds, not {step}: give one with "
-                "--step"
-            ]
-        )
-    if stop is None or not (stop > start and math.isfinite(stop)):
-        raise StructureError(
-            [
-                f"the stop time must lie after the start time {start:g} s, not at {stop}: give "
-                "one with --stop"
-            ]
-        )
     cycle = math.lcm(*periods)
-    if not (stop - start) / cycle / step < 2**53:
-        raise StructureError(
-            [
-                f"the stop time {stop:.12g} s is too many macro steps of {step:.12g} s away: "
-                "give others with --step and --stop"
-            ]
-        )
+    if problem := _time_problem(start, stop, step, cycle):
+        raise StructureError([problem])
+    assert stop is not None
+    assert step is not None
     cycles = round((stop - start) / (cycle * step))
     if cycles < 1 or abs(start + cycles * cycle * step - stop) > 1e-9 * max(abs(stop), step):
-        raise StructureError([_not_a_multiple(experiment, cycle)])
+        raise StructureError([_not_a_multiple(start, stop, step, cycle)])
     return cycles * cycle
 
 
-def _not_a_multiple(experiment: Experiment, cycle: int) -> str:
-    start, stop, step = experiment.start, experiment.stop or 0.0, experiment.step or 0.0
+def _time_problem(start: float, stop: float | None, step: float | None, cycle: int) -> str | None:
+    """Why a time span has no number of macro steps."""
+    if step is None and stop is None:
+        return "the system defines neither macro step nor stop time: set both with --step, --stop"
+    if step is None or not (step > 0 and math.isfinite(step)):
+        needed = f"must be a positive number of seconds, not {step}"
+        return f"the macro step {needed}: give one with --step"
+    if stop is None or not (stop > start and math.isfinite(stop)):
+        needed = f"must lie after the start time {start:g} s, not at {stop}"
+        return f"the stop time {needed}: give one with --stop"
+    if not (stop - start) / cycle / step < 2**53:
+        reason = f"is too many macro steps of {step:.12g} s away"
+        return f"the stop time {stop:.12g} s {reason}: give others with --step and --stop"
+    return None
+
+
+def _not_a_multiple(start: float, stop: float, step: float, cycle: int) -> str:
     below = math.floor((stop - start) / (cycle * step))
     near = " and ".join(f"{start + n * cycle * step:.12g} s" for n in (below, below + 1) if n > 0)
-    whole = (
-        f"the macro step {step:.12g} s"
-        if cycle == 1
-        else f"{cycle} macro steps of {step:.12g} s (the slowest components)"
-    )
+    whole = f"the macro step {step:.12g} s"
+    if cycle > 1:
+        whole = f"{cycle} macro steps of {step:.12g} s (the slowest components)"
     return f"the stop time {stop:.12g} s is not a multiple of {whole}; nearest: {near}"

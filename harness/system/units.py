@@ -68,6 +68,7 @@ class Hop(NamedTuple):
 PLAIN = Hop()
 
 _Exact = tuple[Fraction, Fraction]
+_NOTHING: _Exact = Fraction(1), Fraction(0)
 
 
 def compose(start: Unit | None, hops: Sequence[Hop], end: Unit | None) -> Affine:
@@ -77,16 +78,14 @@ def compose(start: Unit | None, hops: Sequence[Hop], end: Unit | None) -> Affine
     The last hop ends at the variable itself; no hops at all stand for a plain connection, which
     converts units.
     """
-    if not hops and _alike(start, end):
+    if not hops and (start is None or end is None or start.name == end.name):
         return IDENTITY
-    factor, offset = Fraction(1), Fraction(0)
+    factor, offset = _NOTHING
     unit = start
     for hop in hops or (PLAIN,):
         here = hop.unit or end
-        for f, o in (
-            (_conversion(unit, here) if hop.convert else (Fraction(1), Fraction(0))),
-            _exact(hop.change),
-        ):
+        converted = _conversion(unit, here) if hop.convert else _NOTHING
+        for f, o in (converted, tuple(map(_fraction, hop.change))):
             factor, offset = f * factor, f * offset + o
         unit = here or unit
     try:
@@ -96,24 +95,15 @@ def compose(start: Unit | None, hops: Sequence[Hop], end: Unit | None) -> Affine
         raise ValueError(f"the conversion {names} goes beyond all numbers") from None
 
 
-def _exact(change: Affine) -> _Exact:
-    return _fraction(change.factor), _fraction(change.offset)
-
-
 def _fraction(number: float) -> Fraction:
     """A number as it was written: 0.001 is a thousandth."""
     return Fraction(repr(float(number)))
 
 
-def _alike(a: Unit | None, b: Unit | None) -> bool:
-    """Whether one is unknown or both have one name."""
-    return a is None or b is None or a.name == b.name
-
-
 def _conversion(a: Unit | None, b: Unit | None) -> _Exact:
     """Exact conversion of numbers in unit a to numbers in unit b; none where they are alike."""
-    if a is None or b is None or _alike(a, b):
-        return Fraction(1), Fraction(0)
+    if a is None or b is None or a.name == b.name:
+        return _NOTHING
     for unit in (a, b):
         if unit.base is None:
             raise UndefinedUnitError(
