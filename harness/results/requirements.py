@@ -35,7 +35,7 @@ from harness.results.provenance import Provenance
 from harness.results.result import Result
 from harness.results.verdict import Judged, Kind, Verdict
 from harness.spelling import did_you_mean
-from harness.system.graph import build_graph, columns, constants, read_interfaces
+from harness.system.graph import Graph, build_graph, columns, constants, read_interfaces, rebuilt
 from harness.system.model import Port, System
 from harness.system.names import base
 from harness.system.units import unit
@@ -106,17 +106,20 @@ def refused(system: System, requirements: Mapping[str, Any], fixed: bool = False
 
 def say_inconsistencies(*systems: System) -> None:
     """Where parameters of systems contradict each other, in the log: a line with their values."""
+    known: tuple[System, Graph] | None = None
     for system in systems:
         if system.consistency:
-            for line in inconsistencies(system):
+            graph = rebuilt(system, *known) if known else build_graph(system)
+            known = system, graph
+            for line in _inconsistencies(system, graph):
                 _log.warning("%s", line)
 
 
-def inconsistencies(system: System) -> Iterator[str]:
+def _inconsistencies(system: System, graph: Graph) -> Iterator[str]:
     """A line per condition on parameters that does not hold; conditions on what a swapped FMU does
     not have say nothing.
     """
-    given = list(constants(build_graph(system)))
+    given = list(constants(graph))
     names, units, texts = columns([slot for slot, _ in given])
     values = np.array([[value for _, value in given]])
     table = Result(system.name, np.zeros(1), names, units, values, texts)

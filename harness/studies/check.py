@@ -30,7 +30,7 @@ from harness.system.graph import readable_interfaces
 from harness.system.interface import Interface, binary_problem, read_interface
 from harness.system.model import System
 from harness.system.problems import problems as graph_problems
-from harness.system.problems import size_problems
+from harness.system.problems import size_problems, value_problems
 from harness.system.schedule import macro_steps
 
 
@@ -100,9 +100,10 @@ def _check_system(path: Path, strict: bool, changes: Changes) -> Verdict:
     with noted() as notes, examined(path) as (found, problems):
         system = apply(found, **changes) if changes and not problems else found
         sets = [""] if changes else set_names(system)
-        errors = [*problems, *_system_errors(system, sets)]
-        for name in sets if not errors else ():
-            say_inconsistencies(choose_set(system, name) if name else system)
+        chosen = [choose_set(system, name) if name else system for name in sets]
+        errors = [*problems, *_system_errors(system, chosen)]
+        if not errors:
+            say_inconsistencies(*chosen)
     lines = (*errors, *(f"warning: {note}" for note in notes))
     if errors or (strict and lines):
         raise StructureError(lines)
@@ -115,9 +116,9 @@ def _check_system(path: Path, strict: bool, changes: Changes) -> Verdict:
     return Verdict(f"{system.name}: fine ({counts}){wanted}", tuple(notes))
 
 
-def _system_errors(system: System, sets: Sequence[str]) -> Iterator[str]:
-    """Time span, FMUs, and wiring and values with these parameter sets ("": as they are) as far as
-    the FMUs can be read.
+def _system_errors(system: System, chosen: Sequence[System]) -> Iterator[str]:
+    """Time span, FMUs, wiring, and the values of the system in its parameter sets as far as the
+    FMUs can be read.
     """
     experiment = system.experiment
     if experiment.step is not None and experiment.stop is not None:
@@ -131,9 +132,10 @@ def _system_errors(system: System, sets: Sequence[str]) -> Iterator[str]:
         if interface and (problem := binary_problem(interface)):
             yield f"{component.name}: {component.fmu.name}: {problem}"
     yield from size_problems(system, interfaces)
-    chosen = [choose_set(system, name) if name else system for name in sets]
-    for each in chosen:
-        yield from graph_problems(each, interfaces)
+    first, *others = chosen
+    yield from graph_problems(first, interfaces)
+    for each in others:  # which differ from it in values only
+        yield from value_problems(each, interfaces, each.components)
     boards = [name for name, place in system.origin.on.items() if "://" in place]
     for error in (*refused(chosen), *unreachable(system, boards)):
         yield from str(_told(error, system)).splitlines()

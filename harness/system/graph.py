@@ -156,14 +156,20 @@ def rechecked(system: System, known: System, graph: Graph) -> Checked:
     """What checked() gives; from the graph of `known` is taken whatever has not changed since."""
     if not _same_structure(system, known, graph):
         return checked(system)
+    graph = rebuilt(system, known, graph)
+    return Checked(graph, macro_steps(system.experiment, [c.every for c in system.components]))
+
+
+def rebuilt(system: System, known: System, graph: Graph) -> Graph:
+    """What build_graph() gives; from the graph of `known` is taken whatever has not changed."""
+    if not _same_structure(system, known, graph):
+        return build_graph(system)
     pairs = list(zip(graph.nodes, system.components, strict=True))
     changed = [new for node, c in pairs if (new := _with_new_values(node, c)).parameters]
     interfaces = {node.component.name: node.interface for node in graph.nodes}
     if any(value_problems(system, interfaces, changed)):
-        return checked(system)  # it raises, with every problem
-    nodes = tuple(_adapted(*pair) for pair in pairs)
-    steps = macro_steps(system.experiment, [c.every for c in system.components])
-    return Checked(replace(graph, nodes=nodes), steps)
+        return build_graph(system)  # it raises, with every problem
+    return replace(graph, nodes=tuple(_adapted(*pair) for pair in pairs))
 
 
 def _same_structure(system: System, known: System, graph: Graph) -> bool:

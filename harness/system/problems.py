@@ -219,7 +219,10 @@ def value_problems(
     if system.strict and changed:
         yield from _open_inputs(system, interfaces)
     for component in changed:
-        yield from _parameter_problems(component, interfaces[component.name])
+        if component.name in interfaces:
+            yield from _parameter_problems(component, interfaces[component.name])
+    if changed:
+        yield from _shared_streams(system, interfaces)
 
 
 def size_problems(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
