@@ -9,16 +9,15 @@ that it holds. Below stands what the safety monitor of the run has found.
 from __future__ import annotations
 
 import textwrap
-from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-from itertools import chain, repeat, zip_longest
+from collections.abc import Iterable, Iterator
+from itertools import zip_longest
 from typing import NamedTuple
 
 from harness.claims.case import listed, unlike
 from harness.errors import ResultsError
 from harness.mission import Claim, Judgement, Mission, Paper, RuleFinding
 from harness.mission.library import missing, notes_of, of_result
-from harness.results.requirements import Finding, findings
+from harness.results.requirements import findings
 from harness.results.result import Result
 from harness.results.verdict import OPEN, Judged, Kind, Verdict, missed
 
@@ -83,9 +82,14 @@ def lines(result: Result, width: int = WIDTH) -> list[Line]:
     sections = [_section(result, each, width) for each in found]
     if not found and of_result(result).claims:
         sections = [_wrapped(_without_claims(result), width)]
-    note = missing(result)
-    parts = (_wrapped(note, width), _notes(result, width), _requirements(wanted, width), *sections,
-             _safety(result, width))  # fmt: skip
+    safe = safety(of_result(result), result).splitlines()
+    parts = (
+        _wrapped(missing(result), width),
+        _paragraph("Notes:", notes_of(result), width),
+        _paragraph("Requirements:", map(str, wanted), width),
+        *sections,
+        [line for text in safe for line in (_wrapped(text, width) or [Line("")])],
+    )
     text = _flown(result, width)
     for part in filter(None, parts):
         text += [Line(""), *part]
@@ -102,22 +106,10 @@ def _without_claims(result: Result) -> str:
     return f"{result.system}: there are no claims of a paper about such a result{hint}"
 
 
-def _notes(result: Result, width: int) -> list[Line]:
-    """One paragraph, if there are any."""
-    each = [line for note in notes_of(result) for line in _wrapped(note, width, "  ")]
-    return [Line("Notes:"), *each] if each else []
-
-
-def _requirements(wanted: Sequence[Finding], width: int) -> list[Line]:
-    """One paragraph, if there are any."""
-    each = [line for found in wanted for line in _wrapped(str(found), width, "  ")]
-    return [Line("Requirements:"), *each] if each else []
-
-
-def _safety(result: Result, width: int) -> list[Line]:
-    """What the safety monitor has found, if there was one."""
-    text = safety(of_result(result), result).splitlines()
-    return [line for row in text for line in (_wrapped(row, width) or [Line("")])]
+def _paragraph(head: str, texts: Iterable[str], width: int) -> list[Line]:
+    """Texts below a heading, if there are any."""
+    each = [line for text in texts for line in _wrapped(text, width, "  ")]
+    return [Line(head), *each] if each else []
 
 
 class PaperJudged(NamedTuple):
@@ -144,27 +136,22 @@ def judged(result: Result) -> list[PaperJudged]:
 def _flown(result: Result, width: int) -> list[Line]:
     """What was flown, at the head of everything."""
     known = result.provenance
-    texts = ["the file does not say"] if known is None else known.lines()
-    starts = chain([FLOWN], repeat(" " * len(FLOWN)))
-    return [
-        line
-        for start, text in zip(starts, texts, strict=False)
-        for line in _wrapped(text, width, start)
-    ]
+    first, *further = ["the file does not say"] if known is None else known.lines()
+    below = [line for text in further for line in _wrapped(text, width, " " * len(FLOWN))]
+    return [*_wrapped(first, width, FLOWN), *below]
 
 
-def _section(result: Result, judged: PaperJudged, width: int) -> list[Line]:
-    other = bool(judged.deviations)
-    differences = f"Not the case of the paper: {listed(judged.deviations)}"
+def _section(result: Result, paper: PaperJudged, width: int) -> list[Line]:
+    differences = f"Not the case of the paper: {listed(paper.deviations)}"
     return [
-        *_wrapped(judged.paper.title, width),
+        *_wrapped(paper.paper.title, width),
         Line(""),
         *_wrapped(_about(result), width),
-        *(_wrapped(differences, width) if other else ()),
+        *(_wrapped(differences, width) if paper.deviations else ()),
         Line(""),
-        *(_table(judged.claims, other) if width >= WIDTH else _blocks(judged.claims, other, width)),
+        *(_table(paper) if width >= WIDTH else _blocks(paper, width)),
         Line(""),
-        *_wrapped(_summary([judgement for _, judgement in judged.claims], other), width),
+        *_wrapped(_summary(paper), width),
     ]
 
 
@@ -185,40 +172,39 @@ def _about(result: Result) -> str:
     return f"Run {result.system}: {span}, {len(result.time)} rows, {state}"
 
 
-def _table(claims: Sequence[tuple[Claim, Judgement]], other: bool) -> Iterator[Line]:
+def _table(paper: PaperJudged) -> Iterator[Line]:
     """A row for each claim, an empty line after it."""
     for text in _row(title for title, _ in COLUMNS):
         yield Line(text)
     yield Line(GAP.join("-" * width for _, width in COLUMNS))
-    for claim, judgement in claims:
-        for text in _row(_cells(claim, judgement, other)):
-            yield Line(text, None if other else judgement.verdict, WIDTH - COLUMNS[-1][1])
+    for claim, judgement in paper.claims:
+        for text in _row(_cells(claim, judgement, paper)):
+            yield Line(text, _shown(judgement, paper), WIDTH - COLUMNS[-1][1])
         yield Line("")
 
 
-def _blocks(claims: Sequence[tuple[Claim, Judgement]], other: bool, width: int) -> Iterator[Line]:
+def _blocks(paper: PaperJudged, width: int) -> Iterator[Line]:
     """Some lines for each claim, an empty line after them."""
-    for claim, judgement in claims:
-        text, *cells = _cells(claim, judgement, other)
+    for claim, judgement in paper.claims:
+        text, *cells, verdict = _cells(claim, judgement, paper)
         yield from _wrapped(text, width)
-        for (name, _), cell in zip(COLUMNS[1:-1], cells[:-1], strict=True):
+        for (name, _), cell in zip(COLUMNS[1:-1], cells, strict=True):
             yield from _wrapped(cell, width, f"{INDENT}{name:{NAMED}}") if cell else ()
-        for line in _wrapped(cells[-1], width, f"{INDENT}{'verdict':{NAMED}}"):
-            yield line._replace(
-                verdict=None if other else judgement.verdict, begin=len(INDENT) + NAMED
-            )
+        for line in _wrapped(verdict, width, f"{INDENT}{'verdict':{NAMED}}"):
+            yield Line(line.text, _shown(judgement, paper), len(INDENT) + NAMED)
         yield Line("")
 
 
-def _cells(claim: Claim, judgement: Judgement, other: bool) -> list[str]:
-    bands = [claim.criterion(band) for band in (claim.reproduced, claim.partly)]
-    return [f"{claim.text} [{claim.where}]", judgement.figure, *bands, _verdict(judgement, other)]
-
-
-def _verdict(judgement: Judgement, other: bool) -> str:
+def _shown(judgement: Judgement, paper: PaperJudged) -> Verdict | None:
     """Of another case a verdict is none on the paper."""
-    mark = f", {OTHER}" if other and judgement.verdict not in OPEN else ""
-    return Kind.CLAIM.word(judgement.verdict) + mark
+    return None if paper.deviations else judgement.verdict
+
+
+def _cells(claim: Claim, judgement: Judgement, paper: PaperJudged) -> list[str]:
+    bands = [claim.criterion(band) for band in (claim.reproduced, claim.partly)]
+    mark = f", {OTHER}" if paper.deviations and judgement.verdict not in OPEN else ""
+    verdict = Kind.CLAIM.word(judgement.verdict) + mark
+    return [f"{claim.text} [{claim.where}]", judgement.figure, *bands, verdict]
 
 
 def _row(cells: Iterable[str]) -> list[str]:
@@ -232,12 +218,10 @@ def _row(cells: Iterable[str]) -> list[str]:
     ]
 
 
-def _summary(judgements: Sequence[Judgement], other: bool) -> str:
-    count = Counter(judgement.verdict for judgement in judgements)
-    parts = [
-        f"{count[verdict]} {Kind.CLAIM.word(verdict)}" for verdict in Verdict if count[verdict]
-    ]
-    return f"{len(judgements)} claims: {', '.join(parts)}{f'; {OTHER}' if other else ''}"
+def _summary(paper: PaperJudged) -> str:
+    found = Kind.CLAIM.tally(judgement.verdict for _, judgement in paper.claims)
+    parts = ", ".join(f"{count} {word}" for _, word, count in found)
+    return f"{len(paper.claims)} claims: {parts}{f'; {OTHER}' if paper.deviations else ''}"
 
 
 HEADING = "Safety: least margin of every rule in force, between samples too"
@@ -250,16 +234,16 @@ def rule_findings(mission: Mission, result: Result) -> list[RuleFinding]:
 
 def safety(mission: Mission, result: Result) -> str:
     """One line per rule in force; "" if no monitor has watched the run, or no rule was in force."""
-    rows = list(_safety_rows(rule_findings(mission, result)))
+    rows = [
+        ("rule", "least margin", "verdict", "limit"),
+        *(
+            (each.name, f"{each.margin:.4g} {each.unit}", each.state, each.limit)
+            for each in rule_findings(mission, result)
+        ),
+    ]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = (
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
         for row in rows
     )
     return "\n".join([HEADING, "", *lines]) if len(rows) > 1 else ""
-
-
-def _safety_rows(found: list[RuleFinding]) -> Iterator[tuple[str, ...]]:
-    yield "rule", "least margin", "verdict", "limit"
-    for each in found:
-        yield each.name, f"{each.margin:.4g} {each.unit}", each.state, each.limit

@@ -8,15 +8,16 @@ last.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from datetime import UTC, datetime
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import ResultsError, UsageError
-from harness.exchange.bodies import Body, bodies, instants
+from harness.exchange.bodies import bodies, instants
 from harness.files.output import written
 from harness.results.result import Array, Result
 
@@ -28,51 +29,38 @@ def write_oem(result: Result, path: Path, body: str | None, epoch: str) -> None:
     """Ephemeris of one body (default: the first); UsageError or ResultsError."""
     one = bodies(result, body)[0]
     data = np.hstack((one.r_N, one.v_N)) / 1000
-    meta = _meta(one.name, result, epoch) | {"INTERPOLATION": "HERMITE", "INTERPOLATION_DEGREE": 3}
-    order = {"CENTER_NAME": "EARTH", "REF_FRAME": "EME2000", "TIME_SYSTEM": "UTC"}
-    _write(path, result, "OEM_VERS = 2.0", _ordered(meta, order), _rows(result, epoch, data))
+    frames = {"CENTER_NAME": "EARTH", "REF_FRAME": "EME2000", "TIME_SYSTEM": "UTC"}
+    meta = _meta(one.name, result, epoch, frames)
+    meta |= {"INTERPOLATION": "HERMITE", "INTERPOLATION_DEGREE": "3"}
+    _write(path, result, "OEM_VERS = 2.0", meta, _rows(result, epoch, data))
 
 
 def write_aem(result: Result, path: Path, body: str | None, epoch: str) -> None:
     """Attitude of one body (default: the first that has one); UsageError or ResultsError."""
-    one = _with_attitude(bodies(result, body))
-    assert one.q is not None
-    order = {
+    found = bodies(result, body)
+    one = next((body for body in found if body.q is not None), found[0])
+    if one.q is None:
+        raise UsageError(f"{one.name}: the result does not hold its attitude")
+    frames = {
         "CENTER_NAME": "EARTH",
         "REF_FRAME_A": "EME2000",
         "REF_FRAME_B": "SC_BODY_1",
         "ATTITUDE_DIR": "A2B",
         "TIME_SYSTEM": "UTC",
     }
-    kind = {"ATTITUDE_TYPE": "QUATERNION", "QUATERNION_TYPE": "LAST"}
-    meta = _ordered(_meta(one.name, result, epoch) | kind, order)
+    meta = _meta(one.name, result, epoch, frames)
+    meta |= {"ATTITUDE_TYPE": "QUATERNION", "QUATERNION_TYPE": "LAST"}
     rows = ["DATA_START", *_rows(result, epoch, one.q[:, [1, 2, 3, 0]]), "DATA_STOP"]
-    _write(path, result, "AEM_VERS = 1.0", meta, iter(rows))
+    _write(path, result, "AEM_VERS = 1.0", meta, rows)
 
 
-def _with_attitude(found: list[Body]) -> Body:
-    chosen = next((body for body in found if body.q is not None), None)
-    if chosen is None:
-        raise UsageError(f"{found[0].name}: the result does not hold its attitude")
-    return chosen
-
-
-def _meta(name: str, result: Result, epoch: str) -> dict[str, object]:
+def _meta(name: str, result: Result, epoch: str, frames: Mapping[str, str]) -> dict[str, str]:
+    """The object, frames and time system, the span."""
     times = _texts(instants(result, epoch))
     if len(times) < 2:
         raise ResultsError(f"{result.system}: an ephemeris needs two rows at least")
-    return {
-        "OBJECT_NAME": name.upper(),
-        "OBJECT_ID": "UNKNOWN",
-        "START_TIME": times[0],
-        "STOP_TIME": times[-1],
-    }
-
-
-def _ordered(meta: dict[str, object], frames: Mapping[str, object]) -> dict[str, object]:
-    """Frames and time system stand between the object and its span."""
-    items = list(meta.items())
-    return dict([*items[:2], *frames.items(), *items[2:]])
+    named = {"OBJECT_NAME": name.upper(), "OBJECT_ID": "UNKNOWN"}
+    return {**named, **frames, "START_TIME": times[0], "STOP_TIME": times[-1]}
 
 
 def _rows(result: Result, epoch: str, data: Array) -> Iterator[str]:
@@ -90,13 +78,14 @@ def _texts(times: NDArray[np.datetime64]) -> list[str]:
 
 
 def _write(
-    path: Path, result: Result, kind: str, meta: Mapping[str, object], rows: Iterator[str]
+    path: Path, result: Result, kind: str, meta: Mapping[str, str], rows: Iterable[str]
 ) -> None:
     flown = result.provenance
+    comments = [ASSUMED, *(flown.lines() if flown else [])]
     created = flown.date.removesuffix("Z") if flown else ""
     head = [
         f"CCSDS_{kind}",
-        *(f"COMMENT {line}" for line in [ASSUMED, *(flown.lines() if flown else [])]),
+        *(f"COMMENT {line}" for line in comments),
         f"CREATION_DATE = {created or datetime.now(UTC).strftime('%Y-%m-%dT%H:%M:%S')}",
         f"ORIGINATOR = {ORIGINATOR}",
         "META_START",
@@ -104,5 +93,4 @@ def _write(
         "META_STOP",
     ]
     with written(path) as target, target.open("w", encoding="utf-8", newline="\n") as file:
-        file.writelines(f"{line}\n" for line in head)
-        file.writelines(f"{line}\n" for line in rows)
+        file.writelines(f"{line}\n" for line in chain(head, rows))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,54 +29,58 @@ LEAP_SECONDS = 37.0
 """TAI - UTC since 2017 [s]; the matrix turns by less than 0.01 arcsec per second of it."""
 
 
+class _Clock(NamedTuple):
+    """The rows that are shown, their instants and seconds since the first."""
+
+    rows: slice
+    times: NDArray[np.datetime64]
+    seconds: Array
+
+    @property
+    def span(self) -> str:
+        """From the first instant to the last."""
+        return f"{_text(self.times[0])}/{_text(self.times[-1])}"
+
+    def sampled(self, degree: int, name: str, values: Array, **about: Any) -> dict[str, Any]:
+        """Values (rows, n) by the name that they have in CZML, interpolated by polynomials."""
+        return {
+            "epoch": _text(self.times[0]),
+            "interpolationAlgorithm": "LAGRANGE",
+            "interpolationDegree": degree,
+            **about,
+            name: np.column_stack((self.seconds, values)).ravel().tolist(),
+        }
+
+
 def write_czml(result: Result, path: Path, body: str | None, epoch: str) -> None:
     """All bodies, or the named one; UsageError or ResultsError."""
-    stride = -(-len(result.time) // ROWS)
-    times = instants(result, epoch)[::stride]
-    seconds = result.time[::stride] - result.time[0]
-    span = f"{_text(times[0])}/{_text(times[-1])}"
-    clock = {"interval": span, "currentTime": _text(times[0]), "multiplier": 10}
-    head = {"id": "document", "name": result.system, "version": "1.0", "clock": clock}
-    packets = [
-        _packet(each, colour, times, seconds, stride, span)
-        for each, colour in zip(bodies(result, body), COLOURS, strict=False)
-    ]
+    rows = slice(None, None, -(-len(result.time) // ROWS))
+    times = instants(result, epoch)[rows]
+    clock = _Clock(rows, times, result.time[rows] - result.time[0])
+    shown = {"interval": clock.span, "currentTime": _text(times[0]), "multiplier": 10}
+    head = {"id": "document", "name": result.system, "version": "1.0", "clock": shown}
+    found = zip(bodies(result, body), COLOURS, strict=False)
+    packets = [_packet(each, colour, clock) for each, colour in found]
     with written(path) as target:
         target.write_text(json.dumps([head, *packets]), encoding="utf-8")
 
 
-def _packet(  # noqa: PLR0913, PLR0917 - one body in time
-    body: Body, colour: list[int], times: Any, seconds: Array, stride: int, span: str
-) -> dict[str, Any]:
+def _packet(body: Body, colour: list[int], clock: _Clock) -> dict[str, Any]:
     rgba = {"solidColor": {"color": {"rgba": colour}}}
-    sampled = {"epoch": _text(times[0]), "interpolationAlgorithm": "LAGRANGE"}
+    position = body.r_N[clock.rows]
     packet: dict[str, Any] = {
         "id": body.name,
         "name": body.name,
-        "availability": span,
-        "position": {
-            **sampled,
-            "interpolationDegree": 5,
-            "referenceFrame": "INERTIAL",
-            "cartesian": _listed(seconds, body.r_N[::stride]),
-        },
+        "availability": clock.span,
+        "position": clock.sampled(5, "cartesian", position, referenceFrame="INERTIAL"),
         "point": {"color": {"rgba": colour}, "pixelSize": 8},
         "path": {"material": rgba, "width": 2, "resolution": 60},
         "label": {"text": body.name, "pixelOffset": {"cartesian2": [0, -16]}},
     }
     if body.q is not None:
-        fixed = _fixed(body.q[::stride], times)
-        packet["orientation"] = {
-            **sampled,
-            "interpolationDegree": 1,
-            "unitQuaternion": _listed(seconds, fixed),
-        }
+        fixed = _fixed(body.q[clock.rows], clock.times)
+        packet["orientation"] = clock.sampled(1, "unitQuaternion", fixed)
     return packet
-
-
-def _listed(seconds: Array, values: Array) -> list[float]:
-    flat: list[float] = np.column_stack((seconds, values)).ravel().tolist()
-    return flat
 
 
 def _fixed(q: Array, times: Any) -> Array:

@@ -16,7 +16,6 @@ from functools import lru_cache
 from importlib.machinery import ModuleSpec
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from types import ModuleType
 from typing import NamedTuple
 
 from harness.errors import UsageError
@@ -133,12 +132,8 @@ def _package(folder: Path) -> str:
     if name not in sys.modules:
         spec = ModuleSpec(name, None, is_package=True)
         spec.submodule_search_locations = [str(folder)]
-        sys.modules[name] = _module(spec)
+        sys.modules[name] = importlib.util.module_from_spec(spec)
     return name
-
-
-def _module(spec: ModuleSpec) -> ModuleType:
-    return importlib.util.module_from_spec(spec)
 
 
 def _failure(folder: Path, error: Exception) -> str:

@@ -33,10 +33,13 @@ class Arrays:
         data = single.tobytes()
         digest = hashlib.sha256(repr(single.shape).encode() + data).digest()
         if digest not in self._names:
-            self._names[digest] = name = f"a{len(self._names)}"
-            text = base64.b64encode(data).decode()
-            self.content[name] = {"shape": list(single.shape), "data": text}
+            self._names[digest] = self._written(f"a{len(self._names)}", single)
         return self._names[digest]
+
+    def _written(self, name: str, single: NDArray[np.float32]) -> str:
+        text = base64.b64encode(single.tobytes()).decode()
+        self.content[name] = {"shape": list(single.shape), "data": text}
+        return name
 
     def take(self, name: str) -> NDArray[np.float32]:
         """An array as the page will have it."""

@@ -77,28 +77,29 @@ class _Writer:
             case ast.Call(func=ast.Name(id="parameter"), args=[argument]):
                 return {"kind": "parameter", "name": path_of(argument)}
             case ast.Call(func=ast.Name(id=name)) if name in WINDOWED:
-                return self._window(name, node)
+                begin, end = window_of(node)
+                times = {"begin": begin, "end": _finite(end)}
+                return {
+                    "kind": "window",
+                    "name": name,
+                    "parts": self._parts(parts_of(node)),
+                    **times,
+                }
+            case ast.Call(func=ast.Name(id=name)) if name not in TRANSLATED & FUNCTIONS.keys():
+                raise ValueError(f"the page has no function {name}")
             case ast.Call(func=ast.Name(id=name), args=arguments):
-                return self._call(name, arguments)
+                return {"kind": "call", "name": name, "parts": self._parts(arguments)}
             case ast.Subscript(value=a, slice=index):
                 return {"kind": "pick", "parts": [self.tree(a)], "index": _index(index_of(index))}
         raise ValueError(f"the page has no word for `{ast.unparse(node)}`")
 
     def _operator(self, op: ast.AST, parts: list[ast.expr]) -> Tree:
         name = OPERATORS[type(op)]
-        found: Tree = {"kind": "operator", "name": name, "parts": [self.tree(p) for p in parts]}
+        found: Tree = {"kind": "operator", "name": name, "parts": self._parts(parts)}
         return found | ({"joins": True} if name in ("and", "or") else {})
 
-    def _call(self, name: str, arguments: list[ast.expr]) -> Tree:
-        if name not in TRANSLATED or name not in FUNCTIONS:
-            raise ValueError(f"the page has no function {name}")
-        return {"kind": "call", "name": name, "parts": [self.tree(a) for a in arguments]}
-
-    def _window(self, name: str, node: ast.Call) -> Tree:
-        begin, end = window_of(node)
-        parts = [self.tree(part) for part in parts_of(node)]
-        times = {"begin": begin, "end": _finite(end)}
-        return {"kind": "window", "name": name, "parts": parts, **times}
+    def _parts(self, nodes: list[ast.expr]) -> list[Tree]:
+        return [self.tree(node) for node in nodes]
 
     def _shown(self, node: ast.expr) -> Tree:
         """What is named as the worst value: side of a comparison, unit, conversion to it."""

@@ -7,7 +7,6 @@ Everything is taken from the result and from the tables of the project.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from typing import Any
 
 from harness.claims.case import listed
@@ -18,7 +17,7 @@ from harness.mission.library import missing, notes_of, of_result
 from harness.report.plots import number
 from harness.results.requirements import findings
 from harness.results.result import Result
-from harness.results.verdict import OPEN, Kind, Verdict
+from harness.results.verdict import OPEN, Kind
 from harness.system.names import base
 
 Facts = dict[str, Any]
@@ -55,10 +54,9 @@ def chips(result: Result) -> list[Facts]:
         (Kind.CLAIM, [each.verdict for paper in given for _, each in paper.claims]),
     )
     for kind, verdicts in tallies:
-        for part in _tally(kind, verdicts):
-            many = f"{kind.value}{'' if part['number'] == 1 else 's'}"
-            text = f"{part['number']} {many} {part['text']}"
-            found.append({"kind": part["kind"], "text": text.replace("rules holds", "rules hold")})
+        for verdict, word, count in kind.tally(verdicts):
+            text = f"{count} {kind.value}{'' if count == 1 else 's'} {word}"
+            found.append({"kind": verdict.value, "text": text.replace("rules holds", "rules hold")})
     return sorted(found, key=lambda chip: WORST_FIRST.index(chip["kind"]))
 
 
@@ -92,7 +90,10 @@ def _paper(each: PaperJudged) -> Facts:
         "title": each.paper.title,
         "differences": listed(each.deviations) if each.deviations else "",
         "other": OTHER if each.deviations else "",
-        "count": _tally(Kind.CLAIM, [judgement.verdict for _, judgement in each.claims]),
+        "count": [
+            {"kind": verdict.value, "text": word, "number": count}
+            for verdict, word, count in Kind.CLAIM.tally(j.verdict for _, j in each.claims)
+        ],
         "claims": [
             {
                 "text": claim.text,
@@ -107,17 +108,6 @@ def _paper(each: PaperJudged) -> Facts:
             for claim, judgement in each.claims
         ],
     }
-
-
-def _tally(kind: Kind, verdicts: list[Verdict]) -> list[Facts]:
-    """How often each verdict was given."""
-    count = Counter(verdicts)
-    return [
-        {"kind": v.value, "text": kind.word(v), "number": count[v]} for v in Verdict if count[v]
-    ]
-
-
-# ---- requirements
 
 
 def demands(result: Result) -> list[Facts]:

@@ -166,13 +166,7 @@ class TracedArrays(Arrays):
 
     def own(self, values: Array) -> str:
         """Name of an array that nobody else has."""
-        name = f"t{len(self.content)}"
-        single = np.ascontiguousarray(values, dtype="<f4")
-        self.content[name] = {
-            "shape": list(single.shape),
-            "data": base64.b64encode(single.tobytes()).decode(),
-        }
-        return name
+        return self._written(f"t{len(self.content)}", np.ascontiguousarray(values, dtype="<f4"))
 
     def operations(self, curves: list[Data]) -> Data:
         """The operations that arrays and curves need, for the page; long lists of places once."""

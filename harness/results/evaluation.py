@@ -25,7 +25,7 @@ from harness.results.result import Result
 from harness.system.units import convert
 
 
-def evaluate(node: ast.expr, look_up: Callable[[str], Any]) -> Any:  # noqa: PLR0911, PLR0912 - one per kind
+def evaluate(node: ast.expr, look_up: Callable[[str], Any]) -> Any:  # noqa: PLR0911 - one per kind
     """Value of an expression; look_up: value of `time`, `component.variable` or `parameter
     component.name`. ValueError where a number has a unit: resolved() first.
     """
@@ -38,9 +38,7 @@ def evaluate(node: ast.expr, look_up: Callable[[str], Any]) -> Any:  # noqa: PLR
             return value
         case ast.Constant(value=int() | float() as value):
             return np.float64(value)  # 9**9**9 is infinite and not endless
-        case ast.BinOp(left=a, op=op, right=b):
-            return BINARY[type(op)](evaluate(a, look_up), evaluate(b, look_up))
-        case ast.Compare(left=a, ops=[op], comparators=[b]):
+        case ast.BinOp(left=a, op=op, right=b) | ast.Compare(left=a, ops=[op], comparators=[b]):
             return BINARY[type(op)](evaluate(a, look_up), evaluate(b, look_up))
         case ast.UnaryOp(op=op, operand=a):
             return UNARY[type(op)](evaluate(a, look_up))
@@ -127,6 +125,10 @@ KEEPING = {
 """Functions whose value has the unit of their first argument."""
 
 
+UNITS = {"degrees": "deg", "angle": "rad", "settling_time": "s"}
+"""Functions whose value has a unit of its own."""
+
+
 def unit_of(node: ast.expr, unit: Callable[[str], str]) -> str:  # noqa: PLR0911 - one per kind
     """Unit of the value of an expression, "" if it is not known; unit: that of a name."""
     if path := path_of(node):
@@ -136,18 +138,15 @@ def unit_of(node: ast.expr, unit: Callable[[str], str]) -> str:  # noqa: PLR0911
             return unit_of(a, unit)
         case ast.BinOp(left=a, op=ast.Add() | ast.Sub(), right=b):
             return unit_of(a, unit) or unit_of(b, unit)
-        case ast.BinOp(left=ast.Constant(), op=ast.Mult(), right=a):
-            return unit_of(a, unit)
-        case ast.BinOp(left=a, op=ast.Mult() | ast.Div(), right=ast.Constant()):
+        case (
+            ast.BinOp(left=ast.Constant(), op=ast.Mult(), right=a)
+            | ast.BinOp(left=a, op=ast.Mult() | ast.Div(), right=ast.Constant())
+        ):
             return unit_of(a, unit)
         case ast.Call(func=ast.Name(id="parameter"), args=[argument]):
             return unit(f"parameter {path_of(argument)}")
-        case ast.Call(func=ast.Name(id="degrees")):
-            return "deg"
-        case ast.Call(func=ast.Name(id="angle")):
-            return "rad"
-        case ast.Call(func=ast.Name(id="settling_time")):
-            return "s"
+        case ast.Call(func=ast.Name(id=name)) if name in UNITS:
+            return UNITS[name]
         case ast.Call(func=ast.Name(id="steady"), args=[_, a]):
             return unit_of(a, unit)
         case ast.Call(func=ast.Name(id=name), args=[a, *_]) if name in KEEPING:

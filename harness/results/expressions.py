@@ -254,9 +254,9 @@ def _parts(node: ast.expr) -> list[ast.expr]:  # noqa: PLR0911 - one per kind
             raise ValueError(f"there is no number beyond 1e{DIGITS}")
         case ast.Constant(value=int() | float() | bool()):
             return []
-        case ast.BinOp(left=a, op=op, right=b) if type(op) in BINARY:
-            return [a, b]
-        case ast.Compare(left=a, ops=[op], comparators=[b]) if type(op) in BINARY:
+        case ast.BinOp(left=a, op=op, right=b) | ast.Compare(left=a, ops=[op], comparators=[b]) if (
+            type(op) in BINARY
+        ):
             return [a, b]
         case ast.UnaryOp(op=op, operand=a) if type(op) in UNARY:
             return [a]

@@ -44,27 +44,29 @@ class ResultFile:
         try:
             self._special = path.exists() and not path.is_file()
         except (OSError, ValueError) as error:  # a name that no file can have
-            reason = getattr(error, "strerror", None) or str(error)
-            raise ResultsError(f"{path}: cannot be written ({reason})") from error
+            raise self._refused(getattr(error, "strerror", None) or str(error)) from error
         if path.is_dir():
             raise ResultsError(f"{path}: cannot be written, it is a folder")
         if path.exists() and not os.access(path, os.W_OK):
-            raise ResultsError(f"{path}: cannot be written (no permission)")
+            raise self._refused("no permission")
         if not self._special:
             self._try()
 
+    def _refused(self, reason: str) -> ResultsError:
+        return ResultsError(f"{self.path}: cannot be written ({reason})")
+
     def _try(self) -> None:
         """Look whether the file can be written, without leaving anything behind."""
-        folder = next(folder for folder in self.path.absolute().parents if folder.exists())
+        folder = next(folder for folder in self._target.parents if folder.exists())
         if not folder.is_dir():
-            raise ResultsError(f"{self.path}: cannot be written ({folder} is not a folder)")
+            raise self._refused(f"{folder} is not a folder")
         if not os.access(folder, os.W_OK):
-            raise ResultsError(f"{self.path}: cannot be written (no permission for {folder})")
-        if folder == self.path.absolute().parent:
+            raise self._refused(f"no permission for {folder}")
+        if folder == self._target.parent:
             try:
-                new_beside(self.path.absolute()).unlink(missing_ok=True)
+                new_beside(self._target).unlink(missing_ok=True)
             except OSError as error:
-                raise ResultsError(f"{self.path}: cannot be written ({error.strerror})") from error
+                raise self._refused(str(error.strerror)) from error
 
     def accept(self, system: System) -> None:
         """Look whether the file can hold the names of a system; ResultsError with those that it
@@ -119,18 +121,17 @@ class ResultFile:
                 WRITERS[path.suffix](result, target)
             if path.suffix == ".csv" and not self._special:
                 comma_separated.write_beside(result, path)
-        except HarnessError as error:
-            if not isinstance(error, ResultsError):  # a library is missing
-                raise
-            raise ResultsError(_failure(error, self.path)) from error
         except Exception as error:  # OSError, or what the libraries behind xarray and scipy raise
-            raise ResultsError(_failure(error, self.path)) from error
+            if isinstance(error, HarnessError) and not isinstance(error, ResultsError):
+                raise  # a library is missing
+            cause = error.__cause__ if isinstance(error, ResultsError) else None
+            raise self._refused(_reason(cause or error)) from error
 
 
-def _failure(error: Exception, path: Path) -> str:
-    cause = error.__cause__ if isinstance(error, ResultsError) and error.__cause__ else error
-    reason = getattr(cause, "strerror", None) or " ".join(str(cause).split())
-    return f"{path}: cannot be written ({reason or type(cause).__name__})"
+def _reason(error: BaseException) -> str:
+    """Why a file cannot be read or written, in a line."""
+    text = getattr(error, "strerror", None) or " ".join(str(error).split())
+    return text or type(error).__name__
 
 
 def _rescued(result: Result, path: Path) -> Path | None:
@@ -166,22 +167,12 @@ def read(file: str | Path) -> Result:
     except HarnessError:  # a library is missing
         raise
     except Exception as error:  # OSError, or what the libraries behind xarray and numpy raise
-        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
-        raise ResultsError(f"{path}: cannot be read ({reason or type(error).__name__})") from error
+        raise ResultsError(f"{path}: cannot be read ({_reason(error)})") from error
 
 
-WRITERS = {
-    ".csv": comma_separated.write,
-    ".nc": netcdf.write,
-    ".mat": matlab.write,
-    ".parquet": parquet.write,
-}
-READERS = {
-    ".csv": comma_separated.read,
-    ".nc": netcdf.read,
-    ".mat": matlab.read,
-    ".parquet": parquet.read,
-}
+FORMATS = {".csv": comma_separated, ".nc": netcdf, ".mat": matlab, ".parquet": parquet}
+WRITERS = {ending: kind.write for ending, kind in FORMATS.items()}
+READERS = {ending: kind.read for ending, kind in FORMATS.items()}
 
 
 def save(result: Result, path: str | Path) -> Path:

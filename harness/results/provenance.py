@@ -109,23 +109,19 @@ class Provenance:
 def flown(system: System, executor: str, every: int, timing: str = "") -> Provenance:
     """Provenance of a run of a system that begins or ends now."""
     origin, experiment = system.origin, system.experiment
+    given = {
+        name: getattr(origin, name) for name in ("source", "sha256", "params", "params_sha256")
+    }
+    given |= {
+        name: tuple(getattr(origin, name).items()) for name in ("set", "maps", "on", "latency")
+    }
+    given |= {name: getattr(experiment, name) for name in ("algorithm", "step", "stop", "epoch")}
     return Provenance(
+        **given,
         version=_version(),
         system=system.name,
         mission=system.mission,
-        source=origin.source,
-        sha256=origin.sha256,
-        params=origin.params,
-        params_sha256=origin.params_sha256,
-        set=tuple(origin.set.items()),
         swaps=tuple(origin.swaps.values()),
-        maps=tuple(origin.maps.items()),
-        on=tuple(origin.on.items()),
-        latency=tuple(origin.latency.items()),
-        algorithm=experiment.algorithm,
-        step=experiment.step,
-        stop=experiment.stop,
-        epoch=experiment.epoch,
         schedule=tuple(Slot(c.name, c.fmu.stem, c.every, c.latency) for c in system.components),
         requirements=tuple(system.requirements.items()),
         executor=executor,
@@ -208,10 +204,12 @@ KINDS: Mapping[str, tuple[type, ...]] = {
 def _field(name: str, value: Any) -> Any:
     """A field of a file; ValueError if it is not what a run has there."""
     if name in PLAIN:
-        kind: Any = int | float if name in NUMBERS else str
+        number = name in NUMBERS
+        kind: Any = int | float if number else str
         if not isinstance(value, kind) or isinstance(value, bool):
-            raise ValueError(f"{name}: expected a {_WORD[name in NUMBERS]}, got {value!r:.40}")
-        if name in NUMBERS and not (math.isfinite(value) and (name not in WHOLE or value >= 1)):
+            word = "number" if number else "text"
+            raise ValueError(f"{name}: expected a {word}, got {value!r:.40}")
+        if number and not (math.isfinite(value) and (name not in WHOLE or value >= 1)):
             raise ValueError(f"{name}: got {value!r}")
         return int(value) if name in WHOLE else value
     row, kinds = ROWS.get(name), KINDS.get(name, (str, str))
@@ -222,9 +220,6 @@ def _field(name: str, value: Any) -> Any:
         if not fits or not all(map(isinstance, each, kinds)) or too_deep(each):
             raise ValueError(f"{name}: {each!r:.40} is not a row of such a list")
     return tuple(row(*each) if row else tuple(each) for each in value)
-
-
-_WORD = {True: "number", False: "text"}
 
 
 def flat(provenance: Provenance) -> dict[str, str | float]:

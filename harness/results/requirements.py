@@ -241,7 +241,11 @@ def finding(result: Result, name: str, text: str) -> Finding:
         with np.errstate(all="ignore"):
             if has_window(tree):
                 return _judged_at_start(result, found, tree)
-            return _lasting(result, _judged(result, found, tree))
+            judged = _judged(result, found, tree)
+        if result.complete:
+            return judged
+        met = judged.verdict is not Verdict.NOT_MET
+        return _ended_early(result, judged) if met else replace(judged, margin=-math.inf)
     except (KeyError, ValueError, IndexError, TypeError, ZeroDivisionError, OverflowError) as error:
         reason = str(error.args[0]) if error.args else type(error).__name__
         return Finding(name, text, Verdict.NOT_JUDGED, reason=reason)
@@ -257,24 +261,11 @@ def _stated(text: str, units: Units) -> tuple[ast.expr, str]:
     return resolved(tree, lambda path: known.get(path, "")), unit
 
 
-def _lasting(result: Result, found: Finding) -> Finding:
-    """The finding; a run that ended early meets nothing: what it did not live to see is open."""
-    if result.complete:
-        return found
-    met = found.verdict is not Verdict.NOT_MET
-    return _ended_early(result, found) if met else replace(found, margin=-math.inf)
-
-
 def _ended_early(result: Result, found: Finding) -> Finding:
+    """A run that ended early meets nothing: what it did not live to see is open."""
     reason = f"the run ended early, at {result.time[-1]:g} s"
-    return Finding(
-        found.name,
-        found.text,
-        Verdict.NOT_MET,
-        reason=reason,
-        margin=-math.inf,
-        margin_unit=found.margin_unit,
-    )
+    nothing = replace(found, value=None, unit="", time=None)
+    return replace(nothing, verdict=Verdict.NOT_MET, reason=reason, margin=-math.inf)
 
 
 def _judged_at_start(result: Result, found: Finding, tree: ast.expr) -> Finding:

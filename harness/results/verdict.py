@@ -5,6 +5,7 @@ expects, and the one rule by which they decide on the exit status.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterable
 from enum import Enum
 from typing import NamedTuple
@@ -39,6 +40,11 @@ class Kind(Enum):
     def word(self, verdict: Verdict) -> str:
         """A verdict in the words of its kind."""
         return WORDS[self].get(verdict) or OPEN[verdict]
+
+    def tally(self, verdicts: Iterable[Verdict]) -> list[tuple[Verdict, str, int]]:
+        """Verdicts that were given, in the words of their kind, and how often."""
+        count = Counter(verdicts)
+        return [(each, self.word(each), count[each]) for each in Verdict if count[each]]
 
 
 WORDS = {
