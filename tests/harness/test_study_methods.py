@@ -110,6 +110,24 @@ def test_importance_sampling_sees_only_regions_that_have_a_centre():
     assert hits(centres[:1]) <= 10
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_failures_of_subset_simulation_are_centres_in_two_unlike_regions(seed):
+    """Opposite planes at 4.2 and 4.4 standard deviations, p = 1.9e-5, in 38 numbers."""
+    p, failures = stats.norm.sf(4.2) + stats.norm.sf(4.4), []
+
+    def margin(z):
+        y = np.minimum(4.2 - z[:, 0], 4.4 + z[:, 0])
+        failures.append(z[y <= 0])
+        return y
+
+    found = answer(probability.subset(38, seed, 14_000), margin)
+    centres = probability.regions(np.concatenate(failures))
+    about = answer(probability.importance(38, seed, 2000, centres), margin)
+    assert {*np.sign(centres[:, 0])} == {-1, 1}
+    assert 0.7 < about.p / p < 1.4
+    assert 1 / 3 < found.p / about.p < 3
+
+
 def test_importance_sampling_finds_its_centres_and_says_when_it_has_not():
     d, margin, p = CASES["linear"]
     found = answer(probability.centred(d, 1, 10_000), margin)
