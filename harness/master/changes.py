@@ -216,6 +216,16 @@ def _once(option: str, given: Pairs) -> Iterator[tuple[str, Any]]:
         yield name, value
 
 
+def joined(own: Changes, further: Changes) -> Changes:
+    """Changes with further ones over them; those of one name each do not replace others."""
+    both: dict[str, Any] = {**own, **further}
+    for name in ("set", "swap", "on", "latency"):
+        given: list[Any] = [c[name] for c in (own, further) if name in c]
+        if len(given) == 2:
+            both[name] = {k: v for each in given for k, v in pairs(f"--{name}", each)}
+    return both  # type: ignore[return-value]
+
+
 def set_names(system: System) -> list[str]:
     """Names of all parameter sets of a system, the default one first."""
     return [DEFAULT_SET, *(s.name for s in system.sets)]

@@ -15,15 +15,12 @@ from numpy.typing import NDArray
 from harness.errors import UsageError
 from harness.files.paths import is_file
 from harness.files.sealed import sha256
-from harness.master.changes import Changes, pairs
+from harness.master.changes import Changes, joined
 from harness.results.files import read
 from harness.results.provenance import Provenance, differences
 from harness.results.result import Result
 from harness.ssp.library import find_system, leave_python
 from harness.system.swap import find_fmu
-
-NAMED = ("set", "swap", "on", "latency")
-"""Changes of one name each, which others do not replace."""
 
 _log = logging.getLogger("harness")
 
@@ -51,7 +48,7 @@ def again(text: str, system: str | Path | None, changes: Changes) -> Again:
         found, own = like(text, system)
         if system is None:
             leave_python(found)
-        return Again(found, _over(own, changes))
+        return Again(found, joined(own, changes))
     model = read(Path(text))
     if (flown := model.provenance) is None:
         raise UsageError(f"--like {text}: the file does not record what was run")
@@ -60,18 +57,10 @@ def again(text: str, system: str | Path | None, changes: Changes) -> Again:
     found = system or flown.source
     if system is None:
         leave_python(found)
-    both = _over(flown.changes(), changes)  # type: ignore[arg-type]
+    both = joined(flown.changes(), changes)  # type: ignore[arg-type]
     for warning in _changed(flown, found, both):
         _log.warning("%s", warning)
     return Again(found, both, flown.executor, flown.every, model)
-
-
-def _over(own: Changes, changes: Changes) -> Changes:
-    both: dict[str, Any] = {**own, **changes}
-    for name in NAMED:
-        given: list[Any] = [dict(pairs(f"--{name}", c.get(name, ()))) for c in (own, changes)]  # type: ignore[arg-type]
-        both[name] = given[0] | given[1]
-    return both  # type: ignore[return-value]
 
 
 def _changed(flown: Provenance, system: str | Path, changes: Changes) -> Iterator[str]:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from harness.errors import UsageError
-from harness.master.changes import Changes, pairs, unmapped
+from harness.master.changes import Changes, joined, pairs, unmapped
 from harness.spelling import is_number
 from harness.system.values import parse
 
@@ -191,13 +191,10 @@ def _delay(component: str, steps: str) -> str:
 
 
 def _variant(fixed: Changes, combination: Sequence[_Choice], several: Sequence[bool]) -> Variant:
-    changes = fixed.copy()
+    changes = fixed
     for choice in combination:
-        if isinstance(choice.value, str):
-            changes[choice.option] = choice.value  # type: ignore[literal-required]
-        else:
-            earlier = dict(pairs(f"--{choice.option}", changes.get(choice.option, ())))  # type: ignore[arg-type]
-            changes[choice.option] = earlier | dict([choice.value])  # type: ignore[literal-required]
+        value = choice.value if isinstance(choice.value, str) else dict([choice.value])
+        changes = joined(changes, {choice.option: value})  # type: ignore[misc]
     return Variant(
         ", ".join(c.label for c, varies in zip(combination, several, strict=True) if varies),
         changes,

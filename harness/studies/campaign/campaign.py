@@ -63,7 +63,7 @@ class Campaign:
 
     @property
     def data(self) -> Any:
-        """The dataset as xarray has it: runs with labelled factors and metrics."""
+        """The dataset as xarray has it: runs with labelled factors, metrics and margins."""
         import xarray
 
         return xarray.open_zarr(self.path, consolidated=False, chunks=None)
@@ -106,7 +106,7 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     who = checked(Workers(workers, scheduler, slurm, tls, insecure, dashboard))
     get_ready(who)
     with said_once():
-        plan, found = read_plan(definition if isinstance(definition, Mapping) else Path(definition))
+        plan, found = read_plan(definition)
     _refuse_conditions(plan, found, require)
     path, task = Path(output), task_of(plan, found)
     with ExitStack() as life:

@@ -53,22 +53,22 @@ MAX_RUNS = 10_000_000
 """Runs of one campaign; their values are drawn at once."""
 
 
-def table_of(definition: Path | Mapping[str, Any]) -> Mapping[str, Any]:
+def table_of(definition: str | Path | Mapping[str, Any]) -> dict[str, Any]:
     """The table of a campaign, from its .toml or as it is given; UsageError, StructureError."""
-    given = read_toml(definition) if isinstance(definition, Path) else plain(definition)
-    found: Mapping[str, Any] = given
-    return found
+    given = definition if isinstance(definition, Mapping) else read_toml(Path(definition))
+    return {name: plain(value) for name, value in given.items()}
 
 
 def read_plan(
-    definition: Path | Mapping[str, Any], path: Path | None = None
+    definition: str | Path | Mapping[str, Any], path: Path | None = None
 ) -> tuple[Plan, Layout]:
     """The plan of a table, or of the .toml that holds it, and the layout of its results; path: the
     file that a table comes from.
 
     Raises UsageError (no such file or system) or StructureError with all that is wrong.
     """
-    path = definition if isinstance(definition, Path) else path
+    if not isinstance(definition, Mapping):
+        path = Path(definition)
     table = table_of(definition)
     name = path.name if path else "campaign"
     if not isinstance(table.get("system"), str):

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.master.changes import Changes, pairs
+from harness.master.changes import Changes, joined
 from harness.master.isolated import PATIENCE
 from harness.results.result import Result
 from harness.ssp.library import find_system
@@ -313,15 +313,15 @@ class Plan:
 
     def changes(self, values: Values) -> Changes:
         """What run() takes for a run of these values."""
-        changes: dict[str, Any] = {**self.fixed}
+        varied: dict[str, Any] = {}
         for name, value in values.items():
             option, _, rest = name.partition(".")
             if name in CHANGES:
-                changes[name] = value
+                varied[name] = value
             else:
                 kind, key = (option, rest) if option in NAMED else ("set", name)
-                changes[kind] = {**dict(pairs(f"--{kind}", changes.get(kind, ()))), key: value}
-        return changes  # type: ignore[return-value]
+                varied.setdefault(kind, {})[key] = value
+        return joined(self.fixed, varied)  # type: ignore[arg-type]
 
 
 def _structural(name: str) -> bool:

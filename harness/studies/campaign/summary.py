@@ -52,13 +52,13 @@ def wilson(successes: int, n: int, z: float = Z95) -> tuple[float, float]:
 def rank_correlation(x: Array, y: Array) -> float:
     """Spearman's rank correlation of the rows where both exist; NaN where one does not vary."""
     both = np.isfinite(x) & np.isfinite(y)
-    a, b = _mean_ranks(x[both]), _mean_ranks(y[both])
+    a, b = mean_ranks(x[both]), mean_ranks(y[both])
     if len(a) < 3 or np.ptp(a) == 0 or np.ptp(b) == 0:
         return math.nan
     return float(np.corrcoef(a, b)[0, 1])
 
 
-def _mean_ranks(x: Array) -> Array:
+def mean_ranks(x: Array) -> Array:
     """From 1 on; equal values share the mean of theirs (scipy.stats takes half a second to
     import).
     """

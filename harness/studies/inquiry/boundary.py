@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from harness.errors import UsageError
 from harness.studies.campaign.factors import normal_quantile
-from harness.studies.inquiry.flights import asked, column
+from harness.studies.inquiry.flights import columns
 from harness.studies.inquiry.study import Study, begun, prepared
 
 Array = NDArray[np.float64]
@@ -70,10 +70,9 @@ def _worthwhile(places: Array, margins: Array, edges: NDArray[np.intp]) -> Array
 def boundary_map(definition: Any, output: str | Path, **how: Any) -> Study:
     """Where a requirement fails, over two factors of one number each; all others are nominal."""
     entry, flights = prepared("map", definition, how)
-    name = next(asked(entry["of"], flights))
-    k, chosen = column(flights, name, slope=False), entry["factors"]
+    ((name, k),) = columns(entry["of"], flights, slope=False, most=1).items()
     small = [f for f, places in flights.groups.items() if len(places) == 1]
-    chosen = chosen or small
+    chosen = entry["factors"] or small
     if len(chosen) != 2 or any(f not in small for f in chosen):
         raise UsageError(f"map.factors: expected two of one number each, of {', '.join(small)}")
     if entry["flights"] < COARSE**2:
@@ -92,5 +91,4 @@ def boundary_map(definition: Any, output: str | Path, **how: Any) -> Study:
 
     with begun("map", flights, int(entry["flights"]), output, how) as driver:
         driver.answer(whole(boundary(int(entry["flights"]))), k)
-        store = driver.finish({"of": {name: {"factors": chosen}}})
-    return Study(Path(output), store)
+        return Study(driver.path, driver.finish({"of": {name: {"factors": chosen}}}))

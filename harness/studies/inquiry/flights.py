@@ -10,7 +10,7 @@ draws, the nominal flight.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ from harness.studies.campaign.campaign import task_of
 from harness.studies.campaign.clusters import Workers, processes
 from harness.studies.campaign.draft import read_plan, table_of
 from harness.studies.campaign.engine import Block, Fly, crew, get_ready
-from harness.studies.campaign.factors import SMALLEST
+from harness.studies.campaign.factors import CHOICES, SMALLEST
 from harness.studies.campaign.plan import Values
 from harness.studies.campaign.worker import FAILED, Row
 
@@ -44,7 +44,7 @@ class Flights:
 
     d: numbers of a row; groups: their places by factor; names: requirements, in the order of the
     columns of margins. definition: path of the .toml of a campaign, or the table itself; workers:
-    as of campaign().
+    as of campaign(); file: where a table is from, beside which files that it names lie.
 
     Raises UsageError and StructureError with all that is wrong before the first flight.
     """
@@ -57,21 +57,14 @@ class Flights:
         file: Path | None = None,
         said: Callable[[str], None] = lambda _: None,
     ) -> None:
-        path = None if isinstance(definition, Mapping) else Path(definition)
-        if file is not None:  # which the table is from: files that it names lie beside it
-            path = file
-        table = {
-            k: v
-            for k, v in table_of(
-                definition if isinstance(definition, Mapping) else Path(definition)
-            ).items()
-            if k not in UNUSED
-        }
+        if file is None and not isinstance(definition, Mapping):
+            file = Path(definition)
+        table = {k: v for k, v in table_of(definition).items() if k not in UNUSED}
         refuse_listed(table)
         self.workers = Workers(workers)
         get_ready(self.workers)
         with said_once():
-            self.plan, self.found = read_plan(table | {"runs": 1}, path)
+            self.plan, self.found = read_plan(table | {"runs": 1}, file)
         self.groups = {name: list(places) for name, places in self.plan.groups.items()}
         self.d = sum(map(len, self.groups.values()))
         if not self.d:
@@ -135,11 +128,8 @@ def margins_of(rows: list[Row]) -> Array:
 def refuse_listed(table: Mapping[str, Any]) -> None:
     """StructureError if factors are gone through: a list has no normal number."""
     factors = table.get("factors")
-    listed = [
-        name
-        for name, given in (factors.items() if isinstance(factors, Mapping) else ())
-        if isinstance(given, Mapping) and given.keys() & {"list", "range"}
-    ]
+    given = factors.items() if isinstance(factors, Mapping) else ()
+    listed = [n for n, each in given if isinstance(each, Mapping) and each.keys() & CHOICES.keys()]
     if listed:
         raise StructureError(
             f"factors.{name}: listed values cannot be asked about; one file per value, or [fixed]"
@@ -147,10 +137,21 @@ def refuse_listed(table: Mapping[str, Any]) -> None:
         )
 
 
-def column(flights: Flights, name: str, slope: bool) -> int:
-    """Place of a requirement among the margins; UsageError if it is none, or has no slope although
-    the method needs one.
+def columns(
+    of: str | Sequence[str], flights: Flights, slope: bool, most: int | None = None
+) -> dict[str, int]:
+    """Places among the margins of the requirements that a study is about, at most so many: those
+    named, or all.
+
+    UsageError if one is none, or has no slope although the method needs one.
     """
+    if not flights.names:
+        raise UsageError("there is no requirement to ask about: [requirements] makes one")
+    names = [of] if isinstance(of, str) else list(of or flights.names)
+    return {name: _column(flights, name, slope) for name in names[:most]}
+
+
+def _column(flights: Flights, name: str, slope: bool) -> int:
     if name not in flights.names:
         known = ", ".join(flights.names) or "none"
         raise UsageError(
@@ -164,10 +165,3 @@ def column(flights: Flights, name: str, slope: bool) -> int:
             f'quantities with < or >, or use method = "random"'
         )
     return flights.names.index(name)
-
-
-def asked(names: Any, flights: Flights) -> Iterator[str]:
-    """Requirements that a study is about: those named, or all."""
-    if not flights.names:
-        raise UsageError("there is no requirement to ask about: [requirements] makes one")
-    yield from [names] if isinstance(names, str) else names or flights.names

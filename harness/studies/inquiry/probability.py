@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from harness.errors import UsageError
 from harness.studies.campaign.stopping import clopper_pearson
 from harness.studies.campaign.store import Store
-from harness.studies.inquiry.flights import asked, column
+from harness.studies.inquiry.flights import columns
 from harness.studies.inquiry.study import Study, begun, plain, prepared, say_nominal
 
 Array = NDArray[np.float64]
@@ -303,9 +303,9 @@ def probability(definition: Any, output: str | Path, **how: Any) -> Study:
     """How probable is a failure of one requirement; how: as of sensitivity()."""
     entry, flights = prepared("probability", definition, how)
     budget, d, seed = int(entry["flights"]), flights.d, flights.plan.seed
-    name = next(asked(entry["of"], flights))
+    slope = entry["method"] != "random"
+    ((name, k),) = columns(entry["of"], flights, slope, most=1).items()
     method: Any
-    k = column(flights, name, slope=entry["method"] != "random")
     if entry["method"] == "random":
         method = random(d, seed, budget)
     elif entry["method"] == "subset":
@@ -334,8 +334,7 @@ def probability(definition: Any, output: str | Path, **how: Any) -> Study:
             met, missed = estimate.high < below, estimate.low > below
             word = "met" if met and not estimate.warning else "NOT MET" if missed else "undecided"
             found |= {"below": below, "verdict": word}
-        store = driver.finish({"of": {name: found}})
-    return Study(Path(output), store)
+        return Study(driver.path, driver.finish({"of": {name: found}}))
 
 
 def _failures(path: Path, name: str, d: int) -> Array:

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from harness.errors import UsageError
 from harness.studies.campaign.factors import normal_quantile
 from harness.studies.campaign.store import Store
+from harness.studies.campaign.summary import mean_ranks, rank_correlation
 from harness.studies.campaign.worker import PENDING
-from harness.studies.inquiry.flights import asked, column
+from harness.studies.inquiry.flights import columns
 from harness.studies.inquiry.study import Study, begun, plain, prepared, say_nominal
 
 Array = NDArray[np.float64]
@@ -130,7 +131,7 @@ def hsic(groups: Sequence[Group], x: Array, y: Array, seed: int = 0) -> Effects:
     if len(y) > ROWS:
         chosen = rng.choice(len(y), ROWS, replace=False)
         x, y = x[chosen], y[chosen]
-    k_y = _kernel(_ranks(y)[:, None])
+    k_y = _kernel(mean_ranks(y)[:, None] / len(y))
     orders = [rng.permutation(len(y)) for _ in range(RESAMPLED)]
     value, p = np.zeros(len(groups)), np.ones(len(groups))
     for k, group in enumerate(groups):
@@ -140,12 +141,6 @@ def hsic(groups: Sequence[Group], x: Array, y: Array, seed: int = 0) -> Effects:
         by_chance = [(k_x * k_y[np.ix_(o, o)]).sum() / size for o in orders]
         p[k] = (1 + np.count_nonzero(np.array(by_chance) >= value[k])) / (1 + RESAMPLED)
     return Effects("given", value, value, value, p=p, died=int((~np.isfinite(y)).sum()))
-
-
-def _ranks(y: Array) -> Array:
-    """Between 0 and 1, equal ones share theirs."""
-    _, place, count = np.unique(y, return_inverse=True, return_counts=True)
-    return np.asarray((np.cumsum(count) - (count - 1) / 2)[place] / len(y))
 
 
 def _kernel(x: Array) -> Array:
@@ -170,7 +165,7 @@ def sensitivity(definition: Any, output: str | Path | None = None, **how: Any) -
     if not isinstance(definition, Mapping) and Path(definition).suffix == ".zarr":
         return Study(Path(definition), of_dataset(Path(definition)))
     entry, flights = prepared("sensitivity", definition, how)
-    of = {name: column(flights, name, slope=False) for name in asked(entry["of"], flights)}
+    of = columns(entry["of"], flights, slope=False)
     groups, seed, said = [*flights.groups.values()], flights.plan.seed, how.get("said", print)
     per = len(groups) + (1 if entry["method"] == "morris" else 2)
     count = max(1, int(entry["flights"]) // per)
@@ -193,8 +188,8 @@ def sensitivity(definition: Any, output: str | Path | None = None, **how: Any) -
             signs = _signs(groups, numbers, margins[:, k])
             found[name] = plain(effects._asdict()) | {"signs": signs}
         factors = [*flights.groups]
-        store = driver.finish({"of": found, "factors": factors, "method": entry["method"]})
-    return Study(Path(output), store)
+        estimate = {"of": found, "factors": factors, "method": entry["method"]}
+        return Study(driver.path, driver.finish(estimate))
 
 
 METHODS = {"morris": morris, "sobol": sobol}
@@ -213,8 +208,6 @@ def _told(method: Any, y: Array) -> Effects:
 
 def _signs(groups: list[list[int]], numbers: Array, y: Array) -> list[float]:
     """Rank correlation of a margin with the number of each factor that it hangs on most."""
-    from harness.studies.campaign.summary import rank_correlation
-
     signs = []
     for group in groups:
         each = np.nan_to_num([rank_correlation(numbers[:, k], y) for k in group])
@@ -240,19 +233,10 @@ def of_dataset(path: Path) -> Store:
         )
     seeds = store.definition()[0].get("seeds", ())
     names = [n for n in store.names("factor") if n not in seeds]
-    columns: list[NDArray[np.float64]] = []
-    groups: list[list[int]] = []
-    width = 0
-    for name in names:
-        values = store.array(name)
-        if values.dtype.kind not in "fiu":
-            values = np.unique(values, return_inverse=True)[1]
-        flat = values.reshape(len(values), -1)[flown].astype(np.float64)
-        flat = (flat - flat.mean(axis=0)) / np.where(np.ptp(flat, axis=0) > 0, flat.std(axis=0), 1)
-        groups.append([*range(width, width + flat.shape[1])])
-        width += flat.shape[1]
-        columns.append(flat)
-    x, margins = np.concatenate(columns, axis=1), store.array("margin")[flown]
+    scaled = [_scaled(store.array(name), flown) for name in names]
+    ends = np.cumsum([each.shape[1] for each in scaled])
+    groups = [each.tolist() for each in np.split(np.arange(ends[-1]), ends[:-1])]
+    x, margins = np.concatenate(scaled, axis=1), store.array("margin")[flown]
     found = {}
     for k, name in enumerate(store.array("requirement")):
         if np.isfinite(margins[:, k]).any():
@@ -266,3 +250,12 @@ def of_dataset(path: Path) -> Store:
     store.group.attrs["estimate"] = json.dumps({"of": found, "factors": names, "method": "given"})
     store.group.attrs["kind"] = "given"
     return store
+
+
+def _scaled(values: Any, flown: NDArray[np.bool_]) -> Array:
+    """Numbers (runs, elements) of a factor of runs that have flown, of mean 0 and deviation 1."""
+    if values.dtype.kind not in "fiu":
+        values = np.unique(values, return_inverse=True)[1]
+    flat = values.reshape(len(values), -1)[flown].astype(np.float64)
+    deviation = np.where(np.ptp(flat, axis=0) > 0, flat.std(axis=0), 1)
+    return np.asarray((flat - flat.mean(axis=0)) / deviation)

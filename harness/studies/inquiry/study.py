@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +16,8 @@ from numpy.typing import NDArray
 
 from harness.errors import StructureError, UsageError
 from harness.spelling import did_you_mean
+from harness.studies.campaign.campaign import Campaign
 from harness.studies.campaign.draft import table_of
-from harness.studies.campaign.store import Store
 from harness.studies.inquiry.driver import Driver
 from harness.studies.inquiry.flights import Flights
 
@@ -39,12 +38,8 @@ METHODS = {
 }
 
 
-@dataclass(frozen=True)
-class Study:
+class Study(Campaign):
     """A study that is over. estimate: what was found, by requirement, as plain data."""
-
-    path: Path
-    store: Store
 
     @property
     def kind(self) -> str:
@@ -56,13 +51,6 @@ class Study:
         """What was found, as plain data."""
         found: dict[str, Any] = json.loads(self.store.group.attrs["estimate"])
         return found
-
-    @property
-    def data(self) -> Any:
-        """The dataset as xarray has it: flights with numbers, factors and margins."""
-        import xarray
-
-        return xarray.open_zarr(self.path, consolidated=False, chunks=None)
 
     def summary(self) -> str:
         """What was found, for reading."""
@@ -81,14 +69,12 @@ class Study:
 
 def entries(kind: str, table: Mapping[str, Any]) -> dict[str, Any]:
     """The table of a study with its defaults; StructureError with all that is wrong with it."""
-    known = ENTRIES[kind]
     given = table.get(kind, {})
     if not isinstance(given, Mapping):
         raise StructureError([f"{kind}: must be a table here, not {given!r:.60}"])
-    problems = list(_wrong(kind, given))
-    if problems:
+    if problems := list(_wrong(kind, given)):
         raise StructureError(problems)
-    return {**known, **given}
+    return {**ENTRIES[kind], **given}
 
 
 def _wrong(kind: str, given: Mapping[str, Any]) -> Iterator[str]:
@@ -136,8 +122,7 @@ def begun(
 
 def prepared(kind: str, definition: Any, how: Mapping[str, Any]) -> tuple[dict[str, Any], Flights]:
     """The entries of a study with its flights."""
-    table = table_of(definition if isinstance(definition, Mapping) else Path(definition))
-    entry = entries(kind, table)
+    entry = entries(kind, table_of(definition))
     flights = Flights(definition, workers=how.get("workers"), said=how.get("said", lambda _: None))
     return entry, flights
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from harness.errors import UsageError
 from harness.studies.campaign.draft import table_of
 from harness.studies.campaign.store import Store
-from harness.studies.inquiry.flights import Flights, asked, column
+from harness.studies.inquiry.flights import Flights, columns
 from harness.studies.inquiry.study import Study, begun, entries, plain
 from harness.studies.inquiry.worst import generation, needs_cma, search
 
@@ -119,27 +119,20 @@ def _finite(y: Array) -> Array:
 def tune(definition: Any, output: str | Path, **how: Any) -> Study:
     """Gains with the best worst margin over draws and over the worst flights of an archive."""
     needs_cma()
-    table = dict(table_of(definition if isinstance(definition, Mapping) else Path(definition)))
+    table = table_of(definition)
     entry = entries("tune", table)
     if not entry["gains"]:
         raise UsageError("tune.gains: expected a draw per gain, as in [factors]")
     file = Path("campaign.toml" if isinstance(definition, Mapping) else definition)
     factors = {**table.get("factors", {}), **entry["gains"]}
     flights = Flights({**table, "factors": factors}, workers=how.get("workers"), file=file)
-    of = {n: column(flights, n, slope=True) for n in asked(entry["of"], flights)}
+    of = columns(entry["of"], flights, slope=True)
     gains = [p for n in entry["gains"] for p in flights.groups[n]]
     archive = Store.open(file.parent / entry["archive"]) if entry["archive"] else None
     method, runs = tuned(flights, gains, entry, archive, list(of))
     with begun("tune", flights, runs, output, how) as driver:
         found = driver.answer(method, list(of.values()))
-        chosen = flights.plan.of_numbers(_uniform(found.numbers))
+        chosen = flights.values(found.numbers, 0)
         gained = {n: chosen[n] for n in entry["gains"]}
         numbers = plain(found._asdict()) | {"gains": plain(gained)}
-        store = driver.finish({"of": {", ".join(of): numbers}})
-    return Study(Path(output), store)
-
-
-def _uniform(z: Array) -> Array:
-    from scipy.special import ndtr
-
-    return np.asarray(ndtr(z))
+        return Study(driver.path, driver.finish({"of": {", ".join(of): numbers}}))

@@ -19,7 +19,7 @@ from harness.errors import RunError, UsageError
 from harness.results.files import save
 from harness.results.requirements import margin
 from harness.studies.inquiry.driver import Driver
-from harness.studies.inquiry.flights import asked, column
+from harness.studies.inquiry.flights import columns
 from harness.studies.inquiry.study import Study, begun, plain, prepared, say_nominal
 from harness.studies.warm import Warm
 
@@ -125,7 +125,7 @@ def worst(definition: Any, output: str | Path, **how: Any) -> Study:
     """
     needs_cma()
     entry, flights = prepared("worst", definition, how)
-    of = {name: column(flights, name, slope=True) for name in asked(entry["of"], flights)}
+    of = columns(entry["of"], flights, slope=True)
     searches = int(entry["searches"])
     each, least = int(entry["flights"]) // searches, generation(flights.d)
     if each < least:
@@ -148,8 +148,7 @@ def worst(definition: Any, output: str | Path, **how: Any) -> Study:
                 z = np.repeat(np.array([found[name]["numbers"]]), seeds, axis=0)
                 found[name]["other seeds"] = driver.ask(z)[:, k]
         _confirm(driver, found, Path(output))
-        store = driver.finish({"of": plain(found), "box": entry["box"]})
-    return Study(Path(output), store)
+        return Study(driver.path, driver.finish({"of": plain(found), "box": entry["box"]}))
 
 
 class _Best:
