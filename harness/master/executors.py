@@ -112,6 +112,7 @@ class _Call(ctypes.Structure):
         ("values", ctypes.c_size_t),
         ("at", ctypes.c_void_p),
         ("type", ctypes.c_int),
+        ("finite", ctypes.c_int),
     ]
 
 
@@ -219,6 +220,7 @@ def _call(action: Action[Instance], transfer: Transfer | None) -> _Call:
         len(transfer.values),
         transfer.at.ctypes.data,
         TYPES_3.index(transfer.access) if transfer.access else 0,
+        instance.ours,
     )
 
 

@@ -103,8 +103,9 @@ class Instance:
     """An instance of an FMU in its place in the system."""
 
     def __init__(self, node: Node, folder: Path, ours: bool | None = None) -> None:
-        """Unpack below `folder`, load and instantiate; FmuError if that fails. ours: as for
-        loaded().
+        """Unpack below `folder`, load and instantiate; FmuError if that fails. ours: whether it is
+        an FMU of the project (None: as its place says): it keeps no globals, and gives no output
+        that is not finite.
         """
         self.name = node.component.name
         self._states: list[ctypes.c_void_p] = []
@@ -112,10 +113,11 @@ class Instance:
         self._stepping = False
         self._used = False
         self.node = node
+        self.ours = is_ours(node.interface.path) if ours is None else ours
         self._files = ExitStack()
         try:
             label = f"{self.name}: "
-            self.calls = loaded(self.name, node.interface, folder, self._files, label, ours)
+            self.calls = loaded(self.name, node.interface, folder, self._files, label, self.ours)
             self._listen()
         except BaseException:
             self._files.close()
@@ -129,7 +131,7 @@ class Instance:
         """What FMPy has loaded, of FMI 2.0."""
         self.no_rollback = 0 if node.interface.model.coSimulation.canGetAndSetFMUstate else 1
         self.transfers = self._transfers()
-        self.resettable = True if is_ours(node.interface.path) else None
+        self.resettable = True if self.ours else None
         """Whether a reset leaves nothing of a run behind; None: not known yet."""
 
     @property

@@ -135,7 +135,6 @@ class WholeInstance(Instance):
     def __init__(self, node: Node, folder: Path, whole: Whole) -> None:
         super().__init__(node, folder, whole.ours)
         self.whole = whole
-        self.resettable = True if whole.ours else None
         n = len(whole.references)
         self._references = (ctypes.c_uint * n)(*whole.references)
         self.values: NDArray[np.float64] = np.zeros(n)

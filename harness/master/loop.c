@@ -59,6 +59,7 @@ typedef struct {
     size_t wires, values;          /* signals; elements of the buffer, which may be more */
     const size_t *at;              /* place of each signal in the buffer */
     int type;                      /* of FMI 3.0, see Conversion */
+    int finite;                    /* the FMU looks at its outputs itself */
 } Call;
 
 typedef struct {
@@ -92,7 +93,7 @@ static inline int scatter(const Call *c, double *bus, int status)
 {
     const double *value = c->value;
     if (status > fmi2Warning) return status;
-    if (!all_finite(value, c->values)) return NOT_FINITE;
+    if (!c->finite && !all_finite(value, c->values)) return NOT_FINITE;
     for (const Piece *p = c->piece, *end = p + c->pieces; p < end; p++)
         memcpy(bus + p->slot, value + p->at, p->count * sizeof *value);
     return status;

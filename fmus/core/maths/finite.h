@@ -7,17 +7,19 @@
 #include <stddef.h>
 
 /* A sum is finite only if every term is, so one test serves them all; where finite terms overflow
- * the sum they are looked at one by one. */
+ * the sum they are looked at one by one. Two sums side by side: compilers add to both at once. */
 static inline int all_finite(const double x[], size_t count)
 {
-    double a = 0, b = 0, c = 0, d = 0;
+    double sum[2] = {0};
     size_t i = 0;
-    for (; i + 8 <= count; i += 8)
-        a += x[i] + x[i + 4], b += x[i + 1] + x[i + 5], c += x[i + 2] + x[i + 6],
-            d += x[i + 3] + x[i + 7];
-    if (i + 4 <= count) a += x[i], b += x[i + 1], c += x[i + 2], d += x[i + 3], i += 4;
-    for (; i < count; i++) a += x[i];
-    if (isfinite(a + b + c + d)) return 1;
+    for (; i + 16 <= count; i += 16)
+        for (size_t k = 0; k < 2; k++)
+            sum[k] += ((x[i + k] + x[i + k + 2]) + (x[i + k + 4] + x[i + k + 6])) +
+                      ((x[i + k + 8] + x[i + k + 10]) + (x[i + k + 12] + x[i + k + 14]));
+    for (; i + 4 <= count; i += 4)
+        for (size_t k = 0; k < 2; k++) sum[k] += x[i + k] + x[i + k + 2];
+    for (; i < count; i++) sum[0] += x[i];
+    if (isfinite(sum[0] + sum[1])) return 1;
     for (i = 0; i < count; i++)
         if (!isfinite(x[i])) return 0;
     return 1;
