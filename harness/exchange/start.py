@@ -198,26 +198,27 @@ def _beside(parameters: Result, states: Mapping[str, State], names: Bodies) -> d
     target = next((c for c in states if f"{c}.{names.beside[0]}" not in parameters), None)
     if target is None:
         return {}
-    ending = f".{names.beside[0]}"
-    others = {name.removesuffix(ending) for name in parameters.vectors if name.endswith(ending)}
-    sizes = {c: f"{c}.{names.semi_major_axis}" for c in sorted(others - states.keys())}
-    orbits = {
-        component: elements(states[target], float(parameters[f"{component}.{names.field}"][0]))
-        for component, size in sizes.items()
-        if size in parameters and parameters[size][0] > 0  # else it is an estimate, or in no orbit
-    }
-    for component, orbit in orbits.items():
+    rows = (names.semi_major_axis, *names.elements)
+    found: dict[str, float] = {}
+    for component in _followers(parameters, states, names):
+        orbit = elements(states[target], float(parameters[f"{component}.{names.field}"][0]))
         if not orbit[1] < 1:
             raise UsageError(
                 f"--start {target}: its orbit is open (e = {orbit[1]:.6g}), and {component}, which "
                 f"starts beside it, takes a closed one; name a file for {component}"
             )
-    rows = (names.semi_major_axis, *names.elements)
-    return {
-        f"{component}.{name}": value
-        for component, orbit in orbits.items()
-        for name, value in zip(rows, orbit, strict=True)
-    }
+        found |= {f"{component}.{name}": x for name, x in zip(rows, orbit, strict=True)}
+    return found
+
+
+def _followers(parameters: Result, states: Mapping[str, State], names: Bodies) -> Iterator[str]:
+    """Bodies without a file that start in the Hill frame of another one."""
+    ending = f".{names.beside[0]}"
+    others = {name.removesuffix(ending) for name in parameters.vectors if name.endswith(ending)}
+    for component in sorted(others - states.keys()):
+        size = f"{component}.{names.semi_major_axis}"
+        if size in parameters and parameters[size][0] > 0:  # else it is an estimate, or in no orbit
+            yield component
 
 
 def elements(state: State, mu: float) -> tuple[float, ...]:
@@ -289,19 +290,35 @@ _TIME_SYSTEM = re.compile(r"\bTIME_SYSTEM\s*[=>]\s*([^\s<]+)")
 
 
 def _ephemeris(path: Path | str, text: str) -> Source:
-    systems = {match[1] for match in _TIME_SYSTEM.finditer(text)}
-    if not systems <= {*SYSTEMS}:
-        raise ValueError(
-            f"its times are {' and '.join(sorted(systems - {*SYSTEMS}))}, expected "
-            f"{', '.join(SYSTEMS)}"
-        )
-    if len(systems) > 1:
-        raise ValueError(f"its times are {' and '.join(sorted(systems))}, expected one system")
-    behind = GPS_BEHIND_TAI if systems == {"GPS"} else 0.0
+    system = _time_system(text)
     with PrivateFolder() as folder:
         copy = folder / "message.oem"  # with a time system that the library knows
         copy.write_text(_TIME_SYSTEM.sub(lambda m: m[0].replace("GPS", "TAI"), text), "utf-8")
         message = library("oem", "exchange").OrbitEphemerisMessage.open(str(copy))
+    frame = _frame(message)
+    behind = GPS_BEHIND_TAI if system == "GPS" else 0.0
+    late = library("astropy.time", "exchange").TimeDelta(behind, format="sec")
+    begin = (message.states[0].epoch + late).utc
+    begin.precision = 9
+    told = "" if system in ("", "UTC") else f", times in {system}"
+    state = partial(_interpolated, message, frame, late)
+    return Source(path, moment(begin.isot), f"{frame} taken as N{told}", state)
+
+
+def _time_system(text: str) -> str:
+    """Of all segments of an ephemeris, "" if it names none; ValueError."""
+    systems = {match[1] for match in _TIME_SYSTEM.finditer(text)}
+    if unknown := systems - {*SYSTEMS}:
+        raise ValueError(
+            f"its times are {' and '.join(sorted(unknown))}, expected {', '.join(SYSTEMS)}"
+        )
+    if len(systems) > 1:
+        raise ValueError(f"its times are {' and '.join(sorted(systems))}, expected one system")
+    return next(iter(systems), "")
+
+
+def _frame(message: Any) -> str:
+    """Axes of all segments of an ephemeris about the Earth; ValueError."""
     frames = {segment.metadata["REF_FRAME"].upper() for segment in message}
     centres = {segment.metadata["CENTER_NAME"].upper() for segment in message}
     if centres != {"EARTH"}:
@@ -310,13 +327,7 @@ def _ephemeris(path: Path | str, text: str) -> Source:
         raise ValueError(
             f"its axes are {' and '.join(sorted(frames))}, expected {', '.join(SAME_AXES)} or TEME"
         )
-    frame = frames.pop()
-    late = library("astropy.time", "exchange").TimeDelta(behind, format="sec")
-    begin = (message.states[0].epoch + late).utc
-    begin.precision = 9
-    told = "" if systems <= {"UTC"} else f", times in {systems.pop()}"
-    state = partial(_interpolated, message, frame, late)
-    return Source(path, moment(begin.isot), f"{frame} taken as N{told}", state)
+    return str(frames.pop())
 
 
 def _interpolated(message: Any, frame: str, late: Any, instant: np.datetime64) -> State:

@@ -27,8 +27,9 @@ class Place(NamedTuple):
     units: Mapping[str, str] = {}
 
     def file(self, stem: str) -> Path:
-        """Of a picture."""
-        return self.folder / f"{stem}.{self.ending}"
+        """Of a picture; stem: its name, in which only letters, digits, `_`, `.` and `-` stay."""
+        plain = re.sub(r"[^\w.-]+", "_", stem)
+        return self.folder / f"{plain}.{self.ending}"
 
     def label(self, name: str) -> str:
         """Of an axis."""
@@ -53,8 +54,7 @@ def scatter(metric: str, values: Array, factors: Mapping[str, Array], to: Place)
         axes.sharey(panels[0])
     for axes in panels[::COLUMNS]:
         axes.set(ylabel=to.label(metric))
-    stem = re.sub(r"[^\w.-]+", "_", metric)
-    return save(canvas, to.file(f"campaign_{stem}"))
+    return save(canvas, to.file(f"campaign_{metric}"))
 
 
 def chart(metric: str, values: Array, factors: Mapping[str, Array], to: Place) -> Path:
@@ -71,8 +71,7 @@ def chart(metric: str, values: Array, factors: Mapping[str, Array], to: Place) -
         if len(places) <= TICKS:
             axis.set_ticks(places)
     canvas.colorbar(mesh, ax=panels[0], label=to.label(metric))
-    stem = re.sub(r"[^\w.-]+", "_", metric)
-    return save(canvas, to.file(f"campaign_map_{stem}"))
+    return save(canvas, to.file(f"campaign_map_{metric}"))
 
 
 def bands(name: str, time: Array, percentiles: Sequence[float], band: Array, to: Place) -> Path:
@@ -89,8 +88,7 @@ def bands(name: str, time: Array, percentiles: Sequence[float], band: Array, to:
         element = f"{name}[{k + 1}]" if band.shape[2] > 1 else name
         axes.set(xlabel=clock.label, ylabel=to.label(element))
     legend_above(panels[0])
-    stem = re.sub(r"[^\w.-]+", "_", name)
-    return save(canvas, to.file(f"campaign_band_{stem}"))
+    return save(canvas, to.file(f"campaign_band_{name}"))
 
 
 def _grid(title: str, count: int, to: Place) -> tuple[Any, list[Any]]:

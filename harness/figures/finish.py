@@ -45,7 +45,7 @@ def finished(canvas: Any, end: float | None, distinct: bool) -> Any:
     """A figure of matplotlib with the last touch; end: of the runs in the unit of the axes of time,
     None: there are none; distinct: it is for print.
     """
-    flat = [axes for axes in canvas.axes if axes.name != "3d" and axes.get_label() != "<colorbar>"]
+    flat = plane(canvas)
     for axes in flat:
         for axis in (axes.xaxis, axes.yaxis):
             if axis.get_scale() == "log":
@@ -58,6 +58,11 @@ def finished(canvas: Any, end: float | None, distinct: bool) -> Any:
         _symbols(canvas)
     canvas.align_labels()
     return canvas
+
+
+def plane(canvas: Any) -> list[Any]:
+    """The axes of a figure that are neither in space nor scales of colours."""
+    return [axes for axes in canvas.axes if axes.name != "3d" and axes.get_label() != "<colorbar>"]
 
 
 # ---- limits

@@ -27,19 +27,18 @@ def draw_paths(
     names: of the three coordinates; plane: horizontal and vertical coordinate of the second view;
     colours: by label.
     """
-    space = canvas.add_subplot(1, 2, 1, projection="3d")
-    flat = canvas.add_subplot(1, 2, 2)
     from matplotlib import rcParams
 
+    space = canvas.add_subplot(1, 2, 1, projection="3d")
+    flat = canvas.add_subplot(1, 2, 2)
     dashes = rcParams["axes.prop_cycle"].by_key().get("linestyle", ["-"])
     for k, (label, (path, style)) in enumerate(paths.items()):
-        look = {"linewidth": 1, "label": label} | (
-            {"color": colours[label]} if colours and label in colours else {}
-        )
-        plain = style == "-"
-        look |= {"linestyle": dashes[k % len(dashes)]} if plain else {}
-        space.plot(*path.T, *([] if plain else [style]), **look)
-        flat.plot(path[:, plane[0]], path[:, plane[1]], *([] if plain else [style]), **look)
+        look = {"linewidth": 1, "label": label}
+        look |= {"color": colours[label]} if colours and label in colours else {}
+        look |= {"linestyle": dashes[k % len(dashes)]} if style == "-" else {}
+        given = () if style == "-" else (style,)
+        space.plot(*path.T, *given, **look)
+        flat.plot(path[:, plane[0]], path[:, plane[1]], *given, **look)
     space.set(xlabel=names[0], ylabel=names[1], zlabel=names[2])
     _to_scale(space)
     flat.set(xlabel=names[plane[0]], ylabel=names[plane[1]])

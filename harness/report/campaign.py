@@ -51,7 +51,7 @@ def _page(store: Store, path: Path) -> str:
     pages.append({"name": "beside", "figures": comparison.figures(beside, flown) if flown else []})
     return render(
         "campaign.html",
-        arrays,
+        canvas,
         comparison.side_by_side(flown, arrays, [page for page in pages if page["figures"]]),
         **_runs(store, metrics, path),
         flown=list(flown),
@@ -61,7 +61,6 @@ def _page(store: Store, path: Path) -> str:
         expected=[{"text": e.text, "look": e.verdict.value} for e in summary.expectations(store)],
         chance=[line for n, x in shown.items() if (line := summary.left_out(n, factors, x))],
         definition=[{"name": k, "value": _text(v)} for k, v in store.definition()[0].items()],
-        points=canvas.points if canvas.thinned else 0,
     )
 
 

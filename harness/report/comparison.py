@@ -31,18 +31,18 @@ def of_folder(folder: Path) -> str:
     """
     columns, labels = read_csv(folder / TABLE)
     results = _results(folder, labels)
-    arrays = Arrays()
-    canvas = canvas_of(results, arrays)
+    canvas = canvas_of(results, Arrays())
     drawn = figures(canvas, results)
     return render(
         "compare.html",
-        arrays,
-        side_by_side(results, arrays, [{"name": "figures", "figures": drawn}] if drawn else []),
+        canvas,
+        side_by_side(
+            results, canvas.arrays, [{"name": "figures", "figures": drawn}] if drawn else []
+        ),
         name=folder.resolve().name,
         system=next((r.system for r in results.values()), ""),
         runs=[_run(label, results.get(label)) for label in labels],
         table=_table(columns, labels, _words(results)),
-        points=canvas.points if canvas.thinned else 0,
     )
 
 

@@ -74,6 +74,14 @@ class _Writer:
                 return self._operator(op, values)
             case ast.UnaryOp(op=op, operand=a):
                 return {"kind": UNARY[type(op)], "parts": [self.tree(a)]}
+            case ast.Call():
+                return self._called(node)
+            case ast.Subscript(value=a, slice=index):
+                return {"kind": "pick", "parts": [self.tree(a)], "index": _index(index_of(index))}
+        raise ValueError(f"the page has no word for `{ast.unparse(node)}`")
+
+    def _called(self, node: ast.Call) -> Tree:
+        match node:
             case ast.Call(func=ast.Name(id="parameter"), args=[argument]):
                 return {"kind": "parameter", "name": path_of(argument)}
             case ast.Call(func=ast.Name(id=name)) if name in WINDOWED:
@@ -89,8 +97,6 @@ class _Writer:
                 raise ValueError(f"the page has no function {name}")
             case ast.Call(func=ast.Name(id=name), args=arguments):
                 return {"kind": "call", "name": name, "parts": self._parts(arguments)}
-            case ast.Subscript(value=a, slice=index):
-                return {"kind": "pick", "parts": [self.tree(a)], "index": _index(index_of(index))}
         raise ValueError(f"the page has no word for `{ast.unparse(node)}`")
 
     def _operator(self, op: ast.AST, parts: list[ast.expr]) -> Tree:

@@ -12,7 +12,7 @@ from typing import Any
 from harness.claims.case import listed
 from harness.claims.report import OTHER, PaperJudged, judged, rule_findings
 from harness.exchange.bodies import eclipses
-from harness.mission import Limits
+from harness.mission import Claim, Judgement, Limits
 from harness.mission.library import missing, notes_of, of_result
 from harness.report.plots import number
 from harness.results.requirements import findings
@@ -94,19 +94,20 @@ def _paper(each: PaperJudged) -> Facts:
             {"kind": verdict.value, "text": word, "number": count}
             for verdict, word, count in Kind.CLAIM.tally(j.verdict for _, j in each.claims)
         ],
-        "claims": [
-            {
-                "text": claim.text,
-                "where": claim.where,
-                "figure": judgement.figure,
-                "reproduced": claim.criterion(claim.reproduced),
-                "partly": claim.criterion(claim.partly),
-                "verdict": Kind.CLAIM.word(judgement.verdict),
-                "kind": judgement.verdict.value,
-                "other": OTHER if each.deviations and judgement.verdict not in OPEN else "",
-            }
-            for claim, judgement in each.claims
-        ],
+        "claims": [_claim(*pair, bool(each.deviations)) for pair in each.claims],
+    }
+
+
+def _claim(claim: Claim, judgement: Judgement, other: bool) -> Facts:
+    return {
+        "text": claim.text,
+        "where": claim.where,
+        "figure": judgement.figure,
+        "reproduced": claim.criterion(claim.reproduced),
+        "partly": claim.criterion(claim.partly),
+        "verdict": Kind.CLAIM.word(judgement.verdict),
+        "kind": judgement.verdict.value,
+        "other": OTHER if other and judgement.verdict not in OPEN else "",
     }
 
 

@@ -65,9 +65,9 @@ def of_run(result: Result) -> str:
     flight = _flight(result, system, steps, module, canvas)
     page = render(
         "fly.html",
-        canvas.arrays,
+        canvas,
         data,
-        **run.texts(result, canvas),
+        **run.texts(result),
         sliders=[_slider(result, module, slider) for slider in named],
         flight=flight,
         module=base64.b64encode(gzip.compress(module.code, 9, mtime=0)).decode(),

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from harness.figures.captions import untexed
+from harness.figures.finish import plane
 from harness.report.arrays import Canvas
 from harness.report.plots import STYLES, Plot
 
@@ -22,27 +23,35 @@ INK = ("k", "black", "#000000", (0.0, 0.0, 0.0, 1.0))
 
 def plots(canvas: Canvas, drawing: Any) -> list[Plot]:
     """The plane axes of a figure of matplotlib, from top to bottom."""
-    flat = [axes for axes in drawing.axes if axes.name != "3d" and axes.get_label() != "<colorbar>"]
-    return [_plot(canvas, axes) for axes in flat]
+    return [_plot(canvas, axes) | _scales(axes) for axes in plane(drawing)]
 
 
 def _plot(canvas: Canvas, axes: Any) -> Plot:
-    shared = axes.get_shared_x_axes().get_siblings(axes)
-    seconds = [SECONDS[x] for each in shared if (x := each.get_xlabel()) in SECONDS]
-    time, unit = bool(seconds), max(seconds, default=1.0)
-    found = {
+    seconds = _seconds(axes)
+    return {
         "title": axes.get_title(),
-        "x": "time [s]" if time else axes.get_xlabel(),
+        "x": "time [s]" if seconds else axes.get_xlabel(),
         "y": " ".join(axes.get_ylabel().split()),
-        "time": time,
+        "time": seconds > 0,
         "log": axes.get_yscale() == "log",
         "equal": axes.get_aspect() == 1.0,
         "levels": _levels(axes),
-        "curves": list(_curves(canvas, axes, unit)),
+        "curves": list(_curves(canvas, axes, seconds or 1.0)),
     }
+
+
+def _seconds(axes: Any) -> float:
+    """Seconds of the unit of an axis of time, 0 of another one."""
+    shared = axes.get_shared_x_axes().get_siblings(axes)
+    return max((SECONDS.get(each.get_xlabel(), 0.0) for each in shared), default=0.0)
+
+
+def _scales(axes: Any) -> Plot:
+    """Limits of axes that were set, and ticks that are words."""
+    found: Plot = {}
     if not axes.get_autoscaley_on():
         found["range"] = [float(limit) for limit in axes.get_ylim()]
-    if not axes.get_autoscalex_on() and not time:
+    if not axes.get_autoscalex_on() and not _seconds(axes):
         found["range_x"] = [float(limit) for limit in axes.get_xlim()]
     texts = [untexed(label.get_text()) for label in axes.get_yticklabels()]
     if any(re.search("[A-Za-z]", text) for text in texts):

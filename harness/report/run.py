@@ -34,7 +34,7 @@ def of_run(result: Result) -> str:
     """The page of one run as text."""
     canvas = canvas_of(result, Arrays())
     data = content(canvas, result)
-    return models.fitting(render("run.html", canvas.arrays, data, **texts(result, canvas)), result)
+    return models.fitting(render("run.html", canvas, data, **texts(result)), result)
 
 
 def content(canvas: Canvas, result: Result) -> dict[str, Any]:
@@ -47,7 +47,7 @@ def content(canvas: Canvas, result: Result) -> dict[str, Any]:
     }
 
 
-def texts(result: Result, canvas: Canvas) -> dict[str, Any]:
+def texts(result: Result) -> dict[str, Any]:
     """What the template shows in words and tables."""
     return {
         "head": facts.head(result),
@@ -57,7 +57,6 @@ def texts(result: Result, canvas: Canvas) -> dict[str, Any]:
         "chips": facts.chips(result),
         "margins": facts.margins(result),
         "parameters": facts.parameters(result),
-        "points": canvas.points if canvas.thinned else 0,
     }
 
 

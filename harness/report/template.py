@@ -16,12 +16,15 @@ from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from harness.errors import HarnessError
-from harness.report.arrays import Arrays
+from harness.report.arrays import Canvas
+
+if TYPE_CHECKING:
+    from jinja2 import Template
 
 SCRIPTS = {
     "plotly": Path("package_data") / "plotly.min.js",
@@ -54,25 +57,13 @@ def available() -> bool:
     return all(importlib.util.find_spec(library) for library in SCRIPTS)
 
 
-def render(template: str, arrays: Arrays, data: dict[str, Any], **texts: Any) -> str:
+def render(template: str, canvas: Canvas, data: dict[str, Any], **texts: Any) -> str:
     """A page from a template: texts are filled in, numbers go to its scripts as JSON."""
-    try:
-        from jinja2 import Environment, PackageLoader, StrictUndefined
-    except ImportError as error:
-        raise HarnessError("a report needs jinja2: pip install 'servicing-fmus[report]'") from error
-    loader = PackageLoader("harness.report", "page")
-    environment = Environment(
-        loader=loader,
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    page = environment.get_template(template)
-    return page.render(
+    return _template(template).render(
         **texts,
+        points=canvas.points if canvas.thinned else 0,
         data=_json(data),
-        arrays=_json(arrays.content),
+        arrays=_json(canvas.arrays.content),
         scripts={name: script(name) for name in SCRIPTS},
         style=text_of("style.css"),
         code=[text_of(f"{name}.js") for name in CODE],
@@ -80,6 +71,17 @@ def render(template: str, arrays: Arrays, data: dict[str, Any], **texts: Any) ->
         version=version("servicing-fmus"),
         date=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
     )
+
+
+def _template(name: str) -> Template:
+    try:
+        from jinja2 import Environment, PackageLoader, StrictUndefined
+    except ImportError as error:
+        raise HarnessError("a report needs jinja2: pip install 'servicing-fmus[report]'") from error
+    loader = PackageLoader("harness.report", "page")
+    blocks: Any = {"trim_blocks": True, "lstrip_blocks": True}
+    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, **blocks)
+    return environment.get_template(name)
 
 
 def text_of(name: str) -> str:
