@@ -11,7 +11,7 @@ from __future__ import annotations
 import ctypes
 import secrets
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -52,12 +52,12 @@ def _is_python(interface: Interface) -> bool:
 def loaded(  # noqa: PLR0913, PLR0917 - of an instance
     name: str,
     interface: Interface,
-    folder: Path,
+    folder: Callable[[], Path],
     files: ExitStack,
     label: str = "",
     ours: bool | None = None,
 ) -> Calls:
-    """An instance of an FMU, unpacked below `folder` until `files` are closed; FmuError, which
+    """An instance of an FMU, unpacked below folder() until `files` are closed; FmuError, which
     begins with the label. ours: whether it keeps no globals (None: as its place says).
     """
     label += interface.path.name
@@ -72,8 +72,8 @@ def loaded(  # noqa: PLR0913, PLR0917 - of an instance
         raise FmuError(f"{label} cannot be loaded: {reason}") from error
 
 
-def _unpacked(path: Path, folder: Path, files: ExitStack, ours: bool) -> Path:
-    """The unpacked FMU: in the cache, or as a copy of its own below `folder`.
+def _unpacked(path: Path, folder: Callable[[], Path], files: ExitStack, ours: bool) -> Path:
+    """The unpacked FMU: in the cache, or as a copy of its own below folder().
 
     An FMU from elsewhere may keep globals, and a library that is loaded twice from one file has
     them once: each of its instances needs files of its own.
@@ -81,7 +81,7 @@ def _unpacked(path: Path, folder: Path, files: ExitStack, ours: bool) -> Path:
     kept = files.enter_context(cache.unpacked(path)) if ours else None
     if kept is not None:
         return kept
-    own = folder / f"fmu-{secrets.token_hex(4)}"
+    own = folder() / f"fmu-{secrets.token_hex(4)}"
     files.callback(shutil.rmtree, own, ignore_errors=True)
     unpack(path, own)
     return own
@@ -102,8 +102,8 @@ def _library(interface: Interface, folder: Path, label: str) -> Path:
 class Instance:
     """An instance of an FMU in its place in the system."""
 
-    def __init__(self, node: Node, folder: Path, ours: bool | None = None) -> None:
-        """Unpack below `folder`, load and instantiate; FmuError if that fails. ours: whether it is
+    def __init__(self, node: Node, folder: Callable[[], Path], ours: bool | None = None) -> None:
+        """Unpack below folder(), load and instantiate; FmuError if that fails. ours: whether it is
         an FMU of the project (None: as its place says): it keeps no globals, and gives no output
         that is not finite.
         """

@@ -16,7 +16,7 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -132,7 +132,7 @@ def slots_of(slots: tuple[Slot, ...], wanted: frozenset[str]) -> tuple[int, ...]
 class WholeInstance(Instance):
     """The instance of a whole system: all its values are set in one call."""
 
-    def __init__(self, node: Node, folder: Path, whole: Whole) -> None:
+    def __init__(self, node: Node, folder: Callable[[], Path], whole: Whole) -> None:
         super().__init__(node, folder, whole.ours)
         self.whole = whole
         n = len(whole.references)

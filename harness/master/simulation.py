@@ -6,7 +6,9 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Collection, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
+from pathlib import Path
 from time import perf_counter
 from typing import Any, Self, Unpack
 
@@ -91,7 +93,8 @@ class Simulation:
         self._whole: Whole | None = None
         self._apart = executor != FUSED
         """Whether the FMUs are loaded one by one; else there is one for the whole system."""
-        self._folder: PrivateFolder | None = None
+        self._files: ExitStack | None = None
+        self._folder: Path | None = None
         changed = apply(system, **changes)
         found = checked(changed)
         self._lay_out(changed, found, self._recorder(found, changed))
@@ -130,7 +133,7 @@ class Simulation:
 
     def __enter__(self) -> Self:
         """Load and instantiate all FMUs; FmuError or ArchiveError if one cannot be."""
-        self._folder = PrivateFolder()
+        self._files = ExitStack()
         try:
             self._assemble()
         except BaseException:
@@ -145,9 +148,9 @@ class Simulation:
         """Terminate and free all FMUs and remove what was unpacked."""
         while self.instances:
             self.instances.pop().close()
-        if self._folder is not None:
-            self._folder.close()
-            self._folder = None
+        if self._files is not None:
+            self._files.close()
+            self._files = self._folder = None
 
     # ---- a further run
 
@@ -198,7 +201,7 @@ class Simulation:
         FMUs are reset; only those that were not there before, or cannot be reset to the bit, are
         loaded. Raises what the constructor and `with` raise.
         """
-        if self._folder is None:
+        if self._files is None:
             raise UsageError("a Simulation can run inside its `with` block only")
         found = rechecked(system, self.system, self.graph)
         self._apart = self._executor_name != FUSED
@@ -251,16 +254,22 @@ class Simulation:
 
     def _loaded(self, node: Node, earlier: Instance | None) -> Instance:
         """A new instance; of the earlier one only what is known of its reset is kept."""
-        assert self._folder is not None
         if earlier is not None:
             earlier.close()
         if self._apart or self._whole is None:
-            instance = Instance(node, self._folder.path)
+            instance = Instance(node, self._own_folder)
         else:
-            instance = WholeInstance(node, self._folder.path, self._whole)
+            instance = WholeInstance(node, self._own_folder, self._whole)
         if earlier is not None and earlier.node.interface is node.interface:
             instance.resettable = earlier.resettable
         return instance
+
+    def _own_folder(self) -> Path:
+        """Where FMUs are unpacked that no cache keeps, made when the first one is."""
+        if self._folder is None:
+            assert self._files is not None
+            self._folder = self._files.enter_context(PrivateFolder())
+        return self._folder
 
     # ---- whether a reset leaves nothing behind
 
@@ -344,7 +353,7 @@ class Simulation:
         that an FMU refuses are a UsageError.
         """
         try:
-            if self._folder is None:
+            if self._files is None:
                 raise UsageError("a Simulation can advance inside its `with` block only")
             last = self.steps if to is None else min(to, self.steps)
             try:

@@ -152,8 +152,9 @@ class _Bench:
     def __enter__(self) -> Self:
         name = self.interface.model.modelName
         with ExitStack() as files:
-            folder = files.enter_context(PrivateFolder())
-            self._calls = loaded(name, self.interface, folder, files)
+            self._calls = loaded(
+                name, self.interface, lambda: files.enter_context(PrivateFolder()), files
+            )
             files.callback(self._calls.free)
             self._files = files.pop_all()
         return self
