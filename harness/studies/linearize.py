@@ -14,7 +14,7 @@ with them moved, so nothing but FMI is needed.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -61,26 +61,13 @@ class LinearModel:
         """Write an .npz: matrices, t, h, and for x, u, y the arrays NAME_names, NAME_units,
         NAME_0.
         """
-        groups = {"x": self.states, "u": self.inputs, "y": self.outputs}
-        texts = {f"{key}_names": np.array(names, dtype=str) for key, names in groups.items()}
-        units = {
-            f"{key}_units": np.array([self.units[n] for n in names], dtype=str)
-            for key, names in groups.items()
-        }
-        points = {
-            f"{key}_0": np.array([self.point[n] for n in names]) for key, names in groups.items()
-        }
-        matrices = {
-            "A": self.A,
-            "B": self.B,
-            "C": self.C,
-            "D": self.D,
-            "t": np.array(self.t),
-            "h": np.array(self.h),
-        }
-        everything: dict[str, Any] = {**matrices, **texts, **units, **points}
+        arrays: dict[str, Any] = {name: getattr(self, name) for name in "ABCDth"}
+        for key, names in (("x", self.states), ("u", self.inputs), ("y", self.outputs)):
+            arrays[f"{key}_names"] = np.array(names, dtype=str)
+            arrays[f"{key}_units"] = np.array([self.units[n] for n in names], dtype=str)
+            arrays[f"{key}_0"] = np.array([self.point[n] for n in names])
         with path.open("wb") as file:  # savez would append .npz to another name
-            np.savez(file, **everything)
+            np.savez(file, **arrays)
 
 
 def linearize(
@@ -143,17 +130,16 @@ class _Bench:
     """The FMU on the bench: restarted as often as needed with other values."""
 
     def __init__(self, interface: Interface, settings: Mapping[str, float]) -> None:
-        self.interface = interface
+        self.interface, self.name = interface, interface.model.modelName
         self.settings = dict(settings)
         self.states = start_parameters(interface)
         self.inputs = list(interface.named("input"))
         self.outputs = list(interface.outputs())
 
     def __enter__(self) -> Self:
-        name = self.interface.model.modelName
         with ExitStack() as files:
             self._calls = loaded(
-                name, self.interface, lambda: files.enter_context(PrivateFolder()), files
+                self.name, self.interface, lambda: files.enter_context(PrivateFolder()), files
             )
             files.callback(self._calls.free)
             self._files = files.pop_all()
@@ -173,7 +159,7 @@ class _Bench:
             self._do(function, start, *arguments)
         self._do("ExitInitializationMode", start)
         for k in range(steps):
-            place.enter(self.interface.model.modelName, f"{self._calls.prefix}DoStep")
+            place.enter(self.name, f"{self._calls.prefix}DoStep")
             self._check(self._calls.step(start + k * h, h, 1), "DoStep", start + k * h)
         return self._finite(self._read(start + steps * h), start + steps * h)
 
@@ -201,18 +187,16 @@ class _Bench:
     def _check(self, status: int, function: str, time: float) -> None:
         if status in (OK, WARNING):
             return
-        name = self.interface.model.modelName
         said = f"{self._calls.prefix}{function} failed with status {status}"
-        reason = messages.take_error(name) or said
+        reason = messages.take_error(self.name) or said
         if refused := refusals(reason, self.interface.settable()):
-            raise RefusalError(name, time, refused)
-        raise RunError(name, time, reason)
+            raise RefusalError(self.name, time, refused)
+        raise RunError(self.name, time, reason)
 
     def _finite(self, outputs: Array, time: float) -> Array:
         for name, value in zip(self.outputs, outputs, strict=True):
             if not np.isfinite(value):
-                model = self.interface.model.modelName
-                raise RunError(model, time, "output is not a finite number", name)
+                raise RunError(self.name, time, "output is not a finite number", name)
         return outputs
 
     def start_value(self, name: str) -> float:
@@ -248,12 +232,7 @@ class _Differences:
         again = self.bench.run(self._restart(self.state), self.at, 0, self.h)
         for name, value in zip(self.bench.outputs, again, strict=True):
             if name in self.state and abs(value - self.state[name]) > 1e-9 * max(1.0, abs(value)):
-                raise RunError(
-                    self.bench.interface.model.modelName,
-                    self.at,
-                    "it cannot be restarted here",
-                    name,
-                )
+                raise RunError(self.bench.name, self.at, "it cannot be restarted here", name)
 
     def _follows(self, name: str) -> bool:
         """Whether the output starts elsewhere when its start parameter is moved."""
@@ -262,26 +241,22 @@ class _Differences:
         found = self.bench.run({**self._restart(self.state), start: moved}, self.at, 0, self.h)
         return bool(found[self.bench.outputs.index(name)] != value)
 
-    def _after(self, state: Mapping[str, float], inputs: Mapping[str, float]) -> Array:
-        return self.bench.run({**self._restart(state), **inputs}, self.at, 1, self.h)
-
-    def columns(
-        self, values: Mapping[str, float], relative: float, moves_state: bool
-    ) -> Iterator[Array]:
-        """Derivatives of the outputs after one step by each value: differences at d and d/2,
-        extrapolated.
+    def _matrix(self, values: Mapping[str, float], relative: float, moves_state: bool) -> Array:
+        """Derivatives of the outputs after one step by each value, a column each: differences at d
+        and d/2, extrapolated.
         """
-        for name, value in values.items():
+        columns = np.zeros((len(self.bench.outputs), len(values)))
+        for k, (name, value) in enumerate(values.items()):
             distance = relative * max(1.0, _size(name, values))
             coarse, fine = (
                 self._slope(name, value, d, moves_state) for d in (distance, distance / 2)
             )
             with np.errstate(over="ignore", invalid="ignore"):
-                column = (4 * fine - coarse) / 3
-            if not np.isfinite(column).all():
+                columns[:, k] = (4 * fine - coarse) / 3
+            if not np.isfinite(columns[:, k]).all():
                 reason = f"the differences by {name} overflow: no linear model"
-                raise RunError(self.bench.interface.model.modelName, self.at, reason)
-            yield column
+                raise RunError(self.bench.name, self.at, reason)
+        return columns
 
     @np.errstate(over="ignore", invalid="ignore")
     def _slope(self, name: str, value: float, distance: float, moves_state: bool) -> Array:
@@ -291,7 +266,8 @@ class _Differences:
 
         def after(moved: float) -> Array:
             state = {**self.state, name: moved} if moves_state else self.state
-            return self._after(state, self.inputs if moves_state else {**self.inputs, name: moved})
+            inputs = self.inputs if moves_state else {**self.inputs, name: moved}
+            return self.bench.run({**self._restart(state), **inputs}, self.at, 1, self.h)
 
         if value - distance >= self.bench.lowest(name):
             return np.asarray((after(value + distance) - after(value - distance)) / (2 * distance))
@@ -301,41 +277,22 @@ class _Differences:
     def model(self) -> LinearModel:
         """All matrices; y(t+h) is split into C x(t+h) + D u."""
         bench = self.bench
-        by_state = _matrix(
-            self.columns(self.state, RELATIVE_STATE, True), len(bench.outputs), len(self.state)
-        )
-        by_input = _matrix(
-            self.columns(self.inputs, RELATIVE_INPUT, False), len(bench.outputs), len(self.inputs)
-        )
+        by_state = self._matrix(self.state, RELATIVE_STATE, True)
+        by_input = self._matrix(self.inputs, RELATIVE_INPUT, False)
         rows = [bench.outputs.index(name) for name in self.state]
         a, b = by_state[rows], by_input[rows]
         try:
             c: Array = np.asarray(np.linalg.solve(a.T, by_state.T).T) if rows else by_state
         except np.linalg.LinAlgError as error:
-            name = bench.interface.model.modelName
             reason = "its states after a step do not depend on those before: no linear model"
-            raise RunError(name, self.at, reason) from error
+            raise RunError(bench.name, self.at, reason) from error
         units = {v.name: v.unit or "" for v in bench.interface.variables.values()}
         names = tuple(self.state), tuple(self.inputs), tuple(bench.outputs)
-        return LinearModel(
-            a,
-            b,
-            c,
-            by_input - c @ b,
-            self.at,
-            self.h,
-            *names,
-            units,
-            {**self.inputs, **self.outputs},
-        )
+        point = {**self.inputs, **self.outputs}
+        return LinearModel(a, b, c, by_input - c @ b, self.at, self.h, *names, units, point)
 
 
 def _size(name: str, values: Mapping[str, float]) -> float:
     """Length of the vector that a scalar belongs to."""
     parts = [v for n, v in values.items() if base(n) == base(name) and index(n)]
     return math.hypot(*(parts or [values[name]]))
-
-
-def _matrix(columns: Iterator[Array], height: int, width: int) -> Array:
-    found: Sequence[Array] = list(columns)
-    return np.column_stack(found) if found else np.zeros((height, width))

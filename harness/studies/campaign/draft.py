@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -27,14 +27,17 @@ from harness.studies.campaign.factors import SAMPLERS, Factor, factor
 from harness.studies.campaign.layout import wrong_names
 from harness.studies.campaign.plan import (
     CHANGES,
+    ENTRIES,
     KEPT,
+    MAX_RUNS,
+    NUMBERS,
     Layout,
     Plan,
     Values,
     is_number,
-    is_whole,
     wrong_choices,
     wrong_entries,
+    wrong_numbers,
 )
 from harness.studies.campaign.stopping import wrong_until
 from harness.studies.campaign.worker import SUCCESS
@@ -44,13 +47,8 @@ from harness.system.tables import read_toml
 from harness.system.values import plain
 
 KEYS = {
-    "system", "runs", "seed", "sampler", "every", "fixed", "factors", "seeds", "metrics",
-    "success", "worst", "keep", "expected", "patience", "executor", "requirements", "until",
-    "asked", "sensitivity", "probability", "tune", "map",
+    *ENTRIES, *NUMBERS, "executor", "until", "asked", "sensitivity", "probability", "tune", "map",
 }  # fmt: skip
-
-MAX_RUNS = 10_000_000
-"""Runs of one campaign; their values are drawn at once."""
 
 
 def table_of(definition: str | Path | Mapping[str, Any]) -> dict[str, Any]:
@@ -102,22 +100,13 @@ class _Draft:
         for key in table:
             if key not in KEYS:
                 self.problems.append(f"{key}: there is no such entry{did_you_mean(key, KEYS)}")
-        self._whole("runs", 1, MAX_RUNS)
-        self._whole("seed", 0, 2**64 - 1)
-        self._whole("every", 1, 2**31 - 1)
+        self.problems += wrong_numbers(table)
         self._each("expected", self._bounds)
-        self._positive("patience")
         factors = [*table.get("factors", {})]
         seeds, keep = self.plan.seeds, self.plan.keep
         self.problems += wrong_names(table.get("metrics", {}), factors, seeds, keep)
-        if self.plan.executor not in EXECUTORS:
-            close = did_you_mean(self.plan.executor, EXECUTORS)
-            known = ", ".join(EXECUTORS)
-            self.problems.append(f"executor: there is no {self.plan.executor}{close}, only {known}")
-        sampler = self.plan.sampler
-        if sampler not in SAMPLERS:
-            close = did_you_mean(sampler, SAMPLERS)
-            self.problems.append(f"sampler: there is no {sampler}{close}, only {_all_samplers()}")
+        self._one_of("executor", self.plan.executor, EXECUTORS)
+        self._one_of("sampler", self.plan.sampler, SAMPLERS)
         take_mission(self.plan.system)
         made = self._each("factors", factor)
         found = self._each("metrics", lambda _, text: metrics.metric(str(text), self.plan.folder))
@@ -135,17 +124,10 @@ class _Draft:
         with load(self.plan.system) as system:
             self._fits(system)
 
-    def _whole(self, name: str, least: int, most: int) -> None:
-        given = self.plan.definition.get(name, least)
-        if not is_whole(given) or given < least:
-            self.problems.append(f"{name}: must be a whole number of at least {least}, not {given}")
-        elif given > most:
-            self.problems.append(f"{name}: must be at most {most}, not {str(given)[:20]}")
-
-    def _positive(self, name: str) -> None:
-        given = self.plan.definition.get(name, 1)
-        if not is_number(given) or not given > 0:
-            self.problems.append(f"{name}: must be a number above 0, not {given}")
+    def _one_of(self, name: str, given: str, known: Collection[str]) -> None:
+        if given not in known:
+            close = did_you_mean(given, known)
+            self.problems.append(f"{name}: there is no {given}{close}, only {', '.join(known)}")
 
     def _each(self, name: str, make: Callable[[str, Any], Any]) -> dict[str, Any]:
         """What is made of every entry of a table, without those that make no sense."""
@@ -305,10 +287,6 @@ def _shape(choice: Any) -> tuple[bool, tuple[int, ...]]:
         return isinstance(choice, str), np.shape(choice)
     except ValueError:
         return False, (-1,)
-
-
-def _all_samplers() -> str:
-    return ", ".join(SAMPLERS)
 
 
 def _layout(system: System, structures: Sequence[Checked]) -> Layout:

@@ -69,6 +69,7 @@ TEXT_OR_TABLE = Kind(lambda v: _is_text(v) or _is_table(v), "a text or a table")
 TEXTS = Kind(_are_texts, "a list of texts")
 TABLE = Kind(_is_table, "a table")
 NUMBER = Kind(is_number, "a number")
+POSITIVE = Kind(lambda v: is_number(v) and v > 0, "a number above 0")
 COUNT = Kind(lambda v: is_whole(v) and v >= 1, "a whole number of at least 1")
 STEPS = Kind(lambda v: is_whole(v) and v >= 0, "a whole number of at least 0")
 PAIRS = Kind(lambda v: _is_table(v) or _are_texts(v), "a table, or a list of name=value")
@@ -86,6 +87,10 @@ ENTRIES = {
     "expected": TABLE,
     "requirements": TABLE,
 }
+MAX_RUNS = 10_000_000
+"""Runs of one campaign; their values are drawn at once."""
+NUMBERS = {"runs": COUNT, "seed": STEPS, "every": COUNT, "patience": POSITIVE}
+LARGEST = {"runs": MAX_RUNS, "seed": 2**64 - 1, "every": 2**31 - 1}
 CHANGES = {
     "params": TEXT,
     "set": PAIRS,
@@ -112,6 +117,15 @@ def wrong_entries(definition: Mapping[str, Any]) -> Iterator[str]:
             yield from _wrong(f"{name}.", table, kinds)
     if _is_table(metrics := definition.get("metrics", {})):
         yield from _wrong("metrics.", metrics, dict.fromkeys(metrics, TEXT))
+
+
+def wrong_numbers(definition: Mapping[str, Any]) -> Iterator[str]:
+    """Numbers of a wrong kind or too large, a line each."""
+    yield from _wrong("", definition, NUMBERS)
+    for name, most in LARGEST.items():
+        given: Any = definition.get(name)
+        if is_whole(given) and given > most:
+            yield f"{name}: must be at most {most}, not {str(given)[:20]}"
 
 
 def _wrong(place: str, table: Mapping[str, Any], kinds: Mapping[str, Kind]) -> Iterator[str]:

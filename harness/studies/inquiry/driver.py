@@ -57,8 +57,7 @@ class _Flight(NamedTuple):
 class Driver:
     """The dataset of a study and the flights that go into it.
 
-        flown: flights so far; heard: is told the numbers and margins of every generation; nominal:
-    margins of the nominal flight, which is run 0.
+    flown: flights so far; nominal: margins of the nominal flight, which is run 0.
     """
 
     def __init__(
@@ -71,7 +70,6 @@ class Driver:
     ) -> None:
         self.flights, self.kind, self.path = flights, kind, path
         self.flown, self.generation, self.failed = 0, 0, 0
-        self.heard: Callable[[Array, Array], None] = lambda *_: None
         self.progress = progress
         self._life = ExitStack()
         self._waiting: list[_Flight] = []
@@ -125,7 +123,6 @@ class Driver:
         missing = np.setdiff1d(np.arange(len(numbers)), there)
         self._fly(numbers, margins, missing)
         self.flown, self.generation = last, self.generation + 1
-        self.heard(numbers, margins)
         if len(numbers) > 1 and np.isneginf(margins).all():
             raise UsageError(f"all {len(numbers)} flights of a generation died; {self._first()}")
         return margins

@@ -6,7 +6,7 @@ Papaioannou et al. 2015, importance sampling. A flight fails where its margin is
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -302,29 +302,12 @@ def centred(d: int, seed: int, flights: int, repeats: int = REPEATS) -> Ask:
 def probability(definition: Any, output: str | Path, **how: Any) -> Study:
     """How probable is a failure of one requirement; how: as of sensitivity()."""
     entry, flights = prepared("probability", definition, how)
-    budget, d, seed = int(entry["flights"]), flights.d, flights.plan.seed
     slope = entry["method"] != "random"
     ((name, k),) = columns(entry["of"], flights, slope, most=1).items()
-    method: Any
-    if entry["method"] == "random":
-        method = random(d, seed, budget)
-    elif entry["method"] == "subset":
-        if per_level(budget) < 50:
-            raise UsageError("probability.flights: at least 1400, five repeats of 50 per level")
-        method = subset(d, seed, budget)
-    elif entry["centres"]:
-        failed = _failures(Path(entry["centres"]), name, d)
-        method = doubted(importance(d, seed, budget, regions(failed)), len(failed), d)
-    else:
-        if per_level(budget // 2) < fewest(d):
-            raise UsageError(
-                f"probability.flights: at least {math.ceil(55 * fewest(d) / 100)}00, half of them "
-                f"to find the centres with {fewest(d)} flights per level in {d} numbers"
-            )
-        method = centred(d, seed, budget)
-    with begun("probability", flights, budget, output, how) as driver:
+    method = _method(entry, name, flights.d, flights.plan.seed)
+    with begun("probability", flights, int(entry["flights"]), output, how) as driver:
         say_nominal(driver, {name: k}, how.get("said", print))
-        if driver.nominal[k] <= 0 and entry["method"] != "random":
+        if driver.nominal[k] <= 0 and slope:
             raise UsageError(
                 f"{name}: the nominal flight fails, with a margin of {driver.nominal[k]:.4g}"
             )
@@ -335,6 +318,26 @@ def probability(definition: Any, output: str | Path, **how: Any) -> Study:
             word = "met" if met and not estimate.warning else "NOT MET" if missed else "undecided"
             found |= {"below": below, "verdict": word}
         return Study(driver.path, driver.finish({"of": {name: found}}))
+
+
+def _method(entry: Mapping[str, Any], name: str, d: int, seed: int) -> Ask:
+    """The method of a table [probability] of a requirement; UsageError if its flights are few."""
+    budget = int(entry["flights"])
+    if entry["method"] == "random":
+        return random(d, seed, budget)
+    if entry["method"] == "subset":
+        if per_level(budget) < 50:
+            raise UsageError("probability.flights: at least 1400, five repeats of 50 per level")
+        return subset(d, seed, budget)
+    if entry["centres"]:
+        failed = _failures(Path(entry["centres"]), name, d)
+        return doubted(importance(d, seed, budget, regions(failed)), len(failed), d)
+    if per_level(budget // 2) < fewest(d):
+        raise UsageError(
+            f"probability.flights: at least {math.ceil(55 * fewest(d) / 100)}00, half of them "
+            f"to find the centres with {fewest(d)} flights per level in {d} numbers"
+        )
+    return centred(d, seed, budget)
 
 
 def _failures(path: Path, name: str, d: int) -> Array:

@@ -18,6 +18,7 @@ from harness.errors import StructureError, UsageError
 from harness.spelling import did_you_mean
 from harness.studies.campaign.campaign import Campaign
 from harness.studies.campaign.draft import table_of
+from harness.studies.campaign.plan import is_number
 from harness.studies.inquiry.driver import Driver
 from harness.studies.inquiry.flights import Flights
 
@@ -82,24 +83,25 @@ def _wrong(kind: str, given: Mapping[str, Any]) -> Iterator[str]:
     for name, value in given.items():
         if name not in known:
             yield f"{kind}.{name}: there is no such entry{did_you_mean(name, known)}"
-            continue
-        wanted = known[name]
-        either = (str, list) if name == "of" else type(wanted)
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        if isinstance(wanted, float):
-            if not number or not value > 0:
-                yield f"{kind}.{name}: expected a number above 0, got {value!r:.60}"
-            elif name == "below" and value >= 1:
-                yield f"{kind}.below: expected a probability, below 1, got {value!r:.60}"
-        elif isinstance(wanted, int):
-            if not number or value != int(value) or value < 1:
-                yield f"{kind}.{name}: expected a whole number above 0, got {value!r:.60}"
-        elif not isinstance(value, either):
-            yield f"{kind}.{name}: expected a {type(wanted).__name__}, got {value!r:.60}"
+        elif words := _expected(name, known[name], value):
+            yield f"{kind}.{name}: expected {words}, got {value!r:.60}"
     method = given.get("method", METHODS.get(kind, ("",))[0])
     if kind in METHODS and method not in METHODS[kind]:
         close = did_you_mean(str(method), METHODS[kind])
         yield f"{kind}.method: there is no {method}{close}; expected {', '.join(METHODS[kind])}"
+
+
+def _expected(name: str, wanted: Any, value: Any) -> str:
+    """What an entry must be that is `wanted` where it is not given; "" if it is that."""
+    if isinstance(wanted, float):
+        if not is_number(value) or not value > 0:
+            return "a number above 0"
+        return "a probability, below 1" if name == "below" and value >= 1 else ""
+    if isinstance(wanted, int):
+        whole = is_number(value) and value == int(value) and value >= 1
+        return "" if whole else "a whole number above 0"
+    either = (str, list) if name == "of" else type(wanted)
+    return "" if isinstance(value, either) else f"a {type(wanted).__name__}"
 
 
 @contextmanager

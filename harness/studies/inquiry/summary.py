@@ -39,10 +39,8 @@ def text(kind: str, estimate: Mapping[str, Any], store: Store, shown: str) -> st
     lines = [f"{len(status)} flights, {int((status == FAILED).sum())} died"]
     units = dict(zip(store.array("requirement"), store.array("margin_units"), strict=True))
     for name, found in estimate["of"].items():
-        lines += [
-            "",
-            *LINES[kind](_Of(name, found, estimate, store, shown, str(units.get(name, "")))),
-        ]
+        unit = str(units.get(name, ""))
+        lines += ["", *LINES[kind](_Of(name, found, estimate, store, shown, unit))]
     return "\n".join(lines)
 
 
@@ -60,7 +58,7 @@ def of_unit(value: float | None, unit: str) -> str:
 
 
 def _effects(of: _Of) -> Iterator[str]:
-    name, found, estimate, unit = of.name, of.found, of.estimate, of.unit
+    name, found, estimate, *_, unit = of
     value = np.array(found["value"])
     share = value / value.sum() if value.sum() > 0 else value
     words = {"morris": "share of the mean effects", "sobol": "total index"}
@@ -92,7 +90,7 @@ def _effects(of: _Of) -> Iterator[str]:
 
 
 def _worst(of: _Of) -> Iterator[str]:
-    name, found, store, shown, unit = of.name, of.found, of.store, of.shown, of.unit
+    name, found, _, store, shown, unit = of
     nominal, flights = of_unit(found["nominal"], unit), found["flights"]
     if found["margin"] < 0:
         yield (
@@ -119,13 +117,12 @@ def _worst(of: _Of) -> Iterator[str]:
 def moved(store: Store, numbers: Any, count: int = 5) -> str:
     """The factors that a row of numbers moves most, in standard deviations."""
     z = np.array(numbers)
-    groups = _groups(store)
-    names = {}
-    for factor, places in groups.items():
-        for e, k in enumerate(places):
-            names[k] = factor if len(places) == 1 else f"{factor}[{e + 1}]"
+    names: list[str] = []
+    for factor, places in _groups(store).items():
+        elements = [f"{factor}[{k + 1}]" for k in range(len(places))]
+        names += elements if len(places) > 1 else [factor]
     order = np.argsort(-np.abs(z), kind="stable")[:count]
-    return ", ".join(f"{names[int(k)]} {z[k]:+.1f} sigma" for k in order)
+    return ", ".join(f"{names[k]} {z[k]:+.1f} sigma" for k in order)
 
 
 def _groups(store: Store) -> dict[str, range]:

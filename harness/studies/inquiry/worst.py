@@ -7,7 +7,7 @@ nothing worse.
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterable
+from collections.abc import Generator, Iterable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -68,7 +68,7 @@ def search(d: int, seed: int, flights: int, box: float = 3.0, sigma: float = 1.0
         engine = _engine(start, sigma, box, rng)
         while flights - len(margins) >= generation(d) and not engine.stop():
             z = np.array(engine.ask())
-            y = yield z[:, :d]
+            y = _exercised((yield z[:, :d]))
             engine.tell(list(z), _ranked(y))
             rows, margins = np.concatenate([rows, z[:, :d]]), np.concatenate([margins, y])
         start = rng.uniform(-box, box, wide) / 2
@@ -76,7 +76,7 @@ def search(d: int, seed: int, flights: int, box: float = 3.0, sigma: float = 1.0
         spread = rng.standard_normal((flights - len(margins), d)) * sigma / 2
         middle = rows[np.argmin(margins)] if len(margins) else start[:d]
         z = (middle + spread).clip(-box, box)
-        y = yield z
+        y = _exercised((yield z))
         rows, margins = np.concatenate([rows, z]), np.concatenate([margins, y])
     place = int(np.argmin(margins))
     failed = np.flatnonzero(margins < 0)
@@ -103,6 +103,11 @@ def _engine(start: Array, sigma: float, box: float, rng: np.random.Generator) ->
         "verb_disp": 0,
     }
     return cma.CMAEvolutionStrategy(start, sigma, options)
+
+
+def _exercised(y: Array) -> Array:
+    """Margins that are never the worst where there is none."""
+    return np.where(np.isnan(y), np.inf, y)
 
 
 def _ranked(y: Array) -> list[float]:
@@ -137,12 +142,11 @@ def worst(definition: Any, output: str | Path, **how: Any) -> Study:
         say_nominal(driver, of, how.get("said", print))
         for name, k in of.items():
             first = driver.flown
-            seen = _Best(driver, k)
             results = [
                 driver.answer(search(flights.d, seed, each, entry["box"]), k)
                 for seed in range(flights.plan.seed, flights.plan.seed + 1000 * searches, 1000)
             ]
-            found[name] = seen.summary(first) | {"nominal": driver.nominal[k]}
+            found[name] = _found(results, each, first) | {"nominal": driver.nominal[k]}
             found[name]["converged"] = [r.margin for r in results]
             if seeds:
                 z = np.repeat(np.array([found[name]["numbers"]]), seeds, axis=0)
@@ -151,32 +155,20 @@ def worst(definition: Any, output: str | Path, **how: Any) -> Study:
         return Study(driver.path, driver.finish({"of": plain(found), "box": entry["box"]}))
 
 
-class _Best:
-    """What was asked for one requirement, as it comes in."""
-
-    def __init__(self, driver: Driver, column: int) -> None:
-        self.rows: list[tuple[Array, Array]] = []
-        self.column = column
-        self.driver = driver
-        driver.heard = self._hear
-
-    def _hear(self, numbers: Array, margins: Array) -> None:
-        self.rows.append((numbers, margins[:, self.column]))
-
-    def summary(self, first: int) -> dict[str, Any]:
-        self.driver.heard = lambda *_: None
-        numbers = np.concatenate([z for z, _ in self.rows])
-        y = np.nan_to_num(np.concatenate([y for _, y in self.rows]), nan=np.inf)
-        place, failed = int(np.argmin(y)), np.flatnonzero(y < 0)
-        return {
-            "margin": y[place],
-            "run": first + place,
-            "first": int(failed[0]) + 1 if len(failed) else None,
-            "flights": len(y),
-            "place": place,
-            "numbers": numbers[place],
-            "distance": np.linalg.norm(numbers[place]),
-        }
+def _found(results: Sequence[Found], each: int, first: int) -> dict[str, Any]:
+    """The worst flight of searches of so many flights each, one after the other from a run on."""
+    k = int(np.argmin([r.margin for r in results]))
+    failed = [n * each + r.first + 1 for n, r in enumerate(results) if r.first >= 0]
+    place = k * each + results[k].place
+    return {
+        "margin": results[k].margin,
+        "run": first + place,
+        "first": failed[0] if failed else None,
+        "flights": each * len(results),
+        "place": place,
+        "numbers": results[k].numbers,
+        "distance": np.linalg.norm(results[k].numbers),
+    }
 
 
 def _confirm(driver: Driver, found: dict[str, Any], output: Path) -> None:
