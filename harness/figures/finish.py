@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,8 @@ WIDTHS = (1.0, 1.9, 0.5, 2.8)
 CROWD = 0.06
 """A tick nearer than this part of the axis to its end gives way to the end."""
 LEAST_TICKS = 3
+STEPS = ((1, 3), (1, 2, 5), (1, 2, 3, 4, 6, 8))
+"""Ticks of a decade where whole decades are too few."""
 ROUNDING = 1e-10
 """A curve smaller than this part of those in the same unit beside it, or than this part of its own
 mean, is rounding.
@@ -74,6 +77,8 @@ def calm(panels: Sequence[tuple[Any, str]]) -> None:
     A panel takes those of the largest panel in the same unit, and says so; a constant gets a band
     of 5 % about it.
     """
+    for axes, _ in panels:
+        _decades(axes)
     linear = [(axes, label) for axes, label in panels if axes.get_yscale() == "linear"]
     largest: dict[str, tuple[float, Any]] = {}
     for axes, label in linear:
@@ -87,10 +92,13 @@ def calm(panels: Sequence[tuple[Any, str]]) -> None:
         elif np.ptp(_values(axes)) < ROUNDING * _size(axes):
             level = float(np.median(_values(axes)))
             axes.set_ylim(sorted((0.95 * level, 1.05 * level)))
-    for axes, _ in panels:
-        if axes.get_yscale() == "log":
-            low, high = axes.get_ylim()
-            axes.set_ylim(max(low, DECADES * high), high)
+
+
+def _decades(axes: Any) -> None:
+    """A logarithmic axis does not go down to rounding."""
+    if axes.get_yscale() == "log":
+        low, high = axes.get_ylim()
+        axes.set_ylim(max(low, DECADES * high), high)
 
 
 def cut_spikes(axes: Any, histories: Sequence[Array]) -> None:
@@ -168,8 +176,7 @@ def _ticked(axis: Any) -> None:
     whole = [10.0**k for k in decades if low <= 10.0**k <= high]
     if len(whole) >= LEAST_TICKS:
         return
-    steps = ((1, 3), (1, 2, 5), (1, 2, 3, 4, 6, 8))
-    options = [[m * 10.0**k for k in decades for m in parts] for parts in steps]
+    options = [[m * 10.0**k for k in decades for m in parts] for parts in STEPS]
     options.append(list(MaxNLocator(4, min_n_ticks=LEAST_TICKS + 2).tick_values(low, high)))
     inside = ([t for t in ticks if low <= t <= high] for ticks in options)
     chosen = next((ticks for ticks in inside if len(ticks) >= LEAST_TICKS), [low, high])
@@ -199,9 +206,8 @@ def tell_apart(axes: Any) -> None:
     for lines in kinds.values():
         own = look_of(lines[0])
         if own in taken:
-            dashes, width = next(
-                (d, w) for w in WIDTHS for d in DASHES if _with(lines[0], d, w) not in taken
-            )
+            looks = product(WIDTHS, DASHES)
+            width, dashes = next(x for x in looks if _with(lines[0], x[1], x[0]) not in taken)
             for line in lines:
                 line.set(linestyle=dashes, linewidth=width * line.get_linewidth())
             own = look_of(lines[0])

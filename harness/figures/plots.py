@@ -126,16 +126,22 @@ def paint(figure: Figure | Drawing, result: Result, style: Style = SCREEN) -> Ca
         canvas = new_canvas(figure.title, figure.size, style)
         figure.draw(canvas, result)
     else:
-        canvas, panels = _panels(figure, [result], style)
-        labelled = [""]
-        for axes, panel in panels:
-            _draw_panel(axes, panel, result, seconds)
-            labels = axes.get_legend_handles_labels()[1]
-            if labels != labelled:
-                legend_above(axes)
-            labelled = labels
-        calm([(axes, panel.ylabel) for axes, panel in panels])
+        canvas = _histories(figure, result, style, seconds)
     return finished(canvas, _end(seconds, result), style.printed)
+
+
+def _histories(figure: Figure, result: Result, style: Style, seconds: float) -> Canvas:
+    """Panels with a legend where it differs from that of the panel above."""
+    canvas, panels = _panels(figure, [result], style)
+    labelled = [""]
+    for axes, panel in panels:
+        _draw_panel(axes, panel, result, seconds)
+        labels = axes.get_legend_handles_labels()[1]
+        if labels != labelled:
+            legend_above(axes)
+        labelled = labels
+    calm([(axes, panel.ylabel) for axes, panel in panels])
+    return canvas
 
 
 def _end(seconds: float, *results: Result) -> float | None:
@@ -167,11 +173,16 @@ def _panels(
         axes.set_ylabel(wrapped(panel.ylabel, canvas.get_figheight() / (len(shown) + 0.5)))
         if panel.log:
             axes.set_yscale("log")
-        if line := panel.line(results[0]):
-            look = {"color": "0.3", "linestyle": "--", "linewidth": 0.8, "zorder": 1}
-            axes.axhline(line[0], label=line[1], **look)
+        _draw_level(axes, panel.line(results[0]))
     canvas.align_ylabels()
     return canvas, list(zip(column, shown, strict=True))
+
+
+def _draw_level(axes: Any, line: tuple[float, str] | None) -> None:
+    if line:
+        height, text = line
+        look = {"color": "0.3", "linestyle": "--", "linewidth": 0.8, "zorder": 1}
+        axes.axhline(height, label=text, **look)
 
 
 def _shade(axes: Any, panel: Panel, results: Iterable[Result], seconds: float) -> None:

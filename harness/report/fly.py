@@ -19,7 +19,6 @@ from itertools import zip_longest
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.errors import UsageError
 from harness.master.changes import Changes, apply
@@ -171,41 +170,16 @@ class TracedArrays(Arrays):
     def operations(self, curves: list[Data]) -> Data:
         """The operations that arrays and curves need, for the page; long lists of places once."""
         asked = {*self.made.values(), *(p for c in curves for p in c["places"].values())}
-        places = {place: k for k, place in enumerate(self._needed(asked))}
-        lists: dict[tuple[int, ...], int] = {}
-        every, listed = self.trace.operations, []
-        for place in places:
-            name, parts, about = every[place]
-            told = {key: _shared(value, lists) for key, value in about.items()}
-            listed.append([name, [places[part] for part in parts], told])
+        numbers, operations, lists = self.trace.written(asked)
         return {
-            "operations": listed,
-            "made": {name: places[place] for name, place in self.made.items()},
+            "operations": operations,
+            "made": {name: numbers[place] for name, place in self.made.items()},
             "curves": [
-                curve | {"places": {key: places[p] for key, p in curve["places"].items()}}
+                curve | {"places": {key: numbers[p] for key, p in curve["places"].items()}}
                 for curve in curves
             ],
-            "lists": list(map(list, lists)),
+            "lists": lists,
         }
-
-    def _needed(self, asked: set[int]) -> list[int]:
-        """These operations and all whose results they take, in order."""
-        every, open_ = self.trace.operations, list(asked)
-        while open_:
-            further = set(every[open_.pop()][1]) - asked
-            asked |= further
-            open_ += further
-        return sorted(asked)
-
-
-def _shared(value: Any, lists: dict[tuple[int, ...], int]) -> Any:
-    """What an operation is told, with the number of a list of places in its place."""
-    if isinstance(value, list) and value and isinstance(value[0], dict):
-        return [
-            {"t": lists.setdefault(tuple(part["t"]), len(lists))} if "t" in part else part
-            for part in value
-        ]
-    return value
 
 
 class TracedCanvas(Canvas):
@@ -271,31 +245,33 @@ class _PlainCanvas(Canvas):
 def _traced(result: Result, changing: list[str]) -> tuple[TracedCanvas, Data]:
     """The content of the page over traced rows, and what was lost on the way among its arrays."""
     trace = Trace()
-    table = result.parameters
     with traces_kept():
-        rows = replace(
-            result,
-            time=trace.root("time", result.time),
-            values=trace.root("values", result.values),
-            parameters=table and replace(table, values=trace.root("parameters", table.values)),
-        )
+        roots = {name: trace.root(name, values) for name, values in _roots(result).items()}
         canvas = TracedCanvas(TracedArrays(trace), run.canvas_of(result, Arrays()).points)
-        data = run.content(canvas, rows)
+        data = run.content(canvas, _over(result, roots))
     canvas.traced.fixed |= set(_lost(result, changing, canvas))
     return canvas, data
+
+
+def _roots(result: Result) -> dict[str, Array]:
+    """What a flight brings."""
+    table = result.parameters
+    fixed = {} if table is None else {"parameters": table.values}
+    return {"time": result.time, "values": result.values, **fixed}
+
+
+def _over(result: Result, roots: dict[str, Array]) -> Result:
+    """The result with other rows and parameters."""
+    table = result.parameters
+    fixed = None if table is None else replace(table, values=roots["parameters"])
+    return replace(result, time=roots["time"], values=roots["values"], parameters=fixed)
 
 
 def _lost(result: Result, changing: list[str], canvas: TracedCanvas) -> Iterator[str]:
     """Names of arrays that the operations do not give over slightly other rows and parameters."""
     roots = _other(result, changing)
-    table = result.parameters
-    other = replace(
-        result,
-        values=roots["values"],
-        parameters=table and replace(table, values=roots["parameters"]),
-    )
     plain = _PlainCanvas(canvas)
-    run.content(plain, other)
+    run.content(plain, _over(result, roots))
     assert isinstance(plain.arrays, _PlainArrays)
     value = canvas.traced.trace.evaluate(roots)
     places = canvas.traced.made | {
@@ -314,17 +290,11 @@ def _other(result: Result, changing: list[str]) -> dict[str, Array]:
     whole number throughout, and the parameters that sliders change.
     """
     noise = np.random.default_rng(1)
-
-    def moved(values: Array, which: NDArray[np.bool_]) -> Array:
-        factor = 1 + NOISE * noise.uniform(0.5, 1.0, values.shape[1])  # what stands still does so
-        return np.asarray(np.where(which, values * factor, values))
-
-    table = result.parameters
-    constants = np.zeros((1, 0)) if table is None else table.values
-    sliding = np.isin([] if table is None else table.columns, changing)
-    broken = (np.nan_to_num(result.values) % 1 != 0).any(axis=0)
-    return {
-        "time": np.array(result.time),
-        "values": moved(np.array(result.values), broken),
-        "parameters": moved(np.array(constants), sliding),
-    }
+    which = {"values": (np.nan_to_num(result.values) % 1 != 0).any(axis=0)}
+    if result.parameters is not None:
+        which["parameters"] = np.isin(result.parameters.columns, changing)
+    found = {name: np.array(values) for name, values in _roots(result).items()}
+    for name, moving in which.items():  # what stands still does so
+        factor = 1 + NOISE * noise.uniform(0.5, 1.0, found[name].shape[1])
+        found[name] = np.where(moving, found[name] * factor, found[name])
+    return found

@@ -172,20 +172,15 @@ def overlay(canvas: Canvas, table: Figure, results: Mapping[str, Result]) -> lis
 def _overlaid(
     canvas: Canvas, panel: Panel, results: Mapping[str, Result], labels: list[str]
 ) -> Plot:
-    curves = [
-        canvas.curve(
-            time,
-            values,
-            f"{label} {name}".strip(),
-            colour=labels.index(label),
-            dash=dash if curve.style else DASHES[labels.index(label) % len(DASHES)],
-            group=label,
-        )
-        for label, r in results.items()
-        for curve in panel.held(r)
-        for time, history in [curve.broken(r.time, curve.history(r))]
-        for values, name, dash in _lines(curve, history)
-    ]
+    curves = []
+    for label, result in results.items():
+        colour = labels.index(label)
+        for curve in panel.held(result):
+            time, history = curve.broken(result.time, curve.history(result))
+            for values, name, style in _lines(curve, history):
+                dash = style if curve.style else DASHES[colour % len(DASHES)]
+                look = {"colour": colour, "dash": dash, "group": label}
+                curves.append(canvas.curve(time, values, f"{label} {name}".strip(), **look))
     return plot(panel.ylabel, curves, log=panel.log, **_marks(panel, *results.values()))
 
 

@@ -19,7 +19,7 @@ from harness.exchange.bodies import names_of, shadow, sun_direction
 from harness.files.libraries import library
 from harness.report import bodies
 from harness.report.arrays import Arrays
-from harness.results.alignment import rotation_angle
+from harness.results.alignment import quaternion, rotation_angle
 from harness.results.result import Array, Result, Rows
 from harness.system.instants import days_since_j2000
 
@@ -54,23 +54,8 @@ def instants(result: Result, *attitudes: str) -> Rows:
 def hill_quaternion(r: Array, v: Array) -> Array:
     """Quaternion (rows, 4) of the Hill frame of an orbit relative to N: x: r, z: r x v."""
     normal = np.cross(r, v)
-    axes = (
-        each / np.linalg.norm(each, axis=1)[:, None] for each in (r, np.cross(normal, r), normal)
-    )
-    (a, d, g), (b, e, h), (c, f, i) = (axis.T for axis in axes)
-    # 4 q q^T row by row; the row with the largest element of its own is the exactest
-    rows = (
-        (1 + a + e + i, h - f, c - g, d - b),
-        (h - f, 1 + a - e - i, b + d, c + g),
-        (c - g, b + d, 1 - a + e - i, f + h),
-        (d - b, c + g, f + h, 1 - a - e + i),
-    )
-    best, most = np.stack(rows[0], axis=1), rows[0][0]
-    for k in (1, 2, 3):
-        larger = rows[k][k] > most
-        best = np.where(larger[:, None], np.stack(rows[k], axis=1), best)
-        most = np.where(larger, rows[k][k], most)
-    return np.asarray(best / np.linalg.norm(best, axis=1)[:, None])
+    axes = (r, np.cross(normal, r), normal)
+    return quaternion(*(each / np.linalg.norm(each, axis=1)[:, None] for each in axes))
 
 
 def in_orbit(r: Array) -> bool:

@@ -4,13 +4,12 @@ them over the rows of another flight.
 
 An array of rows that is Traced knows the operation that made it. What numpy makes of it is Traced
 too, where the table of operations has a word for it; everything else gives plain arrays, whose
-numbers are then those of this result. `Trace.evaluate` repeats the operations with numpy: whoever
-compares that with the code itself finds what was lost on the way.
+numbers are then those of this result. `Trace.evaluate` repeats the operations: whoever compares
+that with the code itself finds what was lost on the way.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -18,19 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[Any]
-Operation = tuple[str, tuple[int, ...], str]
-"""Name, operations whose results it takes, what else it is told (JSON)."""
+from harness.report.operations import UFUNCS, Operations
 
-UFUNCS = (
-    "absolute", "add", "arccos", "arcsin", "arctan", "arctan2", "ceil", "copysign", "cos",
-    "deg2rad", "degrees", "divide", "equal", "exp", "fabs", "floor", "fmax", "fmin", "greater",
-    "greater_equal", "hypot", "isfinite", "isinf", "isnan", "less", "less_equal", "log", "log10",
-    "logical_and", "logical_not", "logical_or", "maximum", "minimum", "multiply", "negative",
-    "not_equal", "positive", "power", "rad2deg", "radians", "reciprocal", "remainder", "rint",
-    "sign", "sin", "sqrt", "square", "subtract", "tan",
-)  # fmt: skip
-"""Operations on elements; the page has the same names."""
+Array = NDArray[Any]
 LOGICAL = {"bitwise_and": "logical_and", "bitwise_or": "logical_or", "invert": "logical_not"}
 """Of truth values."""
 
@@ -157,18 +146,24 @@ def _spelt(index: Any, shape: Sequence[int]) -> list[dict[str, Any]] | None:
     for part in parts:
         if part is Ellipsis:
             found += [{"s": [None, None, None]}] * (len(shape) - wide)
-        elif part is None:
-            found.append({"n": 1})
-        elif isinstance(part, slice):
-            ends = (part.start, part.stop, part.step)
-            found.append({"s": [None if x is None else int(x) for x in ends]})
-        elif isinstance(part, int | np.integer):
-            found.append({"i": int(part)})
-        elif (places := _places(part)) is not None:
-            found.append({"t": places})
+        elif word := _word(part):
+            found.append(word)
         else:
             return None
     return found if sum("t" in each for each in found) <= 1 else None
+
+
+def _word(part: Any) -> dict[str, Any] | None:
+    """One part of an index: a new axis, a slice, a place or places."""
+    if part is None:
+        return {"n": 1}
+    if isinstance(part, slice):
+        ends = (part.start, part.stop, part.step)
+        return {"s": [None if x is None else int(x) for x in ends]}
+    if isinstance(part, int | np.integer):
+        return {"i": int(part)}
+    places = _places(part)
+    return None if places is None else {"t": places}
 
 
 def _places(part: Any) -> list[int] | None:
@@ -296,24 +291,12 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 # ---- the list
 
 
-class Trace:
-    """Operations by place, each once; roots: the arrays that a flight brings, by name."""
-
-    def __init__(self) -> None:
-        self._known: dict[Operation, int] = {}
-        self.about: list[dict[str, Any]] = []
-
-    @property
-    def operations(self) -> list[Any]:
-        """What the page repeats: name, places, what else it is told."""
-        return [
-            [name, list(parts), about]
-            for (name, parts, _), about in zip(self._known, self.about, strict=True)
-        ]
+class Trace(Operations):
+    """The operations behind traced arrays; roots: the arrays that a flight brings, by name."""
 
     def root(self, name: str, values: Array) -> Any:
         """The array of that name, with the numbers of this result."""
-        return self.wrap(values, self._place("root", (), {"name": name}))
+        return self.wrap(values, self.add("root", (), {"name": name}))
 
     def wrap(self, value: Any, place: int) -> Any:
         """A value of an operation; plain where there is none."""
@@ -326,7 +309,7 @@ class Trace:
     def note(self, name: str, arrays: Sequence[Any], **about: Any) -> int:
         """The operation of that name on these arrays; -1 if one of them is no number."""
         parts = tuple(map(self._part, arrays))
-        return -1 if -1 in parts else self._place(name, parts, about)
+        return -1 if -1 in parts else self.add(name, parts, about)
 
     def ufunc(self, name: str, method: str, inputs: Sequence[Any], about: Mapping[str, Any]) -> int:
         """An operation on elements, or along an axis; -1: the page has no word for it."""
@@ -351,69 +334,14 @@ class Trace:
         array = np.asarray(_plain(value))
         if array.dtype.kind not in "fiub" or array.size > MOST:
             return -1
-        values = [_written(float(x)) for x in array.ravel()]
-        return self._place("constant", (), {"shape": list(array.shape), "values": values})
-
-    def _place(self, name: str, parts: tuple[int, ...], about: dict[str, Any]) -> int:
-        key = (name, parts, json.dumps(about))
-        if key not in self._known:
-            self._known[key] = len(self._known)
-            self.about.append(about)
-        return self._known[key]
-
-    def evaluate(self, roots: Mapping[str, Array]) -> Callable[[int], Array]:
-        """Results of the operations by place, with other numbers at the roots."""
-        listed, known = self.operations, dict[int, Any]()
-
-        def value(place: int) -> Array:
-            if place not in known:
-                name, parts, about = listed[place]
-                arrays = [value(part) for part in parts]
-                known[place] = _repeated(name, arrays, about, roots)
-            return np.asarray(known[place])
-
-        return value
+        values = [x if np.isfinite(x) else repr(x) for x in map(float, array.ravel())]
+        return self.add("constant", (), {"shape": list(array.shape), "values": values})
 
 
 MOST = 20_000
 """Numbers of a constant."""
 MOST_ITEMS = 64
 """Items of an array that is taken apart."""
-
-
-def _written(x: float) -> float | str:
-    return x if np.isfinite(x) else repr(x)
-
-
-def _repeated(name: str, a: list[Any], p: Mapping[str, Any], roots: Mapping[str, Array]) -> Any:
-    """One operation with numpy, as the page does it."""
-    with np.errstate(all="ignore"):
-        if name in UFUNCS:
-            return getattr(np, name)(*a)
-        return REPEATED[name](a, p, roots)
-
-
-REPEATED: Mapping[str, Callable[[list[Any], Mapping[str, Any], Mapping[str, Array]], Any]] = {
-    "concatenate": lambda a, p, _: np.concatenate(a, axis=p["axis"]),
-    "constant": lambda _, p, __: np.array([float(x) for x in p["values"]]).reshape(p["shape"]),
-    "cross": lambda a, _, __: np.cross(*a),
-    "einsum": lambda a, p, _: np.einsum(p["letters"], *a),
-    "full": lambda _, p, __: np.full(p["shape"], p["value"]),
-    "pick": lambda a, p, _: a[0][tuple(map(_index, p["index"]))],
-    "reduce": lambda a, p, _: getattr(np, p["by"]).reduce(a[0], axis=p["axis"], keepdims=p["keep"]),
-    "reduceat": lambda a, p, _: getattr(np, p["by"]).reduceat(a[0], p["places"], axis=0),
-    "reshape": lambda a, p, _: a[0].reshape(p["shape"]),
-    "root": lambda _, p, roots: roots[p["name"]],
-    "stack": lambda a, p, _: np.stack(a, axis=p["axis"]),
-    "transpose": lambda a, p, _: a[0].transpose(p["axes"]),
-    "where": lambda a, _, __: np.where(a[0] != 0, a[1], a[2]),
-}
-
-
-def _index(part: Mapping[str, Any]) -> Any:
-    if "n" in part:
-        return None
-    return slice(*part["s"]) if "s" in part else part["i"] if "i" in part else part["t"]
 
 
 # ---- numpy that hands traces on
@@ -425,20 +353,20 @@ KEEPING = ("asarray", "ascontiguousarray", "asanyarray")
 def traces_kept() -> Iterator[None]:
     """Within the block these functions of numpy hand on a Traced array of numbers as it is."""
     before = {name: getattr(np, name) for name in KEEPING}
-
-    def keeping(own: Callable[..., Any]) -> Callable[..., Any]:
-        def function(x: Any, dtype: Any = None, *args: Any, **kwargs: Any) -> Any:
-            known = isinstance(x, Traced) and x.place >= 0
-            if known and (dtype is None or np.dtype(dtype).kind == x.dtype.kind):
-                return x
-            return own(_plain(x), dtype, *args, **kwargs)
-
-        return function
-
     try:
         for name, own in before.items():
-            setattr(np, name, keeping(own))
+            setattr(np, name, _keeping(own))
         yield
     finally:
         for name, own in before.items():
             setattr(np, name, own)
+
+
+def _keeping(own: Callable[..., Any]) -> Callable[..., Any]:
+    def function(x: Any, dtype: Any = None, *args: Any, **kwargs: Any) -> Any:
+        known = isinstance(x, Traced) and x.place >= 0
+        if known and (dtype is None or np.dtype(dtype).kind == x.dtype.kind):
+            return x
+        return own(_plain(x), dtype, *args, **kwargs)
+
+    return function

@@ -44,6 +44,24 @@ def turned(q: Array, v: Array) -> Array:
     return np.asarray(v + q[:, :1] * t + np.cross(q[:, 1:], t))
 
 
+def quaternion(x: Array, y: Array, z: Array) -> Array:
+    """Quaternions (rows, 4) of frames by their axes (rows, 3), unit vectors."""
+    (a, d, g), (b, e, h), (c, f, i) = (axis.T for axis in (x, y, z))
+    # 4 q q^T row by row; the row with the largest element of its own is the exactest
+    rows = (
+        (1 + a + e + i, h - f, c - g, d - b),
+        (h - f, 1 + a - e - i, b + d, c + g),
+        (c - g, b + d, 1 - a + e - i, f + h),
+        (d - b, c + g, f + h, 1 - a - e + i),
+    )
+    best, most = np.stack(rows[0], axis=1), rows[0][0]
+    for k in (1, 2, 3):
+        larger = rows[k][k] > most
+        best = np.where(larger[:, None], np.stack(rows[k], axis=1), best)
+        most = np.where(larger, rows[k][k], most)
+    return np.asarray(best / np.linalg.norm(best, axis=1)[:, None])
+
+
 def is_late(result: Result, name: str) -> bool:
     """Whether what belongs to a row stands in the next one, for a variable of a sampled component.
 

@@ -14,6 +14,7 @@ import operator
 import re
 import warnings
 from collections.abc import Callable, Sequence
+from itertools import count
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -144,15 +145,12 @@ def parsed(text: str, others: Sequence[str] = (), kind: str = "") -> ast.expr:
     digits than the limits. others: names, of such a `kind`, that the user may have meant.
     """
     _limit(text)
-    units: list[str] = []
-
-    def mark(match: re.Match[str]) -> str:
-        units.append(match["unit"])
-        return f"quantity({match['number']}, {len(units) - 1})"
-
+    units = [match["unit"] for match in QUANTITY.finditer(text)]
+    places = count()
     try:
+        marks = QUANTITY.sub(lambda match: f"quantity({match['number']}, {next(places)})", text)
         with warnings.catch_warnings(action="error"):  # 1if: "invalid decimal literal"
-            marked = ast.parse(QUANTITY.sub(mark, text), mode="eval").body
+            marked = ast.parse(marks, mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         names = did_you_mean(text, others)
         what = f"there is no such {kind}, and " if kind else ""

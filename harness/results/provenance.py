@@ -203,15 +203,21 @@ KINDS: Mapping[str, tuple[type, ...]] = {
 
 def _field(name: str, value: Any) -> Any:
     """A field of a file; ValueError if it is not what a run has there."""
-    if name in PLAIN:
-        number = name in NUMBERS
-        kind: Any = int | float if number else str
-        if not isinstance(value, kind) or isinstance(value, bool):
-            word = "number" if number else "text"
-            raise ValueError(f"{name}: expected a {word}, got {value!r:.40}")
-        if number and not (math.isfinite(value) and (name not in WHOLE or value >= 1)):
-            raise ValueError(f"{name}: got {value!r}")
-        return int(value) if name in WHOLE else value
+    return _single(name, value) if name in PLAIN else _listing(name, value)
+
+
+def _single(name: str, value: Any) -> Any:
+    number = name in NUMBERS
+    kind: Any = int | float if number else str
+    if not isinstance(value, kind) or isinstance(value, bool):
+        word = "number" if number else "text"
+        raise ValueError(f"{name}: expected a {word}, got {value!r:.40}")
+    if number and not (math.isfinite(value) and (name not in WHOLE or value >= 1)):
+        raise ValueError(f"{name}: got {value!r}")
+    return int(value) if name in WHOLE else value
+
+
+def _listing(name: str, value: Any) -> tuple[Any, ...]:
     row, kinds = ROWS.get(name), KINDS.get(name, (str, str))
     if not isinstance(value, list | tuple):
         raise ValueError(f"{name}: expected a list, got {value!r:.40}")

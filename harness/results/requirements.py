@@ -241,11 +241,7 @@ def finding(result: Result, name: str, text: str) -> Finding:
         with np.errstate(all="ignore"):
             if has_window(tree):
                 return _judged_at_start(result, found, tree)
-            judged = _judged(result, found, tree)
-        if result.complete:
-            return judged
-        met = judged.verdict is not Verdict.NOT_MET
-        return _ended_early(result, judged) if met else replace(judged, margin=-math.inf)
+            return _lasting(result, _judged(result, found, tree))
     except (KeyError, ValueError, IndexError, TypeError, ZeroDivisionError, OverflowError) as error:
         reason = str(error.args[0]) if error.args else type(error).__name__
         return Finding(name, text, Verdict.NOT_JUDGED, reason=reason)
@@ -259,6 +255,14 @@ def _stated(text: str, units: Units) -> tuple[ast.expr, str]:
     tree, known = condition(text), dict(units)
     unit = unit_of_margin(tree, lambda path: known.get(path, ""))
     return resolved(tree, lambda path: known.get(path, "")), unit
+
+
+def _lasting(result: Result, found: Finding) -> Finding:
+    if result.complete:
+        return found
+    if found.verdict is Verdict.NOT_MET:
+        return replace(found, margin=-math.inf)
+    return _ended_early(result, found)
 
 
 def _ended_early(result: Result, found: Finding) -> Finding:

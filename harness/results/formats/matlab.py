@@ -7,7 +7,7 @@ import os
 import re
 import struct
 import zlib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -41,16 +41,21 @@ def write(result: Result, path: Path) -> None:
     told: dict[str, Any] = {name: {} for name in STRUCTS}
     fixed: dict[str, Any] = {}
     for table, place, begin in ((result, content, ""), (result.parameters, fixed, OF_FIXED)):
-        for name, _, values, about in variables(table):
+        for name, values, about in _told(table):
             component, variable = _place(place, name)
             place[component][variable] = values if table is result else values[0]
-            about.setdefault(ELEMENTS, in_lines(element_names(name, values.shape[1:])))
             for attribute, kind in TOLD.items():
                 told[begin + kind].setdefault(component, {})[variable] = about[attribute]
     content |= told | {"parameters": fixed}
     if result.provenance is not None:
         content["provenance"] = flat(result.provenance)
     scipy.io.savemat(path, content, long_field_names=True, oned_as="column", do_compression=True)
+
+
+def _told(table: Result | None) -> Iterator[tuple[str, Array, dict[str, str]]]:
+    """Variables with their attributes, the names of their elements too."""
+    for name, _, values, about in variables(table):
+        yield name, values, {ELEMENTS: in_lines(element_names(name, values.shape[1:])), **about}
 
 
 def read(path: Path) -> Result:
