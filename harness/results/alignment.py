@@ -24,9 +24,13 @@ def rotation_angle(a: Array, b: Array) -> Array:
     """Angle of the rotation between attitudes given by quaternions (rows, 4), scalar first; 0 to
     pi, (rows,) [rad].
     """
-    scalar = np.abs(np.sum(a * b, axis=1))
-    vector = a[:, :1] * b[:, 1:] - b[:, :1] * a[:, 1:] + np.cross(a[:, 1:], b[:, 1:])
-    return np.asarray(2 * np.arctan2(np.linalg.norm(vector, axis=1), scalar))
+    a0, a1, a2, a3 = np.ascontiguousarray(a.T)
+    b0, b1, b2, b3 = np.ascontiguousarray(b.T)
+    scalar = np.abs(a0 * b0 + a1 * b1 + a2 * b2 + a3 * b3)
+    x = a0 * b1 - b0 * a1 + (a2 * b3 - a3 * b2)
+    y = a0 * b2 - b0 * a2 + (a3 * b1 - a1 * b3)
+    z = a0 * b3 - b0 * a3 + (a1 * b2 - a2 * b1)
+    return np.asarray(2 * np.arctan2(np.sqrt(x * x + y * y + z * z), scalar))
 
 
 def relative_mrp(actual: Array, reference: Array) -> Array:

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.results.columns import minus, norm, plus, total
 from harness.spelling import did_you_mean
 from harness.system.units import convert
 
@@ -34,9 +35,6 @@ DIGITS = 300
 """Digits of a number: 1e308 is the end of the doubles."""
 DEEPEST = 200
 """Levels of an expression; every further term of a sum is one."""
-
-PAIRWISE = 8
-"""So many numbers in a row numpy adds in pairs, fewer from the first to the last."""
 
 QUANTITY = re.compile(
     r"(?<![\w.])(?P<number>(?>\d+\.?\d*|\.\d+)(?>[eE][-+]?\d+)?)\s+"
@@ -59,25 +57,11 @@ def steady_error(time: Array, error: Array) -> float:
     return float(np.max(error[time >= time[-1] - STEADY * (time[-1] - time[0])]))
 
 
-def _norm(x: Array) -> Array:
-    """Length of every row."""
-    return np.asarray(np.sqrt(_total(np.square(np.asarray(x, dtype=np.float64)))))
-
-
-def _total(x: Array) -> Array:
-    """Sum over the elements of every row; a few columns are added one after the other, as numpy
-    does within a row, which takes several times as long.
-    """
-    if np.ndim(x) != 2 or np.shape(x)[1] >= PAIRWISE:
-        return np.asarray(np.sum(x, axis=-1))
-    return np.asarray(np.add.reduce(np.ascontiguousarray(np.transpose(x)), axis=0))
-
-
 def _angle(q: Array, p: Array) -> Array:
     """Angle between two attitudes [rad] by their unit quaternions, row by row; exact near zero: of
     q and p the shorter of difference and sum is 2 sin(angle / 4), the longer 2 cos(angle / 4).
     """
-    a, b = _norm(q - p), _norm(q + p)
+    a, b = norm(minus(q, p)), norm(plus(q, p))
     return np.asarray(4 * np.arctan2(np.minimum(a, b), np.maximum(a, b)))
 
 
@@ -100,7 +84,7 @@ FUNCTIONS: dict[str, Function] = {
     "max": Function(np.max),
     "mean": Function(np.mean),
     "min": Function(np.min),
-    "norm": Function(_norm),
+    "norm": Function(norm),
     "percentile": Function(np.percentile, ("x", "percent")),
     "rms": Function(lambda x: np.sqrt(np.mean(np.square(x)))),
     "settling_time": Function(settling_time, ("time", "error", "band")),
@@ -108,7 +92,7 @@ FUNCTIONS: dict[str, Function] = {
     "sqrt": Function(np.sqrt),
     "std": Function(np.std),
     "steady": Function(steady_error, ("time", "error")),
-    "total": Function(_total),
+    "total": Function(total),
 }
 """Functions of an expression: a further argument of one of numpy may be where it writes to."""
 WINDOWED = {"always": ("x",), "eventually": ("x",), "until": ("x", "y")}
@@ -118,8 +102,8 @@ IMPLIES = "implies"
 """implies(x, y): y counts in the rows in which x holds."""
 
 BINARY: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
+    ast.Add: plus,
+    ast.Sub: minus,
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
     ast.Pow: operator.pow,

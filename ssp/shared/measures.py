@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 
 from harness.mission import Limits, Measure
+from harness.results.columns import minus, total
 from harness.results.expressions import STEADY, settling_time, steady_error
 from harness.results.result import Array, Result
 
@@ -141,8 +142,9 @@ LIMIT_FLAGS = ("F_saturated", "M_saturated", "a_saturated", "infeasible", "satur
 
 def _delta_v(result: Result, _: Limits) -> float:
     """Impulse of all thrusters or axes over the mass [m/s]."""
-    impulse = np.sum(np.diff(result["propulsion.impulse"], axis=0), axis=1)
-    return float(np.sum(impulse / result["servicer.mass"][1:]))
+    impulse = result["propulsion.impulse"]
+    spent = total(minus(impulse[1:], impulse[:-1]))
+    return float(np.sum(spent / result["servicer.mass"][1:]))
 
 
 def _acting(result: Result) -> slice:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from harness.results.alignment import aligned, is_late, relative_mrp, rotation_angle, turned
+from harness.results.columns import minus, norm
 from harness.results.result import Array, Result
 
 SERVICER, TARGET, REFERENCE = "servicer.r_SN_N", "target.r_TN_N", "guidance.rho_ref_N"
@@ -25,12 +26,12 @@ RATE = "servicer.omega_SN_S"
 
 def position_error(result: Result) -> Array:
     """Distance of the servicer from its reference position, (rows,) [m]."""
-    return _aligned(result, _relative(result), lambda a, b: np.linalg.norm(a - b, axis=1))
+    return _aligned(result, _relative(result), lambda a, b: norm(minus(a, b)))
 
 
 def range_error(result: Result) -> Array:
     """Magnitude of range less range of the reference position, (rows,) [m]."""
-    return _aligned(result, _relative(result), lambda a, b: np.abs(_norm(a) - _norm(b)))
+    return _aligned(result, _relative(result), lambda a, b: np.abs(norm(a) - norm(b)))
 
 
 def attitude_error(result: Result) -> Array:
@@ -76,30 +77,26 @@ def release_time(result: Result) -> float:
 
 def range_(result: Result) -> Array:
     """Distance between servicer and target, (rows,) [m]."""
-    return _norm(_relative(result))
+    return norm(_relative(result))
 
 
 def initial_range(result: Result) -> float:
     """Distance between servicer and target in the first row [m]."""
-    return float(_norm(result[SERVICER][:1] - result[TARGET][:1])[0])
+    return float(norm(result[SERVICER][:1] - result[TARGET][:1])[0])
 
 
 def reference_range(result: Result) -> Array:
     """Range of the reference position, in the row of the state that it belongs to, (rows,) [m]."""
-    return _aligned(result, _relative(result), lambda _, b: _norm(b))
+    return _aligned(result, _relative(result), lambda _, b: norm(b))
 
 
 def relative_speed(result: Result) -> Array:
     """Magnitude of the velocity of the servicer relative to the target, (rows,) [m/s]."""
-    return _norm(result[VELOCITIES[0]] - result[VELOCITIES[1]])
+    return norm(minus(result[VELOCITIES[0]], result[VELOCITIES[1]]))
 
 
 def _relative(result: Result) -> Array:
-    return np.asarray(result[SERVICER] - result[TARGET])
-
-
-def _norm(x: Array) -> Array:
-    return np.asarray(np.linalg.norm(x, axis=1))
+    return np.asarray(minus(result[SERVICER], result[TARGET]))
 
 
 def _aligned(result: Result, actual: Array, error: Callable[[Array, Array], Array]) -> Array:
