@@ -9,33 +9,17 @@
 The names below are imported when they are first used, so that `import harness` is quick.
 """
 
+# ruff: noqa: F403, F405 - for type checkers harness.api lists what it offers
+
 from __future__ import annotations
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from harness.ssp import starts
+from harness import ssp
 
 if TYPE_CHECKING:
-    from harness.api import (
-        Flights,
-        Result,
-        Simulation,
-        boundary,
-        build,
-        campaign,
-        compare,
-        export,
-        linearize,
-        load,
-        probability,
-        read,
-        run,
-        sensitivity,
-        show,
-        tune,
-        worst,
-    )
+    from harness.api import *
     from harness.errors import HarnessError
 
     __version__: str
@@ -82,4 +66,4 @@ def _started(system: Any) -> Any:
     return import_module("harness.exchange.start").of_system(system)
 
 
-starts.attach(_started)
+ssp.read_starts = _started

@@ -20,9 +20,8 @@ import typer
 from typer.core import TyperCommand
 
 from harness.cli import look, models, runs, studies
-from harness.errors import HarnessError
+from harness.errors import HarnessError, missing
 from harness.files import signals
-from harness.files.libraries import missing
 from harness.files.output import commanded
 from harness.spelling import printable
 

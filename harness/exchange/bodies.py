@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import HarnessError, ResultsError, UsageError
-from harness.files.libraries import library
+from harness.errors import HarnessError, ResultsError, UsageError, library
 from harness.mission.library import everything, of_result
 from harness.mission.mission import Bodies
 from harness.results.result import Array, Result

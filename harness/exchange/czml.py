@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.errors import library
 from harness.exchange.bodies import Body, bodies, instants
-from harness.files.libraries import library
 from harness.files.output import written
 from harness.results.result import Array, Result
 from harness.system.instants import days_since_j2000

@@ -20,11 +20,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from harness.errors import StructureError, UsageError
+from harness.errors import StructureError, UsageError, library
 from harness.exchange import two_line
 from harness.exchange.bodies import sun_direction
 from harness.exchange.czml import earth
-from harness.files.libraries import library
 from harness.files.paths import contents
 from harness.files.temporary import PrivateFolder
 from harness.master.simulation import Simulation
@@ -106,7 +105,7 @@ def start_values(
 
 
 def of_system(system: System) -> tuple[Mapping[str, Any], str]:
-    """Start values and epoch of the `[start]` of a TOML; what harness.ssp.starts is given. Raises
+    """Start values and epoch of the `[start]` of a TOML; what harness.ssp.read_starts is. Raises
     StructureError with the problem.
     """
     try:

@@ -13,13 +13,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypedDict
 
+from harness import ssp
 from harness.errors import HarnessError, StructureError, UsageError
 from harness.files.paths import is_file
 from harness.files.sealed import sha256
 from harness.remote.places import Place, move, read_place
 from harness.results.requirements import refused
 from harness.spelling import did_you_mean
-from harness.ssp import starts
 from harness.ssp.parameters import read_ssv
 from harness.system.graph import read_interfaces
 from harness.system.instants import epoch_of, written
@@ -102,7 +102,7 @@ def _elsewhere(system: System, epoch: str) -> System:
     """A system whose bodies start from files, at another UTC of t = 0."""
     moved = replace(system, experiment=replace(system.experiment, epoch=epoch))
     values = Assignments(read_interfaces(moved))
-    for name, value in starts.read(moved)[0].items():
+    for name, value in ssp.read_starts(moved)[0].items():
         values.set(*split(name, values.interfaces), value)
     return _with(moved, values)
 

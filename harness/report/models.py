@@ -15,9 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from harness.errors import HarnessError, UsageError
+from harness.errors import HarnessError, UsageError, library
 from harness.files import paths
-from harness.files.libraries import library
 from harness.mission.library import SYSTEM, systems
 from harness.report.arrays import Arrays
 from harness.results.result import Array, Result

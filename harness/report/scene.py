@@ -13,10 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from harness.errors import HarnessError
+from harness.errors import HarnessError, library
 from harness.exchange.bodies import instants as utc
 from harness.exchange.bodies import names_of, shadow, sun_direction
-from harness.files.libraries import library
 from harness.report import bodies
 from harness.report.arrays import Arrays
 from harness.results.alignment import quaternion, rotation_angle

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
@@ -362,9 +362,6 @@ class Description3(Description):
 
 
 # ---- for the rules
-
-Rule = Callable[[Description], Iterator[str]]
-"""Gives one line per fault."""
 
 
 def twice(values: Iterable[Hashable]) -> list[Any]:

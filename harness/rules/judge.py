@@ -7,7 +7,9 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from inspect import isfunction
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import fmpy
@@ -16,10 +18,24 @@ from lxml import etree
 from harness.errors import ArchiveError
 from harness.files.archive import UnsafeXmlError, XmlElement, inspect, parsed, read_entry
 from harness.rules import header, variables, version3
-from harness.rules.description import TYPES, Description, Description3, Rule
+from harness.rules.description import TYPES, Description, Description3
 
 FILE = "modelDescription.xml"
 BUILD, TERMINALS = "sources/buildDescription.xml", "terminalsAndIcons/terminalsAndIcons.xml"
+
+Rule = Callable[[Any], Iterator[str]]
+"""Gives one line per fault of a description."""
+
+
+def _rules(*modules: ModuleType) -> tuple[Rule, ...]:
+    """The rules of modules in their order: each public function is one."""
+    return tuple(
+        each
+        for module in modules
+        for name, each in vars(module).items()
+        if isfunction(each) and each.__module__ == module.__name__ and not name.startswith("_")
+    )
+
 
 ERRORS: tuple[Rule, ...] = (
     header.bad_identifier,
@@ -33,68 +49,22 @@ ERRORS: tuple[Rule, ...] = (
 )
 """Broken, they leave open what would be run."""
 
-WARNINGS: tuple[Rule, ...] = (
-    header.stray_files,
-    header.missing_sources,
-    header.odd_identifier,
-    header.empty_name,
-    header.empty_guid,
+WARNINGS = tuple(rule for rule in _rules(header, variables) if rule not in ERRORS)
+"""Broken, they may puzzle another tool; the FMU can be run."""
+
+_ONLY_2 = {
+    header.repeated_interface,
     header.bare_guid,
-    header.stop_before_start,
-    header.step_not_positive,
-    header.tolerance_not_positive,
-    header.time_not_finite,
-    header.repeated_log_categories,
     header.repeated_vendor_tools,
-    variables.repeated_units,
-    variables.repeated_display_units,
-    variables.zero_factors,
-    variables.repeated_types,
-    variables.types_called_like_variables,
-    variables.equal_items,
-    variables.limits_of_types,
-    variables.undefined_units_of_types,
-    variables.other_types,
-    variables.derivatives_not_continuous,
-    variables.unstructured_names,
-    variables.discrete_kinds,
-    variables.impossible_causalities,
-    variables.initials_that_are_not_given,
-    variables.impossible_initials,
-    variables.missing_starts,
-    variables.starts_of_calculated,
-    variables.starts_of_independent,
+    header.initial_kinds,
     variables.several_independent,
-    variables.independent_not_real,
-    variables.limits_crossed,
-    variables.starts_outside,
-    variables.starts_that_are_no_item,
-    variables.starts_not_finite,
-    variables.zero_nominals,
-    variables.undefined_units,
-    variables.undefined_display_units,
-    variables.reinit_in_co_simulation,
     variables.several_sets_in_co_simulation,
     variables.shared_references,
     variables.mixed_aliases,
-    header.repeated_entries,
-    header.kinds_without_dependencies,
-    header.kinds_and_dependencies,
-    header.initial_kinds,
-    header.outputs,
-    header.derivatives,
-    header.initial_unknowns,
-)
-"""Broken, they may puzzle another tool; the FMU can be run."""
+}
 
-ERRORS_3: tuple[Callable[[Description3], Iterator[str]], ...] = (
-    header.bad_identifier,
-    variables.repeated_names,
-    variables.empty_names,
-    variables.undefined_types,
-    variables.unknown_states,
-    header.unknown_indices,
-    variables.repeated_items,
+ERRORS_3: tuple[Rule, ...] = (
+    *(rule for rule in ERRORS if rule not in _ONLY_2),
     version3.independent_variable,
     version3.repeated_references,
     version3.unknown_dimensions,
@@ -105,29 +75,9 @@ ERRORS_3: tuple[Callable[[Description3], Iterator[str]], ...] = (
 )
 """The same for FMI 3.0."""
 
-_ONLY_2 = {
-    header.bare_guid,
-    header.repeated_vendor_tools,
-    variables.several_independent,
-    variables.several_sets_in_co_simulation,
-    variables.shared_references,
-    variables.mixed_aliases,
-    header.initial_kinds,
-}
-
-WARNINGS_3: tuple[Callable[[Description3], Iterator[str]], ...] = (
+WARNINGS_3 = (
     *(rule for rule in WARNINGS if rule not in _ONLY_2),
-    version3.clocks_that_are_none,
-    version3.clocks_as_unknowns,
-    version3.repeated_annotations,
-    version3.unknown_previous,
-    version3.missing_build_description,
-    version3.repeated_sources,
-    version3.options_without_compiler,
-    version3.other_identifiers_of_builds,
-    version3.empty_terminals,
-    version3.terminal_members,
-    version3.repeated_terminals,
+    *(rule for rule in _rules(version3) if rule not in ERRORS_3),
 )
 """The same for FMI 3.0."""
 
@@ -165,21 +115,26 @@ def judge(path: Path) -> Verdict:
 def _judge_3(path: Path, names: tuple[str, ...], root: XmlElement) -> Verdict:
     if violations := _schema_violations(root, "fmi3ModelDescription", FILE):
         return Verdict(violations)
-    warnings: list[str] = []
-    others: list[XmlElement] = []
-    for name, schema in ((BUILD, "fmi3BuildDescription"), (TERMINALS, "fmi3TerminalsAndIcons")):
-        others.append(None)
-        if name in names:
-            try:
-                others[-1] = parsed(read_entry(path, name))
-                warnings += _schema_violations(others[-1], schema, name)
-            except (ArchiveError, UnsafeXmlError) as error:
-                warnings.append(f"{name}: {error}")
-    description = Description3(root, names, *others)
+    build, builds = _further(path, names, BUILD, "fmi3BuildDescription")
+    terminals, odd = _further(path, names, TERMINALS, "fmi3TerminalsAndIcons")
+    description = Description3(root, names, build, terminals)
     errors = _broken(ERRORS_3, description)
-    if errors:
-        return Verdict(errors, tuple(warnings), description)
-    return Verdict((), (*warnings, *_broken(WARNINGS_3, description)), description)
+    rest = () if errors else _broken(WARNINGS_3, description)
+    return Verdict(errors, (*builds, *odd, *rest), description)
+
+
+def _further(
+    path: Path, names: tuple[str, ...], name: str, schema: str
+) -> tuple[XmlElement, tuple[str, ...]]:
+    """Root of another XML file of the archive, None if it is not there, and its violations."""
+    root = None
+    try:
+        if name in names:
+            root = parsed(read_entry(path, name))
+            return root, _schema_violations(root, schema, name)
+    except (ArchiveError, UnsafeXmlError) as error:
+        return root, (f"{name}: {error}",)
+    return None, ()
 
 
 def _reason(path: Path, error: ArchiveError) -> str:
@@ -233,7 +188,5 @@ def _schema(name: str) -> Any:
     )
 
 
-def _broken(
-    rules: Iterable[Callable[[Any], Iterator[str]]], description: Description
-) -> tuple[str, ...]:
+def _broken(rules: Iterable[Rule], description: Description) -> tuple[str, ...]:
     return tuple(dict.fromkeys(line for rule in rules for line in rule(description)))

@@ -19,11 +19,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from harness import ssp
 from harness.errors import HarnessError, StructureError, UsageError
 from harness.files.paths import is_file
 from harness.results import requirements
 from harness.spelling import did_you_mean
-from harness.ssp import starts
 from harness.ssp.extends import MODELS, extended
 from harness.ssp.writer import write_ssp
 from harness.system import graph, problems, sliders
@@ -86,7 +86,20 @@ def system_of(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> System:
     if found := list(_misshapen(source)) or list(_ill_formed(source, fmus)):
         raise StructureError(found)
     system = _Builder(source, fmus).system()
-    return _Builder(starts.begun(source, system), fmus).system() if system.starts else system
+    return _Builder(_begun(source, system), fmus).system() if system.starts else system
+
+
+def _begun(table: Mapping[str, Any], system: System) -> dict[str, Any]:
+    """The tables of a system with the values of its `starts` among the parameters, and with its
+    epoch; HarnessError.
+    """
+    values, epoch = ssp.read_starts(system)
+    parameters = {c: dict(own) for c, own in table.get("parameters", {}).items()}
+    for name, value in values.items():
+        component, _, parameter = name.partition(".")
+        parameters.setdefault(component, {})[parameter] = value
+    experiment = {**table["experiment"], "epoch": epoch}
+    return {**table, "parameters": parameters, "experiment": experiment}
 
 
 def _misshapen(source: Mapping[str, Any]) -> Iterator[str]:

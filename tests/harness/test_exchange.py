@@ -511,12 +511,12 @@ def test_start_on_the_command_line(out, tmp_path, capsys):
 
 
 def test_a_missing_library_names_its_extra(monkeypatch, result, tmp_path):
-    from harness.files import libraries
+    from harness import errors
 
     def missing(name):
         raise ImportError(name)
 
-    monkeypatch.setattr(libraries, "import_module", missing)
+    monkeypatch.setattr(errors, "import_module", missing)
     with pytest.raises(HarnessError, match=r"pyarrow: pip install 'servicing-fmus\[exchange\]'"):
         result.save(tmp_path / "x.parquet")
     assert erfa.__name__ == "erfa"

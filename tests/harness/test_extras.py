@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.files.libraries import EXTRAS
+from harness.errors import EXTRAS
 
 LIBRARIES = sorted(name for names in EXTRAS.values() for name in names)
 ROOT = Path(__file__).parents[2]

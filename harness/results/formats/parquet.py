@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.files.libraries import library
+from harness.errors import library
 from harness.results.formats.columns import content, numbers, refuse_size, told
 from harness.results.result import Result
 
