@@ -6,12 +6,14 @@ it is initialised, and for that it needs none of the others.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
+from typing import Any
 
 from harness.errors import FmuError, HarnessError, RefusalError, RunError
 from harness.files.paths import is_file, is_ours
 from harness.master.isolated import in_child, silence, timed
+from harness.master.refusals import as_typed, without
 from harness.master.simulation import Simulation
 from harness.system.model import Origin, System
 
@@ -39,6 +41,18 @@ def refused(
                 yield error
             except HarnessError:  # of anything else the run itself speaks
                 continue
+
+
+def always_refused(
+    systems: Iterable[System], given: Mapping[str, Any], varied: Collection[str], patience: float
+) -> Iterator[HarnessError]:
+    """What FMUs refuse in every run, because it is about nothing that varies, in the words of the
+    user: given: values by name, as they were typed; varied: names of what differs.
+    """
+    components = {name.partition(".")[0] for name in given}
+    for error in refused(systems, components, patience):
+        if common := without(error, varied):
+            yield as_typed(common, given, f"{error.component}.")
 
 
 def unreachable(system: System, components: Iterable[str]) -> Iterator[HarnessError]:

@@ -55,7 +55,7 @@ def _page(store: Store, path: Path) -> str:
         comparison.side_by_side(flown, arrays, [page for page in pages if page["figures"]]),
         **_runs(store, metrics, path),
         flown=list(flown),
-        study=study.text(store, str(path)),
+        study=study.text(store, path),
         metrics=[_metric(name, x) for name, x in shown.items()],
         shares=[_named(n, s) for n, s in summary.requirements(store).items()],
         expected=[{"text": e.text, "look": e.verdict.value} for e in summary.expectations(store)],

@@ -20,8 +20,7 @@ from harness.report.story import replay_several
 from harness.report.template import render
 from harness.results.files import read
 from harness.results.result import Result
-from harness.studies.compare import TABLE
-from harness.studies.table import read_csv
+from harness.studies.compare import TABLE, read_csv
 from harness.studies.variants import Variant, with_files
 
 

@@ -17,7 +17,7 @@ from harness.report.plots import Plot, diagram
 from harness.results.files import read
 from harness.results.result import Array, Result
 from harness.studies.campaign.store import Store
-from harness.studies.inquiry import summary
+from harness.studies.inquiry.study import SHOWN, Study
 from harness.studies.inquiry.worst import confirmed
 
 WORST = 30
@@ -26,11 +26,9 @@ DECADES = 1e-12
 """Least probability of a diagram."""
 
 
-def text(store: Store, shown: str) -> str:
-    """What the study found, "" of a plain campaign; shown: name of the dataset in commands."""
-    if (estimate := _estimate(store)) is None:
-        return ""
-    return summary.text(str(store.group.attrs["kind"]), estimate, store, shown)
+def text(store: Store, path: Path) -> str:
+    """What the study found, "" of a plain campaign; path: of the dataset in commands."""
+    return "" if _estimate(store) is None else Study(path, store).summary()
 
 
 def plots(canvas: Canvas, store: Store) -> Iterator[Plot]:
@@ -69,7 +67,7 @@ def _line(canvas: Canvas, x: Any, y: Any, **look: Any) -> Plot:
 
 def _tornado(canvas: Canvas, name: str, found: Any, factors: list[str]) -> Plot:
     """Effects as bars, the largest on top, with their intervals as lines."""
-    order = np.argsort(found["value"])[-summary.SHOWN :]
+    order = np.argsort(found["value"])[-SHOWN:]
     curves = []
     for place, k in enumerate(order):
         bar = [0, found["value"][k], found["value"][k], 0, 0]

@@ -8,6 +8,7 @@ run only.
 
 from __future__ import annotations
 
+import csv
 import logging
 import math
 import os
@@ -20,25 +21,23 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from harness.errors import HarnessError, RunError, UsageError
-from harness.files.output import command_line, work_for
+from harness.errors import HarnessError, ResultsError, RunError, UsageError
+from harness.files.output import command_line, work_for, written
 from harness.master.changes import apply
 from harness.master.executors import FUSED, known_executor
 from harness.master.fused import Whole, compiled
 from harness.master.isolated import PATIENCE
 from harness.master.messages import said_once
-from harness.master.refusals import as_typed, without
-from harness.master.trial import refused
+from harness.master.trial import always_refused
 from harness.mission import Limits
 from harness.mission.library import of_result
 from harness.mission.mission import Mission, apart, measured, together
 from harness.results.files import ResultFile, read
 from harness.results.requirements import findings, say_inconsistencies
 from harness.results.result import Result
+from harness.spelling import one_line
 from harness.ssp.library import load
-from harness.studies import table
 from harness.studies.crew import CRASH, Crew, LostError, prepare
-from harness.studies.table import Measures, write_csv
 from harness.studies.variants import Variant
 from harness.studies.warm import Warm
 from harness.system.graph import checked, say_warnings
@@ -50,6 +49,9 @@ _log = logging.getLogger("harness")
 ROWS = 20_000
 """Rows that a run has at most unless the user wants otherwise."""
 TABLE = "comparison.csv"
+WIDTH = 120
+Measures = Mapping[tuple[str, str], Mapping[str, float]]
+"""Values by (name, unit) of a measure, then by the label of a run."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ class Comparison:
         words = {key: m.words for key, m in keys.items() if m.words}
         warnings = (f"warning: {line}" for line in apart(self.mission.measures, self.measures))
         defined = (text for lines in self.mission.definitions for text in lines(self.limits))
-        shown = table.text(chosen, self.labels, about, words)
+        shown = table(chosen, self.labels, about, words)
         head = [self.in_force, ""] if self.in_force else []
         lines = [*head, shown, *warnings, *defined, *self.findings()]
         return "\n".join(line if line is shown else _wrapped(line) for line in lines)
@@ -118,7 +120,7 @@ class Comparison:
 
 
 def _wrapped(line: str) -> str:
-    return textwrap.fill(line, table.WIDTH, subsequent_indent="  ") if line.strip() else line
+    return textwrap.fill(line, WIDTH, subsequent_indent="  ") if line.strip() else line
 
 
 def compare(  # noqa: PLR0913 - what a comparison can be told
@@ -210,26 +212,16 @@ def _check(
             steps.append(count)
             if executor == FUSED and not any(w and w.fits(changed, graph) for w in wholes):
                 wholes.append(compiled(changed, graph))  # said here if it cannot be
-        _try_fixed_values(variants, systems, patience)
+        kinds: dict[object, System] = {}
+        for variant, changed in zip(variants, systems, strict=True):
+            kind = variant.changes.get("params"), *changed.origin.swaps.values()
+            kinds.setdefault(kind, changed)
+        varied = variants[0].varied
+        fixed = {n: value for n, value in systems[0].origin.set.items() if n not in varied}
+        for error in always_refused(kinds.values(), fixed, varied, patience):
+            if isinstance(error, UsageError):
+                raise error
     return steps
-
-
-def _try_fixed_values(
-    variants: Sequence[Variant], systems: Sequence[System], patience: float
-) -> None:
-    """UsageError if an FMU refuses a value that all variants have."""
-    kinds: dict[object, System] = {}
-    for variant, system in zip(variants, systems, strict=True):
-        kinds.setdefault((variant.changes.get("params"), *system.origin.swaps.values()), system)
-    varied = variants[0].varied
-    given = systems[0].origin.set
-    fixed = {name: value for name, value in given.items() if name not in varied}
-    components = {name.partition(".")[0] for name in fixed}
-    for error in refused(kinds.values(), components, patience):
-        common = without(error, varied)
-        typed = common and as_typed(common, fixed, f"{error.component}.")
-        if isinstance(typed, UsageError):
-            raise typed
 
 
 def _applied(system: System, variant: Variant) -> System:
@@ -333,3 +325,105 @@ def _retire_table(folder: Path) -> None:
     """Remove the table of an earlier comparison when its first results are replaced."""
     with suppress(OSError):
         (folder / TABLE).unlink()
+
+
+# ---- the table, for reading and as .csv
+
+
+def table(
+    measures: Measures,
+    labels: Sequence[str],
+    about: Mapping[tuple[str, str], str] = {},
+    words: Mapping[tuple[str, str], Sequence[str]] = {},
+) -> str:
+    """The table for reading, in blocks of at most WIDTH columns; measures that no run has are left
+    out, single gaps are `-`; about: last line of a heading, words: what values 0, 1, .. stand for.
+    """
+    shown = {
+        key: column for key, column in measures.items() if any(map(math.isfinite, column.values()))
+    }
+    columns = []
+    for key, column in shown.items():
+        cells = _words(column, labels, words[key]) if words.get(key) else _numbers(column, labels)
+        name, unit = (one_line(part) for part in key)
+        bracket = "" if words.get(key) else f"[{unit}]"
+        columns.append([*(*name.split(" ", 1), "")[:2], bracket, about.get(key, ""), *cells])
+    heads = 4 if any(about.get(key) for key in shown) else 3
+    columns = [[*column[:heads], *column[4:]] for column in columns]
+    first = ["" for _ in range(heads)] + list(map(one_line, labels))
+    return "\n\n".join(_block([first, *block]) for block in _blocks(first, columns))
+
+
+def _blocks(
+    first: Sequence[str], columns: Sequence[Sequence[str]]
+) -> Iterator[list[Sequence[str]]]:
+    """Columns that fit beside the labels."""
+    block: list[Sequence[str]] = []
+    width = begin = max(map(len, first))
+    for column in columns:
+        size = 2 + max(map(len, column))
+        if block and width + size > WIDTH:
+            yield block
+            block, width = [], begin
+        block.append(column)
+        width += size
+    yield block
+
+
+def _block(columns: Sequence[Sequence[str]]) -> str:
+    widths = [max(map(len, column)) for column in columns]
+    return "\n".join(_line(row, widths) for row in zip(*columns, strict=True))
+
+
+def _words(column: Mapping[str, float], labels: Sequence[str], words: Sequence[str]) -> list[str]:
+    values = [column.get(label, math.nan) for label in labels]
+    return [words[int(v)] if 0 <= v < len(words) else "-" for v in values]
+
+
+def _line(row: Sequence[str], widths: Sequence[int]) -> str:
+    cells = [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
+    return "  ".join([row[0].ljust(widths[0]), *cells]).rstrip()
+
+
+def _numbers(column: Mapping[str, float], labels: Sequence[str]) -> list[str]:
+    """A column with the same decimals everywhere: four digits of its largest value, or powers of
+    ten where the smallest would vanish.
+    """
+    values = [column.get(label, math.nan) for label in labels]
+    sizes = [abs(v) for v in values if math.isfinite(v) and v]
+    decimals = max(0, 3 - math.floor(math.log10(max(sizes, default=1.0))))
+    small = bool(sizes) and min(sizes) < 0.5 * 10.0 ** -min(decimals, 4)
+    form = "z.2e" if small else f"z.{min(decimals, 4)}f"  # z: no zero has a sign
+    return [format(v, form) if math.isfinite(v) else "-" for v in values]
+
+
+def _rows(measures: Measures, labels: Sequence[str]) -> Iterator[tuple[str, list[float]]]:
+    for label in labels:
+        yield label, [column.get(label, math.nan) for column in measures.values()]
+
+
+def read_csv(path: Path) -> tuple[dict[str, dict[str, float]], list[str]]:
+    """Columns of a table of write_csv() by their heading `name [unit]`, then by the label of the
+    run, and the labels; ResultsError if it cannot be read.
+    """
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            (_, *heads), *rows = csv.reader(file)
+        labels = [label for label, *_ in rows]
+        cells = [[float(cell or "nan") for cell in row] for _, *row in rows]
+        columns = zip(*cells, strict=True) if cells else ([] for _ in heads)
+        found = zip(heads, columns, strict=True)
+        return {head: dict(zip(labels, c, strict=True)) for head, c in found}, labels
+    except (OSError, ValueError) as error:
+        raise ResultsError(f"{path}: cannot be read ({error})") from error
+
+
+def write_csv(measures: Measures, labels: Sequence[str], path: Path) -> None:
+    """All measures with all digits, one line per run; what does not exist is empty. ResultsError if
+    the file cannot be written.
+    """
+    with written(path) as target, target.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["run", *(one_line(f"{name} [{unit}]") for name, unit in measures)])
+        for label, values in _rows(measures, labels):
+            writer.writerow([one_line(label), *("" if math.isnan(v) else repr(v) for v in values)])

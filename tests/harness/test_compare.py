@@ -22,8 +22,7 @@ from harness.results.files import ResultFile, read
 from harness.results.result import Result
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
-from harness.studies import table
-from harness.studies.compare import _thinning, compare
+from harness.studies.compare import _thinning, compare, table
 from harness.studies.variants import combinations
 from tests.harness.demo import TOML
 from tests.harness.foreign_fmu import Model, build, p, u, y
@@ -78,7 +77,7 @@ def test_the_fused_executor_gives_the_same_bits_and_refuses_nobody(system, tmp_p
 
 def test_the_table_has_one_line_per_flight_and_is_kept_with_all_digits(system, tmp_path):
     found = flown(system, tmp_path, ("algorithm", "jacobi,gauss-seidel"))
-    lines = table.text(found.measures, found.labels).splitlines()
+    lines = table(found.measures, found.labels).splitlines()
     assert [line.split()[0] for line in lines[-2:]] == ["jacobi", "gauss-seidel"]
     with (tmp_path / "out" / "comparison.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -138,7 +137,7 @@ def test_a_flight_that_fails_ends_early_and_the_others_go_on(system, tmp_path):
     assert found.results["default"].complete
     assert not found.results["hot"].complete
     assert found.results["hot"].time[-1] == 3.0
-    assert table.text(found.measures, found.labels).splitlines()[-1].split() == ["hot", "-"]
+    assert table(found.measures, found.labels).splitlines()[-1].split() == ["hot", "-"]
 
 
 def test_a_crash_inside_an_fmu_takes_no_other_flight_with_it(system, fmus, crashing, tmp_path):

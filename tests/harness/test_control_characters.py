@@ -14,7 +14,7 @@ from harness.results.files import READERS, read
 from harness.results.provenance import Provenance
 from harness.results.result import Result
 from harness.spelling import one_line
-from harness.studies.table import read_csv, text, write_csv
+from harness.studies.compare import read_csv, table, write_csv
 
 CONTROLS = [chr(code) for code in (*range(0x20), *range(0x7F, 0xA0))]
 LIKE_CONTROLS = ["\u200b", "\u200e", "\u2028", "\u2029", "\ufeff", "\u00a0", "\u3000"]
@@ -104,7 +104,7 @@ def test_a_table_of_runs_has_a_line_for_each(tmp_path):
     assert len(found) == len(set(found)) == len(labels)
     assert len((tmp_path / "table.csv").read_text(encoding="utf-8").splitlines()) == 1 + len(labels)
     assert all(list(column.values()) == [1.5] * len(labels) for column in columns.values())
-    shown = text(measures, labels)
+    shown = table(measures, labels)
     lines, height = [*shown.splitlines(), ""], 3 + len(labels) + 1  # an empty line between blocks
     assert len(lines) % height == 0
     assert not any(lines[height - 1 :: height])

@@ -17,7 +17,7 @@ from harness.master.messages import said_once
 from harness.spelling import one_line
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
-from harness.studies import table
+from harness.studies.compare import table, write_csv
 
 TOML = """
 name = "odd"
@@ -107,10 +107,10 @@ def test_one_line_keeps_what_can_be_shown():
 
 def test_tables_hold_no_control_characters(tmp_path):
     measures = {("end", "m"): {ODD: 1.0, "plain": 2.0}}
-    lines = table.text(measures, [ODD, "plain"]).splitlines()
+    lines = table(measures, [ODD, "plain"]).splitlines()
     assert len(lines) == 5
     assert lines[3].startswith(f"{SHOWN}  ")
-    table.write_csv(measures, [ODD, "plain"], tmp_path / "x.csv")
+    write_csv(measures, [ODD, "plain"], tmp_path / "x.csv")
     text = (tmp_path / "x.csv").read_text()
     assert text.splitlines() == ["run,end [m]", f"{SHOWN},1.0", "plain,2.0"]
 

@@ -16,8 +16,7 @@ from harness.master.changes import Changes, apply, as_in_a_file, pairs
 from harness.master.executors import EXECUTORS, FUSED
 from harness.master.fused import compiled
 from harness.master.recorder import recorded
-from harness.master.refusals import as_typed, without
-from harness.master.trial import refused
+from harness.master.trial import always_refused
 from harness.results.requirements import say_inconsistencies
 from harness.results.result import Result
 from harness.spelling import did_you_mean
@@ -218,7 +217,10 @@ class _Draft:
         systems = [changed for changed, _ in ready]
         if self.plan.until and not (self.plan.success or systems[0].requirements):
             self.problems.append("until: there is no success, and no requirement that makes one")
-        self._try(systems)
+        fixed = dict(pairs("--set", self.plan.fixed.get("set", ())))
+        varied = [*(f.name for f in self.plan.factors), *self.plan.seeds]
+        for refusal in always_refused(systems, fixed, varied, self.plan.patience):
+            self._complain("fixed", refusal)
         if not self.problems:
             say_warnings(*systems)
             say_inconsistencies(*systems)
@@ -226,15 +228,6 @@ class _Draft:
                 for changed, found in ready:
                     compiled(changed, found.graph)
             self.layout = _layout(systems[0], [found for _, found in ready])
-
-    def _try(self, systems: Sequence[System]) -> None:
-        """What FMUs refuse in every run, because it is about nothing that varies."""
-        fixed = dict(pairs("--set", self.plan.fixed.get("set", ())))
-        varied = [*(f.name for f in self.plan.factors), *self.plan.seeds]
-        components = {name.partition(".")[0] for name in fixed}
-        for error in refused(systems, components, self.plan.patience):
-            if common := without(error, varied):
-                self._complain("fixed", as_typed(common, fixed, f"{error.component}."))
 
     def _names(self, result: Result) -> None:
         wanted = [(f"metrics.{k}", t) for k, t in self.plan.definition.get("metrics", {}).items()]
@@ -253,8 +246,7 @@ class _Draft:
             self.problems.append(
                 "expected.success: the campaign defines no success; add `success` or [requirements]"
             )
-        worst = self.plan.worst.lstrip("-")
-        if worst and worst not in self.plan.metrics:
+        if (worst := self.plan.worst.lstrip("-")) and worst not in self.plan.metrics:
             close = did_you_mean(worst, self.plan.metrics)
             self.problems.append(f"worst: there is no metric {worst}{close}")
         if self.plan.keep and any(f.name == "step" for f in self.plan.factors):

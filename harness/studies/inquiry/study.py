@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What the studies have in common: their tables, `[worst]` in the file of a campaign, with all that
-is wrong with them, how they begin, and what they leave.
+is wrong with them, how they begin, what they leave, and how it reads.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,11 @@ from harness.errors import StructureError, UsageError
 from harness.spelling import did_you_mean
 from harness.studies.campaign.campaign import Campaign
 from harness.studies.campaign.draft import table_of
-from harness.studies.campaign.plan import is_number
+from harness.studies.campaign.factors import factor as factor_of
+from harness.studies.campaign.plan import Plan, is_number
+from harness.studies.campaign.stopping import clopper_pearson
+from harness.studies.campaign.store import Store
+from harness.studies.campaign.worker import FAILED
 from harness.studies.inquiry.driver import Driver
 from harness.studies.inquiry.flights import Flights
 
@@ -55,9 +59,12 @@ class Study(Campaign):
 
     def summary(self) -> str:
         """What was found, for reading."""
-        from harness.studies.inquiry.summary import text
-
-        return text(self.kind, self.estimate, self.store, str(self.path))
+        status, store = self.store.array("status"), self.store
+        lines = [f"{len(status)} flights, {int((status == FAILED).sum())} died"]
+        units = dict(zip(store.array("requirement"), store.array("margin_units"), strict=True))
+        for name, found in self.estimate["of"].items():
+            lines += ["", *LINES[self.kind](_Of(name, found, self, str(units.get(name, ""))))]
+        return "\n".join(lines)
 
     @property
     def verdict(self) -> bool:
@@ -106,20 +113,13 @@ def _expected(name: str, wanted: Any, value: Any) -> str:
 
 @contextmanager
 def begun(
-    kind: str,
-    flights: Flights,
-    runs: int,
-    output: str | Path,
-    how: Mapping[str, Any],
+    kind: str, flights: Flights, runs: int, output: str | Path, how: Mapping[str, Any]
 ) -> Iterator[Driver]:
     """The driver of a study of so many flights beside the nominal one."""
     flights.reserve(1 + runs)
-    with flights:
-        driver = Driver(flights, Path(output), kind, how.get("resume", False), how.get("progress"))
-        try:
-            yield driver
-        finally:
-            driver.close()
+    again, show = how.get("resume", False), how.get("progress")
+    with flights, closing(Driver(flights, Path(output), kind, again, show)) as driver:
+        yield driver
 
 
 def prepared(kind: str, definition: Any, how: Mapping[str, Any]) -> tuple[dict[str, Any], Flights]:
@@ -146,3 +146,155 @@ def plain(value: Any) -> Any:
     if isinstance(value, np.ndarray | list | tuple):
         return [plain(v) for v in value]
     return value.item() if isinstance(value, np.generic) else value
+
+
+# ---- what was found, for reading
+
+SHOWN = 8
+"""Factors that are shown, of those that matter."""
+SMALL = 0.03
+"""Share of all effects below which a factor does not matter."""
+
+
+class _Of(NamedTuple):
+    """One requirement: what a study found of it, and the unit of its margins."""
+
+    name: str
+    found: Any
+    study: Study
+    unit: str
+
+
+def of_unit(value: float | None, unit: str) -> str:
+    """A margin as one reads it."""
+    if value is None or np.isnan(value):
+        return "no margin"
+    if np.isneginf(value):
+        return "died"
+    if unit == "m" and abs(value) < 1:
+        return f"{1e3 * value:+.4g} mm"
+    if unit == "rad":
+        return f"{np.degrees(value):+.4g} deg"
+    return f"{value:+.4g} {'' if unit == '1' else unit}".rstrip()
+
+
+def _effects(of: _Of) -> Iterator[str]:
+    name, found, study, unit = of
+    estimate = study.estimate
+    value = np.array(found["value"])
+    share = value / value.sum() if value.sum() > 0 else value
+    words = {"morris": "share of the mean effects", "sobol": "total index"}
+    yield f"{name}: {words.get(estimate['method'], 'dependence R2 (HSIC of ranks)')}"
+    order = np.argsort(-value, kind="stable")
+    p = found.get("p")
+    small = []
+    for k in order:
+        factor = estimate["factors"][k]
+        matters = p[k] < 0.05 if p else share[k] > SMALL
+        if not matters or (k in order[SHOWN:]):
+            small.append(factor)
+            continue
+        if p:
+            yield f"  {factor:32} {value[k]:.3f}  p {p[k]:.3f}"
+        elif estimate["method"] == "sobol":
+            interval = f"({found['low'][k]:.2f} to {found['high'][k]:.2f})"
+            yield f"  {factor:32} {value[k]:.2f} {interval}  first order {found['first'][k]:.2f}"
+        else:
+            sign = "+" if found["signs"][k] >= 0 else "-"
+            yield f"  {factor:32} {share[k]:.2f}  {sign}{of_unit(value[k], unit)[1:]}"
+    nothing = [estimate["factors"][k] for k in order if value[k] == 0]
+    if small:
+        yield f"  hardly: {', '.join(f for f in small if f not in nothing) or 'none'}"
+    if nothing and not p:
+        yield f"  exactly not: {', '.join(nothing)}"
+    if found["died"]:
+        yield f"  {found['died']} flights died and count as the least margin"
+
+
+def _worst(of: _Of) -> Iterator[str]:
+    name, found, study, unit = of
+    nominal, flights = of_unit(found["nominal"], unit), found["flights"]
+    if found["margin"] < 0:
+        yield (
+            f"{name}: NOT MET, worst margin {of_unit(found['margin'], unit)} in {flights} flights "
+            f"(first failure at flight {found['first']}); nominal {nominal}; "
+            f"|z| = {found['distance']:.1f}"
+        )
+    else:
+        _, p = clopper_pearson(0, flights, 0.9)
+        yield (
+            f"{name}: no failure in {flights} flights, worst margin "
+            f"{of_unit(found['margin'], unit)}, nominal {nominal}: this is no proof; "
+            f"0 of {flights} random ones would say p < {100 * p:.2g} % at 95 %"
+        )
+    system = study.store.group.attrs["system"]
+    yield f"  harness run {system} --like {study.path}#{found['run']}"
+    yield f"  moved most: {_moved(study.store, found['numbers'])}"
+    if found.get("differs"):
+        yield f"  with the system's own macro step the margin is {of_unit(found['own step'], unit)}"
+    if seeds := found.get("other seeds"):
+        yield f"  with {len(seeds)} other seeds: {of_unit(min(seeds), unit)} at worst"
+
+
+def _moved(store: Store, numbers: Any, count: int = 5) -> str:
+    """The factors that a row of numbers moves most, in standard deviations."""
+    z = np.array(numbers)
+    names: list[str] = []
+    for factor, places in _groups(store).items():
+        elements = [f"{factor}[{k + 1}]" for k in range(len(places))]
+        names += elements if len(places) > 1 else [factor]
+    order = np.argsort(-np.abs(z), kind="stable")[:count]
+    return ", ".join(f"{names[k]} {z[k]:+.1f} sigma" for k in order)
+
+
+def _groups(store: Store) -> dict[str, range]:
+    table, folder = store.definition()
+    made = tuple(factor_of(name, given) for name, given in table.get("factors", {}).items())
+    return Plan(table, folder, made).groups
+
+
+def _probability(of: _Of) -> Iterator[str]:
+    name, found = of.name, of.found
+    interval = f"95 %: {found['low']:.2g} to {found['high']:.2g}"
+    by = f"by {found['method']}, {found['flights']} flights"
+    yield f"{name}: p = {found['p']:.3g} ({interval}) {by}"
+    if found["parts"]:
+        yield "  repeats: " + ", ".join(f"{p:.2g}" for p in found["parts"])
+    if found["warning"]:
+        yield f"  {found['warning']}"
+    if "below" in found:
+        yield f"  below {found['below']:g}: {found['verdict']}"
+
+
+def _map(of: _Of) -> Iterator[str]:
+    name, found, store = of.name, of.found, of.study.store
+    names = [str(n) for n in store.array("requirement")]
+    margins = store.array("margin")[:, names.index(name)]
+    failed = margins < 0
+    yield f"{name}: {int(failed.sum())} of {len(margins)} flights fail"
+    for factor in found["factors"]:
+        values = store.array(factor)
+        if failed.any():
+            low, high = values[failed].min(), values[failed].max()
+            yield f"  fails with {factor} from {low:.6g} to {high:.6g}"
+
+
+def _tuned(of: _Of) -> Iterator[str]:
+    name, found = of.name, of.found
+    for k, each in enumerate(name.split(", ")):
+        yield (
+            f"{each}: worst margin {found['start'][k]:+.4g} before, {found['best'][k]:+.4g} after; "
+            f"in draws not seen {found['start_unseen'][k]:+.4g} before, "
+            f"{found['best_unseen'][k]:+.4g} after"
+        )
+    yield "  " + " ".join(f"--set '{n}={v}'" for n, v in found["gains"].items())
+
+
+LINES = {
+    "sensitivity": _effects,
+    "given": _effects,
+    "worst": _worst,
+    "probability": _probability,
+    "map": _map,
+    "tune": _tuned,
+}
