@@ -111,34 +111,42 @@ def fields(plan: Plan, task: Task, found: Layout) -> Iterator[Field]:
     yield Field("end_time", np.float64, (n,), ("run",), about=END)
     yield Field("last", np.float64, (n, len(task.columns)), ("run", "column"))
     for name, value in plan.values(0).items():
-        text, shape = isinstance(value, str), np.shape(value)
-        axes = tuple(f"{name}_{k + 1}" for k in range(len(shape)))
+        axes = tuple(f"{name}_{k + 1}" for k in range(np.ndim(value)))
         about = {"role": "factor", "whole": plan.whole(name), **of_factor(name, kinds)}
-        kind, fill = (str, "") if text else (np.float64, np.nan)
-        yield Field(name, kind, (n, *shape), ("run", *axes), fill, about)
-    if task.requirements:
-        shape = (n, len(task.requirements))
-        yield Field("verdict", np.int8, shape, ("run", "requirement"), 0, VERDICT)
-        units = [of_margin(text, kinds) for text in task.requirements.values()]
-        yield Field("margin", np.float64, shape, ("run", "requirement"), about=MARGIN)
-        yield _texts("margin_units", units, "requirement")
-        yield _texts("requirement", [*task.requirements], "requirement")
-        yield _texts("requirement_text", [*task.requirements.values()], "requirement")
+        kind, fill = (str, "") if isinstance(value, str) else (np.float64, np.nan)
+        yield Field(name, kind, (n, *np.shape(value)), ("run", *axes), fill, about)
+    yield from _of_requirements(n, task.requirements, kinds)
     for name in metrics_of(task):
         about = {"role": "metric", **of_metric(name, plan, kinds)}
         yield Field(name, np.float64, (n,), ("run",), about=about)
-    for name in task.kept:
-        label = name if name in plan.keep.get("histories", ()) else SCRATCH + name
-        width = len([c for c in task.columns if c == name or c.startswith(f"{name}[")])
-        about = {"role": "history", **of_variable(name, kinds)}
-        axes = ("run", "time", f"{name}_element")
-        yield Field(label, np.float64, (n, len(task.rows), width), axes, about=about)
+    yield from _of_histories(plan, task, found)
     if plan.asked:
         axes = ("run", "number")
         yield Field("numbers", np.float64, (n, plan.asked), axes, about=NUMBERS)
         yield Field("generation", np.int32, (n,), ("run",), 0, GENERATION)
     yield _texts("column", task.columns, "column")
     yield _texts("column_units", kinds.units, "column")
+
+
+def _of_requirements(n: int, given: Mapping[str, str], kinds: Result) -> Iterator[Field]:
+    if given:
+        shape, axes = (n, len(given)), ("run", "requirement")
+        yield Field("verdict", np.int8, shape, axes, 0, VERDICT)
+        yield Field("margin", np.float64, shape, axes, about=MARGIN)
+        units = [of_margin(text, kinds) for text in given.values()]
+        yield _texts("margin_units", units, "requirement")
+        yield _texts("requirement", [*given], "requirement")
+        yield _texts("requirement_text", [*given.values()], "requirement")
+
+
+def _of_histories(plan: Plan, task: Task, found: Layout) -> Iterator[Field]:
+    """What is kept of the histories, and their time."""
+    for name in task.kept:
+        label = name if name in plan.keep.get("histories", ()) else SCRATCH + name
+        width = len([c for c in task.columns if c == name or c.startswith(f"{name}[")])
+        about = {"role": "history", **of_variable(name, found.kinds)}
+        axes, shape = ("run", "time", f"{name}_element"), (plan.runs, len(task.rows), width)
+        yield Field(label, np.float64, shape, axes, about=about)
     if task.kept:
         time = found.start + np.array(task.steps, dtype=np.float64) * found.step
         yield Field("time", np.float64, time.shape, ("time",), about=TIME, values=time)

@@ -38,8 +38,8 @@ def metric(text: str, folder: Path) -> Metric:
     """
     if text in (known := _measures()):
         return partial(_measured, known[text])
-    file, colon, name = text.rpartition(":")
-    if colon and file.endswith(".py"):
+    if _is_function(text):
+        file, _, name = text.rpartition(":")
         return _function(folder / file, name)
     parsed(text, list(known), "measure")
     return partial(_evaluated, text)
@@ -55,7 +55,11 @@ def read(name: str, text: str, folder: Path) -> Metric:
 
 def is_condition(text: str) -> bool:
     """Whether a success is stated as a requirement, not as a function of a file."""
-    return bool(text) and not text.rpartition(":")[0].endswith(".py")
+    return bool(text) and not _is_function(text)
+
+
+def _is_function(text: str) -> bool:
+    return text.rpartition(":")[0].endswith(".py")
 
 
 def _succeeded(text: str, result: Result) -> bool:
@@ -81,7 +85,7 @@ def _measured(measure: Measure, result: Result) -> float:
 
 def variables(text: str) -> Iterator[str]:
     """Variables that an expression names; none for a measure or a function."""
-    if text in (known := _measures()) or text.rpartition(":")[0].endswith(".py"):
+    if text in (known := _measures()) or _is_function(text):
         return
     names = named(parsed(text, list(known), "measure"))
     yield from (name for name in names if name != "time" and not name.startswith("parameter "))
@@ -91,7 +95,7 @@ def unit(text: str, kinds: Result) -> str:
     """Unit of a metric, "" if it is not known; kinds: a result with the units of the variables."""
     if text in (known := _measures()):
         return known[text].unit
-    if text.rpartition(":")[0].endswith(".py"):
+    if _is_function(text):
         return ""
     return unit_of(parsed(text), partial(unit_in, kinds))
 
@@ -154,7 +158,7 @@ def refusal(text: str, each: Metric, results: Sequence[Result], all_of_them: boo
 
     results: what runs leave, of every structure; all_of_them: every run must have it.
     """
-    if text.rpartition(":")[0].endswith(".py"):
+    if _is_function(text):
         return ""
     found = [_lacking(text, result) or value(each, result)[1] for result in results]
     return next(filter(None, found), "") if all_of_them or all(found) else ""

@@ -179,36 +179,37 @@ def of_unit(value: float | None, unit: str) -> str:
 
 
 def _effects(of: _Of) -> Iterator[str]:
-    name, found, study, unit = of
-    estimate = study.estimate
-    value = np.array(found["value"])
-    share = value / value.sum() if value.sum() > 0 else value
+    found, factors, method = of.found, of.study.estimate["factors"], of.study.estimate["method"]
     words = {"morris": "share of the mean effects", "sobol": "total index"}
-    yield f"{name}: {words.get(estimate['method'], 'dependence R2 (HSIC of ranks)')}"
+    yield f"{of.name}: {words.get(method, 'dependence R2 (HSIC of ranks)')}"
+    value, p = np.array(found["value"]), found.get("p")
+    share = value / value.sum() if value.sum() > 0 else value
+    matters = np.array(p) < 0.05 if p else share > SMALL
     order = np.argsort(-value, kind="stable")
-    p = found.get("p")
-    small = []
-    for k in order:
-        factor = estimate["factors"][k]
-        matters = p[k] < 0.05 if p else share[k] > SMALL
-        if not matters or (k in order[SHOWN:]):
-            small.append(factor)
-            continue
-        if p:
-            yield f"  {factor:32} {value[k]:.3f}  p {p[k]:.3f}"
-        elif estimate["method"] == "sobol":
-            interval = f"({found['low'][k]:.2f} to {found['high'][k]:.2f})"
-            yield f"  {factor:32} {value[k]:.2f} {interval}  first order {found['first'][k]:.2f}"
-        else:
-            sign = "+" if found["signs"][k] >= 0 else "-"
-            yield f"  {factor:32} {share[k]:.2f}  {sign}{of_unit(value[k], unit)[1:]}"
-    nothing = [estimate["factors"][k] for k in order if value[k] == 0]
-    if small:
-        yield f"  hardly: {', '.join(f for f in small if f not in nothing) or 'none'}"
+    shown = [k for k in order[:SHOWN] if matters[k]]
+    for k in shown:
+        yield f"  {factors[k]:32} {_effect(of, method, k, share[k])}"
+    if len(shown) < len(order):
+        hardly = [factors[k] for k in order if k not in shown and value[k] != 0]
+        yield f"  hardly: {', '.join(hardly) or 'none'}"
+    nothing = [factors[k] for k in order if value[k] == 0]
     if nothing and not p:
         yield f"  exactly not: {', '.join(nothing)}"
     if found["died"]:
         yield f"  {found['died']} flights died and count as the least margin"
+
+
+def _effect(of: _Of, method: str, k: int, share: float) -> str:
+    """What factor k does, in the numbers of the method."""
+    found = of.found
+    value = found["value"][k]
+    if found.get("p"):
+        return f"{value:.3f}  p {found['p'][k]:.3f}"
+    if method == "sobol":
+        interval = f"({found['low'][k]:.2f} to {found['high'][k]:.2f})"
+        return f"{value:.2f} {interval}  first order {found['first'][k]:.2f}"
+    sign = "+" if found["signs"][k] >= 0 else "-"
+    return f"{share:.2f}  {sign}{of_unit(value, of.unit)[1:]}"
 
 
 def _worst(of: _Of) -> Iterator[str]:
