@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from string import Template
 
 from harness.studies.show import Nested, Signal
-from harness.system.names import Name
+from harness.system.values import Name
 
 IN_C = Template("""\
 /* $name.c - in the place of $place.

@@ -26,7 +26,7 @@ from harness.results.provenance import Provenance, Slot, flown
 from harness.results.result import Result
 from harness.spelling import did_you_mean
 from harness.ssp.library import load
-from harness.system.names import base
+from harness.system.values import base
 
 SHOWN = 4
 """Deviations that are listed."""

@@ -124,7 +124,7 @@ def _latencies(system: Any) -> Iterable[str]:
 @_of_system
 def _settable(system: Any) -> Iterable[str]:
     from harness.system.graph import read_interfaces
-    from harness.system.names import base
+    from harness.system.values import base
 
     interfaces = read_interfaces(system)
     return dict.fromkeys(f"{c}.{base(v)}=" for c, i in interfaces.items() for v in i.settable())

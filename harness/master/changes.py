@@ -26,10 +26,9 @@ from harness.system.instants import epoch_of, written
 from harness.system.interface import read_interface
 from harness.system.mapping import has_port
 from harness.system.model import DEFAULT_SET, Origin, Port, Swap, System
-from harness.system.names import base
 from harness.system.swap import exchange, find_fmu
 from harness.system.tables import SHARED, Assignments, read_toml
-from harness.system.values import plain
+from harness.system.values import base, plain
 from harness.system.wiring import split
 
 Pairs = Sequence[str] | Mapping[str, Any]

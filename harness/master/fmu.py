@@ -28,9 +28,8 @@ from harness.master.refusals import refusals
 from harness.master.transfer import Transfer, transfers
 from harness.system.graph import Node
 from harness.system.interface import Interface, binaries
-from harness.system.names import base
 from harness.system.schedule import EARLY_RETURN, TERMINATION, Verb
-from harness.system.values import Scalar, Variable, resting
+from harness.system.values import Scalar, Variable, base, resting
 
 ERROR_CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
 """Log categories of FMI 2.0 that are listened to; everything else stays off."""

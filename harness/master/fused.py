@@ -33,8 +33,8 @@ from harness.master.transfer import Transfer
 from harness.system.graph import Graph, Node, Slot, Wire
 from harness.system.interface import read_interface
 from harness.system.model import Component, System
-from harness.system.names import base
 from harness.system.schedule import Verb, schedule
+from harness.system.values import base
 
 _log = logging.getLogger("harness")
 

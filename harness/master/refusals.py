@@ -13,7 +13,7 @@ from collections.abc import Collection, Iterable, Mapping
 from typing import Any, NamedTuple
 
 from harness.errors import HarnessError, RefusalError, UsageError
-from harness.system.names import base
+from harness.system.values import base
 
 _ONE = r"([^;=]+) = (\S+): (.+?)"
 _CALL = re.compile(r"fmi[23]\w+: ")

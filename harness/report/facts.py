@@ -18,7 +18,7 @@ from harness.report.plots import number
 from harness.results.requirements import findings
 from harness.results.result import Result
 from harness.results.verdict import OPEN, Kind
-from harness.system.names import base
+from harness.system.values import base
 
 Facts = dict[str, Any]
 

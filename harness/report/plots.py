@@ -21,7 +21,7 @@ from harness.mission.figure import AXES, IDLE, Curve, Figure, Panel, Phase, unit
 from harness.mission.library import of_result
 from harness.report.arrays import Canvas
 from harness.results.result import Array, Result
-from harness.system.names import base
+from harness.system.values import base
 
 Plot = dict[str, Any]
 

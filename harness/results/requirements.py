@@ -37,8 +37,8 @@ from harness.results.verdict import Judged, Kind, Verdict
 from harness.spelling import did_you_mean
 from harness.system.graph import Graph, build_graph, columns, constants, read_interfaces, rebuilt
 from harness.system.model import Port, System
-from harness.system.names import base
 from harness.system.units import unit
+from harness.system.values import base
 
 _log = logging.getLogger("harness")
 

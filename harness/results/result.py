@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from harness.results.provenance import Provenance
 from harness.results.views import Views
 from harness.spelling import did_you_mean
-from harness.system.names import base, grid, index
+from harness.system.values import base, grid, index
 
 Array = NDArray[np.float64]
 """Numbers of a result, of a history by row: (rows,) or (rows, n)."""

@@ -16,8 +16,7 @@ from harness.files.archive import XmlElement
 from harness.ssp.xml import NS, NUMBERS, tag
 from harness.system.interface import Interface, read_interface
 from harness.system.model import Connection, Port
-from harness.system.names import Grid, Index, Name, elements_of, grid, index
-from harness.system.values import Variable
+from harness.system.values import Grid, Index, Name, Variable, elements_of, grid, index
 
 
 def array(shape: Index) -> Grid | None:

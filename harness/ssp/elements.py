@@ -28,8 +28,8 @@ from harness.ssp.parameters import (
     units_of,
 )
 from harness.system.model import Parameter, Parameters
-from harness.system.names import Grid, Index
 from harness.system.units import Hop, Unit
+from harness.system.values import Grid, Index
 
 Place = tuple[str, ...]
 """Names of the elements from the top system down to one; the top system itself is ()."""

@@ -195,21 +195,17 @@ def _names(places: list[Place]) -> dict[Place, str]:
     """A C identifier for every component: its own name, or all names on the way to it joined;
     unique.
     """
-    names: dict[Place, str] = {
-        place: place[0]
-        for place in places
-        if len(place) == 1 and place[0].isidentifier() and place[0].isascii()
-    }
+    fitting = (place for place in places if place == (_identifier(place[0]),))
+    names: dict[Place, str] = {place: place[0] for place in fitting}
     taken = set(names.values())
     last: Counter[str] = Counter()
-    for place in places:
-        if place not in names:
-            wish = name = _identifier("_".join(place))
-            while name in taken:
-                last[wish] += 1
-                name = f"{wish}_{last[wish] + 1}"
-            taken.add(name)
-            names[place] = name
+    for place in (place for place in places if place not in names):
+        wish = name = _identifier("_".join(place))
+        while name in taken:
+            last[wish] += 1
+            name = f"{wish}_{last[wish] + 1}"
+        taken.add(name)
+        names[place] = name
     return {place: names[place] for place in places}
 
 

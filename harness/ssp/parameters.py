@@ -20,9 +20,8 @@ from harness.ssp.xml import attributes, child, document, literal, serialized
 from harness.system.conversion import final
 from harness.system.interface import BASE_UNITS, Interface
 from harness.system.model import Parameter, Parameters
-from harness.system.names import elements_of
 from harness.system.units import Affine, Hop, Unit
-from harness.system.values import Scalar, Variable, resting
+from harness.system.values import Scalar, Variable, elements_of, resting
 
 _log = logging.getLogger("harness")
 

@@ -42,7 +42,7 @@ from harness.studies.variants import Variant
 from harness.studies.warm import Warm
 from harness.system.graph import checked, say_warnings
 from harness.system.model import System
-from harness.system.names import base
+from harness.system.values import base
 
 _log = logging.getLogger("harness")
 

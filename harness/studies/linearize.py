@@ -31,8 +31,7 @@ from harness.master.fmu import loaded
 from harness.master.refusals import as_typed, refusals
 from harness.mission.library import everything
 from harness.system.interface import Interface, read_interface
-from harness.system.names import base, index
-from harness.system.values import Variable, assign, coerce, parse
+from harness.system.values import Variable, assign, base, coerce, index, parse
 
 Array = NDArray[np.float64]
 RELATIVE_STATE, RELATIVE_INPUT = 1e-4, 1e-2

@@ -22,8 +22,7 @@ from harness.system.conversion import final
 from harness.system.graph import SAMPLE_PERIOD, read_interfaces
 from harness.system.interface import Interface, read_interface
 from harness.system.model import Component, Parameters, Port, System
-from harness.system.names import Grid, Index, base, grid, index
-from harness.system.values import Scalar, Variable
+from harness.system.values import Grid, Index, Scalar, Variable, base, grid, index
 
 Nested: TypeAlias = "Scalar | list[Nested] | None"
 """Value of a scalar, vector (list) or matrix (list of rows); None where there is none."""

@@ -22,7 +22,7 @@ from harness.results.result import Result
 from harness.ssp.library import load
 from harness.system.graph import Slot, columns
 from harness.system.model import System
-from harness.system.names import base
+from harness.system.values import base
 
 
 class Warm:

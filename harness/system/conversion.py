@@ -38,15 +38,16 @@ def final(parameter: Parameter, variable: Variable, interface: Interface) -> Sca
     """Value of a parameter in type and unit of its variable; ValueError if it has none."""
     value = parameter.value
     if variable.type == "Enumeration" and isinstance(value, str):
-        return _item(variable, value)
-    if not parameter.hops and parameter.unit in (None, variable.unit):
-        return coerce(value, variable.type, variable.access)
-    change = _change(parameter, variable, interface)
-    return (
-        coerce(value, variable.type, variable.access)
-        if change == IDENTITY
-        else coerce(change(_number(value)), variable.type, variable.access)
-    )
+        if value not in variable.items:
+            names = f"{did_you_mean(value, variable.items)}, only {', '.join(variable.items)}"
+            raise ValueError(f"there is no item '{value}'{names}")
+        return variable.items[value]
+    if parameter.hops or parameter.unit not in (None, variable.unit):
+        change = _change(parameter, variable, interface)
+        if change != IDENTITY and isinstance(value, str):
+            raise ValueError(f"'{value}' is not a number, it cannot be transformed")
+        value = value if change == IDENTITY else change(float(value))
+    return coerce(value, variable.type, variable.access)
 
 
 def _change(parameter: Parameter, variable: Variable, interface: Interface) -> Affine:
@@ -77,16 +78,3 @@ def is_unconverted(parameter: Parameter, variable: Variable, interface: Interfac
     except ValueError:
         return False
     return False
-
-
-def _item(variable: Variable, name: str) -> int:
-    if name not in variable.items:
-        close = did_you_mean(name, variable.items)
-        raise ValueError(f"there is no item '{name}'{close}, only {', '.join(variable.items)}")
-    return variable.items[name]
-
-
-def _number(value: Scalar) -> float:
-    if isinstance(value, str):
-        raise ValueError(f"'{value}' is not a number, it cannot be transformed")
-    return float(value)

@@ -128,12 +128,10 @@ def _read(path: Path, _: Stamp) -> Interface:
         variables, left_out = read_variables(path, verdict.description, optional)
     else:
         variables, left_out = [_variable(v, v.name in optional) for v in model.modelVariables], ()
-    units = {
-        u.name: _base_unit(u.baseUnit) for u in model.unitDefinitions if u.baseUnit is not None
-    }
-    size = unpacked_size(path)
-    named = {v.name: v for v in variables}
-    return Interface(path, named, units, model, (*verdict.warnings, *left_out), size, left_out)
+    defined = [u for u in model.unitDefinitions if u.baseUnit is not None]
+    units = {u.name: {n: getattr(u.baseUnit, n) for n in BASE_UNITS} for u in defined}
+    named, warnings = {v.name: v for v in variables}, (*verdict.warnings, *left_out)
+    return Interface(path, named, units, model, warnings, unpacked_size(path), left_out)
 
 
 def _description(path: Path, description: Description) -> FmpyObject:
@@ -179,10 +177,6 @@ def _start(v: FmpyObject) -> float | None:
     if v.start is None or v.type == "String":
         return None
     return {"true": 1.0, "false": 0.0}[v.start] if v.start in ("true", "false") else float(v.start)
-
-
-def _base_unit(base: FmpyObject) -> dict[str, float]:
-    return {name: getattr(base, name) for name in BASE_UNITS}
 
 
 def binaries(interface: Interface) -> tuple[str, ...]:
@@ -247,34 +241,31 @@ def _renamed(elements: list[Variable], name: str, alias: str) -> Iterator[Variab
 
 
 def _elements(d: Description3, v: Declared3, optional: bool) -> Iterator[Variable]:
-    indices = d.elements(v)
-    kind, tag = v.type, str(v.element.tag)
-    items = dict(d.enumerations).get(v.element.get("declaredType"), [])
+    indices, whole = d.elements(v), _whole(d, v, optional)
     starts = v.starts * len(indices) if len(v.starts) == 1 else v.starts
-    text = str(v.element.get("description", ""))
-    settable = (
-        bool(starts)
-        and kind != "Binary"
-        and v.variability != "constant"
-        and v.causality not in ("structuralParameter", "independent")
-    )
-    whole = Variable(
-        v.name, v.reference, kind, v.causality, v.attribute("unit"), text, settable,
-        {str(item.get("name")): int(item.get("value")) for item in items},
-        str(v.element.get("declaredType", "")), low=v.number("min") if _has_limits(kind) else None,
-        high=v.number("max") if _has_limits(kind) else None,
-        optional=kind == "Binary" or (optional and v.causality == "input" and bool(starts)),
-        access="Int64" if tag == "Enumeration" else tag, size=len(indices),
-    )  # fmt: skip
     for place, index in enumerate(indices):
-        begin = _begin(kind, starts[place]) if starts else None
+        begin = _begin(v.type, starts[place]) if starts else None
         name = v.name + (f"[{','.join(map(str, index))}]" if index else "")
-        start = float(begin) if begin is not None and kind in NUMBERS.values() else None
+        start = float(begin) if begin is not None and v.type in NUMBERS.values() else None
         yield replace(whole, name=name, element=place, begin=begin, start=start)
 
 
-def _has_limits(kind: str) -> bool:
-    return kind in ("Real", "Integer")
+def _whole(d: Description3, v: Declared3, optional: bool) -> Variable:
+    """What the elements of an array have in common."""
+    kind, tag, type_name = v.type, str(v.element.tag), v.element.get("declaredType")
+    items = dict(d.enumerations).get(type_name, [])
+    is_fixed = v.variability == "constant" or v.causality in ("structuralParameter", "independent")
+    has_limits = kind in ("Real", "Integer")
+    return Variable(
+        v.name, v.reference, kind, v.causality, v.attribute("unit"),
+        str(v.element.get("description", "")),
+        settable=bool(v.starts) and kind != "Binary" and not is_fixed,
+        items={str(item.get("name")): int(item.get("value")) for item in items},
+        type_name=str(type_name or ""), low=v.number("min") if has_limits else None,
+        high=v.number("max") if has_limits else None,
+        optional=kind == "Binary" or (optional and v.causality == "input" and bool(v.starts)),
+        access="Int64" if tag == "Enumeration" else tag, size=len(d.elements(v)),
+    )  # fmt: skip
 
 
 def _begin(kind: str, text: str) -> float | str | None:

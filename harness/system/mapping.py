@@ -16,8 +16,7 @@ from typing import NamedTuple
 
 from harness.spelling import did_you_mean
 from harness.system.interface import units_agree
-from harness.system.names import Index, Name, grid
-from harness.system.values import Variable
+from harness.system.values import Index, Name, Variable, grid
 
 Names = dict[str, str]
 """Our name of a scalar variable by theirs."""

@@ -12,9 +12,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from harness.system.names import Name
 from harness.system.units import Hop, Unit
-from harness.system.values import Scalar
+from harness.system.values import Name, Scalar
 
 DEFAULT_SET = "default"
 """Name of the parameter set that a system has without a choice."""

@@ -17,8 +17,7 @@ from harness.system import mapping
 from harness.system.graph import read_interfaces
 from harness.system.interface import Interface, read_interface, units_agree
 from harness.system.model import Connection, Parameters, Port, System
-from harness.system.names import base
-from harness.system.values import Variable
+from harness.system.values import Variable, base
 from harness.system.wiring import drivers, output_owners
 
 _log = logging.getLogger("harness")

@@ -15,12 +15,13 @@ from harness.files.paths import contents
 from harness.spelling import did_you_mean
 from harness.system.interface import Interface
 from harness.system.model import Parameter, Parameters
-from harness.system.names import base, elements_of
 from harness.system.values import (
     STRUCTURAL,
     Value,
     assign,
+    base,
     coerce,
+    elements_of,
     leaves,
     parse,
     parse_text,
@@ -62,24 +63,23 @@ class Assignments:
         if not isinstance(tables, Mapping):
             self.problems.append("parameters: must be a table of tables, one per component")
             return
-        shared = tables.get(SHARED, {})
-        if isinstance(shared, Mapping):
-            for name, value in leaves(shared):
-                self.shared(name, value)
-        for component, table in tables.items():
-            if component == SHARED and isinstance(table, Mapping):
-                continue
-            expected = component == SHARED or component in self.interfaces
-            if not expected or not isinstance(table, Mapping):
-                known = {SHARED, *self.interfaces} - {component}
-                close = did_you_mean(component, sorted(known))
-                self.problems.append(
-                    f"{component}: parameters stand in a table per component, and this is "
-                    f"none{close}"
-                )
-                continue
+        known = {SHARED, *self.interfaces}
+        good = {c: t for c, t in tables.items() if c in known and isinstance(t, Mapping)}
+        for name, value in leaves(good.pop(SHARED, {})):
+            self.shared(name, value)
+        for component, table in good.items():
             for name, value in leaves(table):
                 self.set(component, name, value)
+        for component in (c for c in tables if c not in good and c != SHARED):
+            self._no_table(component, known)
+        if not isinstance(tables.get(SHARED, {}), Mapping):
+            self._no_table(SHARED, known)
+
+    def _no_table(self, name: str, known: set[str]) -> None:
+        close = did_you_mean(name, sorted(known - {name}))
+        self.problems.append(
+            f"{name}: parameters stand in a table per component, and this is none{close}"
+        )
 
     def shared(self, name: str, value: Any, written: bool = False) -> None:
         """Set a parameter of every component that has it; written: as a user has typed it."""

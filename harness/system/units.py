@@ -22,7 +22,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from harness.spelling import did_you_mean
-from harness.system.names import base
+from harness.system.values import base
 
 Base = Mapping[str, float]
 """A BaseUnit: exponents of kg m s A K mol cd rad, then factor and offset."""

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Values as people write them, and the scalar variables they stand for.
+"""Names and values of scalar variables, as FMUs have them and as people write them.
+
+FMI knows scalars only, so the structure stands in the names: `J[1,2]` is element (1, 2) of `J`.
+Here it is read; everything else asks. Indices may begin anywhere (`x[0]`), and other tools put
+blanks between them (`J[1, 2]`).
 
 A vector `rho = [0, 20, 0]` stands for `rho[1]`, `rho[2]`, `rho[3]`; a matrix `J = [[1, 2], [3, 4]]`
 for `J[1,1]` ... `J[2,2]`; a table `M = {bias = 1.0}` for `M.bias`. Systems in TOML, `--set` and
@@ -11,12 +15,101 @@ from __future__ import annotations
 import math
 import re
 import tomllib
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from functools import lru_cache
+from typing import Any, NamedTuple, TypeAlias
 
 from harness.spelling import did_you_mean
-from harness.system.names import Index, Name, elements_of, grid, index, with_arrays
+
+Index = tuple[int, ...]
+
+
+class Name(NamedTuple):
+    """Name of a scalar variable: that of the vector or matrix it belongs to, and its place in it,
+    () for a scalar.
+    """
+
+    variable: str
+    element: Index = ()
+
+    @classmethod
+    def read(cls, text: str) -> Name:
+        """The name as an FMU or a user writes it."""
+        return _read(text)
+
+    def __str__(self) -> str:
+        if not self.element:
+            return self.variable
+        return f"{self.variable}[{','.join(map(str, self.element))}]"
+
+
+_ELEMENT = re.compile(r"(.+)\[(\d{1,9}(?: *, *\d{1,9})*)\]", re.ASCII | re.DOTALL)
+
+
+@lru_cache(maxsize=1 << 16)
+def _read(text: str) -> Name:
+    match = _ELEMENT.fullmatch(text)
+    return Name(match[1], tuple(map(int, match[2].split(",")))) if match else Name(text)
+
+
+def base(text: str) -> str:
+    """Name of the vector or matrix that a scalar variable is an element of."""
+    return _read(text).variable
+
+
+def index(text: str) -> Index:
+    """Indices of an element; () for a scalar."""
+    return _read(text).element
+
+
+def elements_of(port: str, names: Collection[str]) -> list[str]:
+    """Scalar variables that `port` stands for: itself, or all elements of the vector or matrix in
+    order.
+    """
+    return [port] if port in names else list(_arrays(tuple(names)).get(port, ()))
+
+
+def with_arrays(names: Collection[str]) -> tuple[str, ...]:
+    """Names of scalar variables, and of the vectors and matrices that they are elements of."""
+    return (*names, *_arrays(tuple(names)))
+
+
+@lru_cache(maxsize=64)
+def _arrays(names: tuple[str, ...]) -> Mapping[str, tuple[str, ...]]:
+    """Elements in order by the vector or matrix that they belong to."""
+    found: dict[str, list[str]] = {}
+    for name in names:
+        if index(name):
+            found.setdefault(base(name), []).append(name)
+    return {array: tuple(sorted(elements, key=index)) for array, elements in found.items()}
+
+
+class Grid(NamedTuple):
+    """The indices of a whole vector or matrix: of its first element, and how many there are."""
+
+    first: Index
+    shape: Index
+
+    def place(self, element: Index) -> Index:
+        """Where an element stands in an array, counted from 0."""
+        return tuple(i - first for i, first in zip(element, self.first, strict=True))
+
+
+def grid(elements: Iterable[Index]) -> Grid | None:
+    """The grid that is filled by these elements exactly; None if some are missing or of another
+    dimension.
+    """
+    found = set(elements)
+    if len({len(element) for element in found}) != 1:
+        return None
+    first = tuple(min(column) for column in zip(*found, strict=True))
+    last = tuple(max(column) for column in zip(*found, strict=True))
+    shape = tuple(b - a + 1 for a, b in zip(first, last, strict=True))
+    return Grid(first, shape) if math.prod(shape) == len(found) else None
+
+
+# ---- values
 
 Scalar = float | int | bool | str
 Value: TypeAlias = "Scalar | Sequence[Value]"
@@ -176,9 +269,7 @@ def coerce(value: Scalar, kind: str, access: str = "") -> Scalar:
     access: the type of FMI 3.0 (UInt8, Float32, ...), if it is one.
     """
     if kind == "String":
-        return _checked_text(_text(value))
-    if isinstance(value, str):
-        raise ValueError(f"{_quoted(value)} is not a number")
+        return _checked_text(str(value).lower() if isinstance(value, bool) else str(value))
     if not isinstance(value, (int, float)):
         raise ValueError(f"{_quoted(str(value))} is not a number")
     if kind == "Real":
@@ -219,11 +310,6 @@ def _checked_text(text: str) -> str:
     except UnicodeEncodeError:
         raise ValueError(f"{_quoted(text)} is not a text in UTF-8") from None
     return text
-
-
-def _text(value: Scalar) -> str:
-    """A value as TOML writes it."""
-    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _quoted(text: str) -> str:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from harness.spelling import did_you_mean
 from harness.system.interface import Interface
 from harness.system.model import Connection, Port
-from harness.system.names import base, elements_of, with_arrays
+from harness.system.values import base, elements_of, with_arrays
 
 Owners = Mapping[str, Sequence[str]]
 """Components that have an output, by the name of the output, in execution order."""

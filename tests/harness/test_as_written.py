@@ -10,8 +10,7 @@ from harness.cli.app import main
 from harness.errors import UsageError
 from harness.master.changes import apply
 from harness.master.isolated import simulate
-from harness.system.names import Grid, Name, grid
-from harness.system.values import assign, coerce
+from harness.system.values import Grid, Name, assign, coerce, grid
 
 
 def value_of(system, name):

@@ -19,7 +19,7 @@ from harness.master.refusals import as_typed, refusals, without
 from harness.spelling import did_you_mean
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
-from harness.system.names import base
+from harness.system.values import base
 
 
 @pytest.fixture

@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from harness.system.names import base, elements_of, index
-from harness.system.values import assign, coerce, expand, leaves, parse
+from harness.system.values import assign, base, coerce, elements_of, expand, index, leaves, parse
 
 KNOWN = [
     "mass",
