@@ -24,6 +24,12 @@ from importlib import import_module
 from typing import Any
 
 
+def reason_of(error: BaseException) -> str:
+    """Why something failed, in a line."""
+    text = getattr(error, "strerror", None) or " ".join(str(error).split())
+    return text or type(error).__name__
+
+
 class HarnessError(Exception):
     """Root of the tree; str() is the message for the user."""
 

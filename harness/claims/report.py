@@ -79,15 +79,14 @@ def lines(result: Result, width: int = WIDTH) -> list[Line]:
     found, wanted = judged(result), findings(result)
     if not found and not wanted:
         raise ResultsError(_without_claims(result))
-    sections = [_section(result, each, width) for each in found]
-    if not found and of_result(result).claims:
-        sections = [_wrapped(_without_claims(result), width)]
+    unknown = [] if found or not of_result(result).claims else [_without_claims(result)]
     safe = safety(of_result(result), result).splitlines()
     parts = (
         _wrapped(missing(result), width),
         _paragraph("Notes:", notes_of(result), width),
         _paragraph("Requirements:", map(str, wanted), width),
-        *sections,
+        *(_section(result, each, width) for each in found),
+        *(_wrapped(text, width) for text in unknown),
         [line for text in safe for line in (_wrapped(text, width) or [Line("")])],
     )
     text = _flown(result, width)
@@ -98,12 +97,9 @@ def lines(result: Result, width: int = WIDTH) -> list[Line]:
 
 def _without_claims(result: Result) -> str:
     """That no paper belongs to a result, and why perhaps."""
-    hint = (
-        ""
-        if result.parameters
-        else " (the file does not hold the parameters by which some are known)"
-    )
-    return f"{result.system}: there are no claims of a paper about such a result{hint}"
+    text = f"{result.system}: there are no claims of a paper about such a result"
+    hint = " (the file does not hold the parameters by which some are known)"
+    return text if result.parameters else text + hint
 
 
 def _paragraph(head: str, texts: Iterable[str], width: int) -> list[Line]:

@@ -25,12 +25,22 @@ ORIGINATOR = "SERVICING-FMUS"
 ASSUMED = "N of the simulation is taken as EME2000; t = 0 is the epoch of the run, or J2000"
 
 
+OEM = {"CENTER_NAME": "EARTH", "REF_FRAME": "EME2000", "TIME_SYSTEM": "UTC"}
+AEM = {
+    "CENTER_NAME": "EARTH",
+    "REF_FRAME_A": "EME2000",
+    "REF_FRAME_B": "SC_BODY_1",
+    "ATTITUDE_DIR": "A2B",
+    "TIME_SYSTEM": "UTC",
+}
+"""Centre, frames and time system of both messages."""
+
+
 def write_oem(result: Result, path: Path, body: str | None, epoch: str) -> None:
     """Ephemeris of one body (default: the first); UsageError or ResultsError."""
     one = bodies(result, body)[0]
     data = np.hstack((one.r_N, one.v_N)) / 1000
-    frames = {"CENTER_NAME": "EARTH", "REF_FRAME": "EME2000", "TIME_SYSTEM": "UTC"}
-    meta = _meta(one.name, result, epoch, frames)
+    meta = _meta(one.name, result, epoch, OEM)
     meta |= {"INTERPOLATION": "HERMITE", "INTERPOLATION_DEGREE": "3"}
     _write(path, result, "OEM_VERS = 2.0", meta, _rows(result, epoch, data))
 
@@ -41,14 +51,7 @@ def write_aem(result: Result, path: Path, body: str | None, epoch: str) -> None:
     one = next((body for body in found if body.q is not None), found[0])
     if one.q is None:
         raise UsageError(f"{one.name}: the result does not hold its attitude")
-    frames = {
-        "CENTER_NAME": "EARTH",
-        "REF_FRAME_A": "EME2000",
-        "REF_FRAME_B": "SC_BODY_1",
-        "ATTITUDE_DIR": "A2B",
-        "TIME_SYSTEM": "UTC",
-    }
-    meta = _meta(one.name, result, epoch, frames)
+    meta = _meta(one.name, result, epoch, AEM)
     meta |= {"ATTITUDE_TYPE": "QUATERNION", "QUATERNION_TYPE": "LAST"}
     rows = ["DATA_START", *_rows(result, epoch, one.q[:, [1, 2, 3, 0]]), "DATA_STOP"]
     _write(path, result, "AEM_VERS = 1.0", meta, rows)

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from harness.errors import StructureError, UsageError, library
+from harness.errors import StructureError, UsageError, library, reason_of
 from harness.exchange import two_line
 from harness.exchange.bodies import sun_direction
 from harness.exchange.czml import earth
@@ -146,8 +146,7 @@ def _state(component: str, source: Source, instant: np.datetime64) -> State:
             raise ValueError("position and velocity at the epoch are not finite")
         return found
     except (ValueError, IndexError) as error:
-        reason = " ".join(str(error).split())
-        raise UsageError(f"--start {component}: {source.path}: {reason}") from error
+        raise UsageError(f"--start {component}: {source.path}: {reason_of(error)}") from error
 
 
 @contextmanager
@@ -256,20 +255,21 @@ def _source(component: str, file: str | Path) -> Source:
     """A file by its path, or elements in so many lines."""
     inline = "\n" in str(file).strip()
     path, text = (INLINE, str(file)) if inline else (file, _text(component, Path(file)))
+    try:
+        return _read(path, text)
+    except (ValueError, KeyError, IndexError, SyntaxError) as error:
+        raise UsageError(f"--start {component}: {path}: {reason_of(error)}") from error
+
+
+def _read(path: Path | str, text: str) -> Source:
+    if "CCSDS_OEM_VERS" in text or "<oem" in text:
+        with _undated():
+            return _ephemeris(path, text)
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     elements = [line for line in lines if line[:2] in ("1 ", "2 ") and len(line) >= 68]
-    try:
-        if "CCSDS_OEM_VERS" in text or "<oem" in text:
-            with _undated():
-                return _ephemeris(path, text)
-        if [line[0] for line in elements] == ["1", "2"]:
-            return _elements(path, *elements)
-    except (ValueError, KeyError, IndexError, SyntaxError) as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise UsageError(f"--start {component}: {path}: {reason}") from error
-    raise UsageError(
-        f"--start {component}: {path}: neither an OEM nor one set of two-line elements"
-    )
+    if [line[0] for line in elements] != ["1", "2"]:
+        raise ValueError("neither an OEM nor one set of two-line elements")
+    return _elements(path, *elements)
 
 
 def _text(component: str, path: Path) -> str:
@@ -278,7 +278,7 @@ def _text(component: str, path: Path) -> str:
     except UnicodeDecodeError as error:
         raise UsageError(f"--start {component}: {path}: is not a text file") from error
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
+        reason = reason_of(error)
         raise UsageError(f"--start {component}: {path}: cannot be read ({reason})") from error
 
 

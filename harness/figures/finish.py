@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from itertools import product
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -79,17 +80,17 @@ def calm(panels: Sequence[tuple[Any, str]]) -> None:
     """
     for axes, _ in panels:
         _decades(axes)
-    linear = [(axes, label) for axes, label in panels if axes.get_yscale() == "linear"]
-    largest: dict[str, tuple[float, Any]] = {}
-    for axes, label in linear:
-        unit = unit_of(label)
-        largest[unit] = max(largest.get(unit, (0.0, axes)), (_size(axes), axes), key=lambda x: x[0])
-    for axes, label in linear:
-        size, sibling = largest[unit_of(label)]
-        if _size(axes) < ROUNDING * size:
+    sizes = [
+        (_size(axes), axes, unit_of(label))
+        for axes, label in panels
+        if axes.get_yscale() == "linear"
+    ]
+    for size, axes, unit in sizes:
+        largest, sibling, _ = max((each for each in sizes if each[2] == unit), key=itemgetter(0))
+        if size < ROUNDING * largest:
             axes.set_ylim(sibling.get_ylim())
-            _note(axes, f"rounding below {_size(axes):.0e}".replace("e-0", "e-"))
-        elif np.ptp(_values(axes)) < ROUNDING * _size(axes):
+            _note(axes, f"rounding below {size:.0e}".replace("e-0", "e-"))
+        elif np.ptp(_values(axes)) < ROUNDING * size:
             level = float(np.median(_values(axes)))
             axes.set_ylim(sorted((0.95 * level, 1.05 * level)))
 
@@ -173,8 +174,7 @@ def _ticked(axis: Any) -> None:
     if not 0 < low < high < np.inf:
         return
     decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
-    whole = [10.0**k for k in decades if low <= 10.0**k <= high]
-    if len(whole) >= LEAST_TICKS:
+    if sum(low <= 10.0**k <= high for k in decades) >= LEAST_TICKS:
         return
     options = [[m * 10.0**k for k in decades for m in parts] for parts in STEPS]
     options.append(list(MaxNLocator(4, min_n_ticks=LEAST_TICKS + 2).tick_values(low, high)))

@@ -162,10 +162,9 @@ def _panels(
     figure: Figure, results: Sequence[Result], style: Style
 ) -> tuple[Canvas, list[tuple[Any, Panel]]]:
     """Axes of the panels that show something, one below the other; the title names the others."""
-    silent = [panel for panel in figure.panels if panel.is_silent(*results)]
-    shown = [panel for panel in figure.panels if panel not in silent] or list(figure.panels)
-    left = [panel.ylabel for panel in figure.panels if panel not in shown]
-    title = "\n".join([figure.title] + [f"zero throughout: {', '.join(left)}"] * bool(left))
+    shown = [p for p in figure.panels if not p.is_silent(*results)] or list(figure.panels)
+    left = ", ".join(panel.ylabel for panel in figure.panels if panel not in shown)
+    title = f"{figure.title}\nzero throughout: {left}" if left else figure.title
     canvas = new_canvas(title, (8, 1.2 + 2.2 * len(shown)), style)
     column = canvas.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
     column[-1].set_xlabel(time_axis(*(r.time for r in results)).label)
@@ -274,9 +273,7 @@ def paint_overlay(
 
 
 def _together(figure: Figure, runs: _Runs, style: Style) -> Canvas:
-    """Panels with a curve of every run, and, of few runs, one legend as wide as the names allow."""
-    from matplotlib.lines import Line2D
-
+    """Panels with a curve of every run."""
     canvas, panels = _panels(figure, list(runs.results.values()), style)
     for axes, panel in panels:
         histories = [h for curve in panel.curves for h in _draw_runs(axes, panel, curve, runs)]
@@ -285,12 +282,18 @@ def _together(figure: Figure, runs: _Runs, style: Style) -> Canvas:
         legend_above(axes)
     calm([(axes, panel.ylabel) for axes, panel in panels])
     if len(runs.colours) < MANY:
-        looks = ({"color": runs.colours[r], "linestyle": runs.styles[r]} for r in runs.results)
-        names = list(runs.results)
-        columns = fitting(names, canvas.get_figwidth())
-        lines = [Line2D([], [], **look) for look in looks]
-        canvas.legend(lines, names, loc="outside lower center", ncols=columns)
+        _name_runs(canvas, runs)
     return canvas
+
+
+def _name_runs(canvas: Canvas, runs: _Runs) -> None:
+    """One legend for all panels, as wide as the names allow."""
+    from matplotlib.lines import Line2D
+
+    styles, names = runs.styles, list(runs.results)
+    lines = [Line2D([], [], color=runs.colours[r], linestyle=styles[r]) for r in names]
+    columns = fitting(names, canvas.get_figwidth())
+    canvas.legend(lines, names, loc="outside lower center", ncols=columns)
 
 
 def _draw_runs(axes: Any, panel: Panel, curve: Curve, runs: _Runs) -> list[Array]:

@@ -96,16 +96,11 @@ def _table(
 ) -> facts.Facts:
     """Measures that at least one run has, with the numbers as texts."""
     shown = {head: c for head, c in columns.items() if any(map(math.isfinite, c.values()))}
-    return {
-        "heads": [head.removesuffix(" [1]") for head in shown],
-        "rows": [
-            {
-                "label": label,
-                "cells": [_cell(column[label], words.get(head)) for head, column in shown.items()],
-            }
-            for label in labels
-        ],
-    }
+    rows = [
+        {"label": label, "cells": [_cell(c[label], words.get(head)) for head, c in shown.items()]}
+        for label in labels
+    ]
+    return {"heads": [head.removesuffix(" [1]") for head in shown], "rows": rows}
 
 
 def _cell(value: float, words: Sequence[str] | None) -> str:

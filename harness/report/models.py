@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from harness.errors import HarnessError, UsageError, library
+from harness.errors import HarnessError, UsageError, library, reason_of
 from harness.files import paths
 from harness.mission.library import SYSTEM, systems
 from harness.report.arrays import Arrays
@@ -100,12 +100,10 @@ def meshes_of(body: str, path: Path) -> tuple[Mesh, ...]:
     except HarnessError:
         raise
     except Exception as error:  # whatever a reader of a foreign format may meet
-        reason = " ".join(str(error).split())[:200] or type(error).__name__
-        raise _refused(body, f"{path}: is no glTF file ({reason})") from error
-    if not found:
-        raise _refused(body, f"{path}: holds no triangles")
-    if not all(np.isfinite(mesh.corners).all() for mesh in found):
-        raise _refused(body, f"{path}: holds a corner that is no number")
+        raise _refused(body, f"{path}: is no glTF file ({reason_of(error)[:200]})") from error
+    problem = "holds no triangles" if not found else "holds a corner that is no number"
+    if not found or not all(np.isfinite(mesh.corners).all() for mesh in found):
+        raise _refused(body, f"{path}: {problem}")
     return found
 
 

@@ -83,12 +83,16 @@ def _curves(canvas: Canvas, axes: Any, unit: float) -> Iterator[Plot]:
     for area in axes.collections:
         for path in area.get_paths():
             corners = _corners(np.asarray(path.vertices, dtype=float)) * (unit, 1)
-            yield _curve(canvas, *corners.T, name="", fill=True, colour=len(palette), dash="solid")
+            yield _filled(canvas, corners, len(palette))
     for bar in axes.patches:
         left, bottom, width, height = bar.get_bbox().bounds
         right, top = left + width, bottom + height
         corners = [[left, bottom], [left, top], [right, top], [right, bottom], [left, bottom]]
-        yield _curve(canvas, *np.transpose(corners), name="", fill=True, colour=0, dash="solid")
+        yield _filled(canvas, np.array(corners), 0)
+
+
+def _filled(canvas: Canvas, corners: Any, colour: int) -> Plot:
+    return _curve(canvas, *corners.T, name="", fill=True, colour=colour, dash="solid")
 
 
 def _line(canvas: Canvas, line: Any, palette: dict[Any, int], unit: float) -> Plot:

@@ -55,11 +55,16 @@ def _panel(canvas: Canvas, panel: Panel, result: Result) -> Plot:
         for values, name, dash in _lines(curve, history):
             colour = "ink" if "k" in curve.style else first + len(curves) - count
             curves.append(canvas.curve(time, values, name, colour=colour, dash=dash))
-    for instant, value in panel.minima(result):
-        text = f"least {value:.4g} {unit_of(panel.ylabel)} at {instant:g} s"
-        look = {"colour": "ink", "dash": "solid", "marker": "circle"}
-        curves.append(canvas.curve(np.array([instant]), np.array([value]), text, **look))
+    curves += _least(canvas, panel, result)
     return plot(panel.ylabel, curves, size=size, log=panel.log, **_marks(panel, result))
+
+
+def _least(canvas: Canvas, panel: Panel, result: Result) -> Iterator[Plot]:
+    """A mark where the least value of a curve matters."""
+    look = {"colour": "ink", "dash": "solid", "marker": "circle"}
+    for time, value in panel.minima(result):
+        text = f"least {value:.4g} {unit_of(panel.ylabel)} at {time:g} s"
+        yield canvas.curve(np.array([time]), np.array([value]), text, **look)
 
 
 def diagram(title: str, x: str, y: str, curves: list[Plot]) -> Plot:

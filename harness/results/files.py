@@ -18,7 +18,7 @@ import tempfile
 from contextlib import nullcontext
 from pathlib import Path
 
-from harness.errors import HarnessError, ResultsError, UsageError
+from harness.errors import HarnessError, ResultsError, UsageError, reason_of
 from harness.files.output import new_beside, written
 from harness.files.signals import held
 from harness.results.formats import comma_separated, matlab, netcdf, parquet
@@ -41,16 +41,21 @@ class ResultFile:
         self.path = path
         self._target = path.absolute()  # wherever an FMU may lead this process
         self.partial = path.with_name(f"{path.stem}.partial{path.suffix}")
-        try:
-            self._special = path.exists() and not path.is_file()
-        except (OSError, ValueError) as error:  # a name that no file can have
-            raise self._refused(getattr(error, "strerror", None) or str(error)) from error
-        if path.is_dir():
-            raise ResultsError(f"{path}: cannot be written, it is a folder")
-        if path.exists() and not os.access(path, os.W_OK):
-            raise self._refused("no permission")
+        self._special = self._is_special()
         if not self._special:
             self._try()
+
+    def _is_special(self) -> bool:
+        """Whether there is something else than a file, as a pipe, that can be written."""
+        try:
+            found = self.path.exists()
+        except (OSError, ValueError) as error:  # a name that no file can have
+            raise self._refused(reason_of(error)) from error
+        if self.path.is_dir():
+            raise ResultsError(f"{self.path}: cannot be written, it is a folder")
+        if found and not os.access(self.path, os.W_OK):
+            raise self._refused("no permission")
+        return found and not self.path.is_file()
 
     def _refused(self, reason: str) -> ResultsError:
         return ResultsError(f"{self.path}: cannot be written ({reason})")
@@ -125,13 +130,7 @@ class ResultFile:
             if isinstance(error, HarnessError) and not isinstance(error, ResultsError):
                 raise  # a library is missing
             cause = error.__cause__ if isinstance(error, ResultsError) else None
-            raise self._refused(_reason(cause or error)) from error
-
-
-def _reason(error: BaseException) -> str:
-    """Why a file cannot be read or written, in a line."""
-    text = getattr(error, "strerror", None) or " ".join(str(error).split())
-    return text or type(error).__name__
+            raise self._refused(reason_of(cause or error)) from error
 
 
 def _rescued(result: Result, path: Path) -> Path | None:
@@ -143,14 +142,19 @@ def _rescued(result: Result, path: Path) -> Path | None:
         except OSError:
             continue
         os.close(number)
-        try:
-            with held():
-                WRITERS[ending](result, Path(name))
-        except Exception:  # the same failures as at its own place
-            Path(name).unlink(missing_ok=True)
-        else:
+        if _is_written(result, Path(name)):
             return Path(name)
     return None
+
+
+def _is_written(result: Result, path: Path) -> bool:
+    try:
+        with held():
+            WRITERS[path.suffix](result, path)
+    except Exception:  # the same failures as at its own place
+        path.unlink(missing_ok=True)
+        return False
+    return True
 
 
 def read(file: str | Path) -> Result:
@@ -167,7 +171,7 @@ def read(file: str | Path) -> Result:
     except HarnessError:  # a library is missing
         raise
     except Exception as error:  # OSError, or what the libraries behind xarray and numpy raise
-        raise ResultsError(f"{path}: cannot be read ({_reason(error)})") from error
+        raise ResultsError(f"{path}: cannot be read ({reason_of(error)})") from error
 
 
 FORMATS = {".csv": comma_separated, ".nc": netcdf, ".mat": matlab, ".parquet": parquet}

@@ -43,7 +43,12 @@ def read(path: Path) -> Result:
     values = np.column_stack([numbers(n, table.column(i)) for i, n in enumerate(names)])
     units = ("",) * (len(names) - 1)
     result = Result(path.stem, values[:, 0], names[1:], units, np.ascontiguousarray(values[:, 1:]))
-    about = json.loads((table.schema.metadata or {}).get(ABOUT, b"null"))
+    return _told(result, (table.schema.metadata or {}).get(ABOUT, b"null"))
+
+
+def _told(result: Result, text: bytes) -> Result:
+    """The table with what its metadata say, if it is one of ours."""
+    about = json.loads(text)
     if about is None:
         return result
     if not isinstance(about, dict):
