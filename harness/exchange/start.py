@@ -1,65 +1,29 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Start values from files of the field: orbit ephemeris messages (OEM) and two-line elements.
+"""Start values from files of the field.
 
-Axes of a file become those of N: EME2000, GCRF and ICRF as they are (23 mas between them), TEME of
-two-line elements by the IAU models with UT1 = UTC, which cancels. A body that starts beside the
-target, and for which no file is given, goes along with it: it gets the elements of the target's
-orbit, and stands where its position in the Hill frame has it.
+A body that starts beside the target, and for which no file is given, goes along with it: it gets
+the elements of the target's orbit, and stands where its position in the Hill frame has it.
 """
 
 from __future__ import annotations
 
-import re
-import warnings
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from harness.errors import StructureError, UsageError, library, reason_of
-from harness.exchange import two_line
+from harness.errors import StructureError, UsageError
 from harness.exchange.bodies import sun_direction
-from harness.exchange.czml import earth
-from harness.files.paths import contents
-from harness.files.temporary import PrivateFolder
+from harness.exchange.sources import Source, State, source_of, state_of
 from harness.master.simulation import Simulation
 from harness.mission.library import everything, mission
 from harness.mission.mission import Bodies
 from harness.results.result import Array, Result
 from harness.spelling import did_you_mean
-from harness.system.instants import J2000, days_since_j2000, epoch_of, moment, written
+from harness.system.instants import epoch_of, written
 from harness.system.model import System
-
-SAME_AXES = ("EME2000", "J2000", "GCRF", "GCRS", "ICRF")
-LONGEST = 256 * 1024**2
-"""Bytes of a file of start values."""
-INLINE = "two-line elements"
-"""Name of a source that stands in the TOML itself."""
-EXACT = 1e-6
-"""An instant of an ephemeris this close is taken as it is, not interpolated [s]."""
-
-
-class State(NamedTuple):
-    """Position [m] and velocity [m/s], components of N."""
-
-    r: Array
-    v: Array
-
-
-@dataclass(frozen=True)
-class Source:
-    """A file, or elements as text: its name, first instant that it knows, axes in words, and the
-    state at an instant.
-    """
-
-    path: Path | str
-    first: np.datetime64
-    axes: str
-    state: Callable[[np.datetime64], State]
 
 
 @dataclass(frozen=True)
@@ -94,11 +58,11 @@ def start_values(
     if names:
         for component in files:
             _check(component, system, parameters, names)
-    sources = {component: _source(component, file) for component, file in files.items()}
+    sources = {component: source_of(component, file) for component, file in files.items()}
     date = system.experiment.epoch if epoch is None else epoch
     asked = date or epoch is not None or not files
     instant = epoch_of(date) if asked else max(s.first for s in sources.values())
-    states = {component: _state(component, s, instant) for component, s in sources.items()}
+    states = {component: state_of(component, s, instant) for component, s in sources.items()}
     values = _orbits(parameters, states, names) if names else {}
     sun, told = _sun(parameters, names.sun if names else "", instant)
     return Start(values | sun, (*_notes(sources, instant), *told), written(instant))
@@ -136,28 +100,6 @@ def _sun(parameters: Result, name: str, instant: np.datetime64) -> tuple[dict[st
     to_sun = sun_direction(np.array([instant]))[0].tolist()
     shown = ", ".join(f"{x:.6f}" for x in to_sun)
     return dict.fromkeys(needing, to_sun), [f"Sun at t = 0: {', '.join(needing)} = [{shown}]"]
-
-
-def _state(component: str, source: Source, instant: np.datetime64) -> State:
-    try:
-        with _undated():
-            found = source.state(instant)
-        if not (np.isfinite(found.r).all() and np.isfinite(found.v).all()):
-            raise ValueError("position and velocity at the epoch are not finite")
-        return found
-    except (ValueError, IndexError) as error:
-        raise UsageError(f"--start {component}: {source.path}: {reason_of(error)}") from error
-
-
-@contextmanager
-def _undated() -> Iterator[None]:
-    """Without the warnings of erfa, which knows no leap seconds of years to come, and with no other
-    tables of UT1 than those that astropy brings.
-    """
-    conf = library("astropy.utils.iers", "exchange").conf
-    with warnings.catch_warnings(), conf.set_temp("auto_download", False):
-        warnings.simplefilter("ignore")
-        yield
 
 
 def _notes(sources: Mapping[str, Source], instant: np.datetime64) -> list[str]:
@@ -246,120 +188,3 @@ def _about(axis: Array, begin: Array, end: Array) -> float:
     """Angle from one vector to another about an axis across both [rad]."""
     sine = np.cross(begin, end) @ axis / np.linalg.norm(axis)
     return float(np.arctan2(sine, begin @ end))
-
-
-# ---- files
-
-
-def _source(component: str, file: str | Path) -> Source:
-    """A file by its path, or elements in so many lines."""
-    inline = "\n" in str(file).strip()
-    path, text = (INLINE, str(file)) if inline else (file, _text(component, Path(file)))
-    try:
-        return _read(path, text)
-    except (ValueError, KeyError, IndexError, SyntaxError) as error:
-        raise UsageError(f"--start {component}: {path}: {reason_of(error)}") from error
-
-
-def _read(path: Path | str, text: str) -> Source:
-    if "CCSDS_OEM_VERS" in text or "<oem" in text:
-        with _undated():
-            return _ephemeris(path, text)
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
-    elements = [line for line in lines if line[:2] in ("1 ", "2 ") and len(line) >= 68]
-    if [line[0] for line in elements] != ["1", "2"]:
-        raise ValueError("neither an OEM nor one set of two-line elements")
-    return _elements(path, *elements)
-
-
-def _text(component: str, path: Path) -> str:
-    try:
-        return contents(path, LONGEST).decode()
-    except UnicodeDecodeError as error:
-        raise UsageError(f"--start {component}: {path}: is not a text file") from error
-    except (OSError, ValueError) as error:
-        reason = reason_of(error)
-        raise UsageError(f"--start {component}: {path}: cannot be read ({reason})") from error
-
-
-SYSTEMS = ("GPS", "TAI", "TT", "UT1", "UTC")
-"""Time systems of an ephemeris: those of astropy, and GPS = TAI - 19 s."""
-GPS_BEHIND_TAI = 19.0
-_TIME_SYSTEM = re.compile(r"\bTIME_SYSTEM\s*[=>]\s*([^\s<]+)")
-
-
-def _ephemeris(path: Path | str, text: str) -> Source:
-    system = _time_system(text)
-    with PrivateFolder() as folder:
-        copy = folder / "message.oem"  # with a time system that the library knows
-        copy.write_text(_TIME_SYSTEM.sub(lambda m: m[0].replace("GPS", "TAI"), text), "utf-8")
-        message = library("oem", "exchange").OrbitEphemerisMessage.open(str(copy))
-    frame = _frame(message)
-    behind = GPS_BEHIND_TAI if system == "GPS" else 0.0
-    late = library("astropy.time", "exchange").TimeDelta(behind, format="sec")
-    begin = (message.states[0].epoch + late).utc
-    begin.precision = 9
-    told = "" if system in ("", "UTC") else f", times in {system}"
-    state = partial(_interpolated, message, frame, late)
-    return Source(path, moment(begin.isot), f"{frame} taken as N{told}", state)
-
-
-def _time_system(text: str) -> str:
-    """Of all segments of an ephemeris, "" if it names none; ValueError."""
-    systems = {match[1] for match in _TIME_SYSTEM.finditer(text)}
-    if unknown := systems - {*SYSTEMS}:
-        raise ValueError(
-            f"its times are {' and '.join(sorted(unknown))}, expected {', '.join(SYSTEMS)}"
-        )
-    if len(systems) > 1:
-        raise ValueError(f"its times are {' and '.join(sorted(systems))}, expected one system")
-    return next(iter(systems), "")
-
-
-def _frame(message: Any) -> str:
-    """Axes of all segments of an ephemeris about the Earth; ValueError."""
-    frames = {segment.metadata["REF_FRAME"].upper() for segment in message}
-    centres = {segment.metadata["CENTER_NAME"].upper() for segment in message}
-    if centres != {"EARTH"}:
-        raise ValueError(f"its centre is {' and '.join(sorted(centres))}, not the EARTH")
-    if len(frames) != 1 or not frames <= {*SAME_AXES, "TEME"}:
-        raise ValueError(
-            f"its axes are {' and '.join(sorted(frames))}, expected {', '.join(SAME_AXES)} or TEME"
-        )
-    return str(frames.pop())
-
-
-def _interpolated(message: Any, frame: str, late: Any, instant: np.datetime64) -> State:
-    time = library("astropy.time", "exchange").Time(instant, scale="utc")
-    time = getattr(time, message.states[0].epoch.scale) - late
-    near = min(message.states, key=lambda state: abs((state.epoch - time).sec))
-    state = near if abs((near.epoch - time).sec) < EXACT else message(time)
-    found = State(1e3 * np.asarray(state.position), 1e3 * np.asarray(state.velocity))
-    return _out_of_teme(found, instant) if frame == "TEME" else found
-
-
-def _elements(path: Path | str, first: str, second: str) -> Source:
-    api = library("sgp4.api", "exchange")
-    library("sgp4.io", "exchange").verify_checksum(first, second)
-    if wrong := "; ".join(two_line.problems(first, second)):
-        raise ValueError(wrong)
-    satellite = api.Satrec.twoline2rv(first, second)
-    day, part = satellite.jdsatepoch - 2451545.0, satellite.jdsatepochF
-    nanoseconds = round((day + part) * 86400e6) * 1000  # the format has 1e-8 days, 0.9 ms
-    epoch = J2000 + np.timedelta64(nanoseconds, "ns")
-    return Source(path, epoch, "SGP4, TEME turned into N", partial(_propagated, api, satellite))
-
-
-def _propagated(api: Any, satellite: Any, instant: np.datetime64) -> State:
-    error, r, v = satellite.sgp4(2451545.0, float(days_since_j2000(instant)))
-    if error:
-        raise ValueError(f"SGP4: {api.SGP4_ERRORS[error]}")
-    return _out_of_teme(State(1e3 * np.array(r), 1e3 * np.array(v)), instant)
-
-
-def _out_of_teme(state: State, instant: np.datetime64) -> State:
-    """By the Earth-fixed axes: with GMST 1982 into them, with the IAU 2006/2000A matrix out."""
-    erfa = library("erfa", "exchange")
-    turn = erfa.rz(erfa.gmst82(2451545.0, float(days_since_j2000(instant))), np.eye(3))
-    matrix = earth(np.array([instant]))[0].T @ turn
-    return State(matrix @ state.r, matrix @ state.v)

@@ -71,7 +71,7 @@ class Operations:
             if place not in known:
                 name, parts, about = listed[place]
                 arrays = [value(part) for part in parts]
-                known[place] = _repeated(name, arrays, about, roots)
+                known[place] = repeated(name, arrays, about, roots)
             return np.asarray(known[place])
 
         return value
@@ -97,12 +97,14 @@ def _shared(value: Any, lists: dict[tuple[int, ...], int]) -> Any:
     return value
 
 
-def _repeated(name: str, a: list[Any], p: Mapping[str, Any], roots: Mapping[str, Array]) -> Any:
+def repeated(
+    name: str, a: list[Any], p: Mapping[str, Any], roots: Mapping[str, Array] | None = None
+) -> Any:
     """One operation with numpy, as the page does it."""
     with np.errstate(all="ignore"):
         if name in UFUNCS:
             return getattr(np, name)(*a)
-        return REPEATED[name](a, p, roots)
+        return REPEATED[name](a, p, roots or {})
 
 
 REPEATED: Mapping[str, Callable[[list[Any], Mapping[str, Any], Mapping[str, Array]], Any]] = {

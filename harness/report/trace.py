@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.report.operations import UFUNCS, Operations
+from harness.report.operations import UFUNCS, Operations, repeated
 
 Array = NDArray[Any]
 LOGICAL = {"bitwise_and": "logical_and", "bitwise_or": "logical_or", "invert": "logical_not"}
@@ -206,25 +206,25 @@ def _norm(x: Any, ord: Any = None, axis: Any = None, keepdims: Any = False) -> A
 
 
 def _cross(a: Any, b: Any, **other: Any) -> Any:
-    return None if other or np.shape(a)[-1] != 3 else _note("cross", [a, b], np.cross)
+    return None if other or np.shape(a)[-1] != 3 else _note("cross", [a, b])
 
 
 def _where(condition: Any, *either: Any) -> Any:
-    return _note("where", [condition, *either], np.where) if len(either) == 2 else None
+    return _note("where", [condition, *either]) if len(either) == 2 else None
 
 
 def _stack(arrays: Any, axis: int = 0, **_: Any) -> Any:
-    return _note("stack", list(arrays), lambda *a: np.stack(a, axis=axis), axis=axis)
+    return _note("stack", list(arrays), axis=axis)
 
 
 def _concatenate(arrays: Any, axis: int = 0, **_: Any) -> Any:
-    return _note("concatenate", list(arrays), lambda *a: np.concatenate(a, axis=axis), axis=axis)
+    return _note("concatenate", list(arrays), axis=axis)
 
 
 def _einsum(letters: Any, *arrays: Any, **other: Any) -> Any:
     if other or len(arrays) != 2 or "." in letters or "->" not in letters:
         return None
-    return _note("einsum", list(arrays), lambda *a: np.einsum(letters, *a), letters=letters)
+    return _note("einsum", list(arrays), letters=letters)
 
 
 def _clip(x: Any, low: Any, high: Any, **_: Any) -> Any:
@@ -251,9 +251,10 @@ def _atleast(axes: int) -> Callable[..., Any]:
     return function
 
 
-def _note(name: str, arrays: list[Any], function: Callable[..., Any], **about: Any) -> Any:
+def _note(name: str, arrays: list[Any], **about: Any) -> Any:
+    """What the page makes of arrays by an operation, and the operation."""
     trace = next(_arrays(arrays)).owner
-    value = function(*map(_plain, arrays))
+    value = repeated(name, list(map(_plain, arrays)), about)
     return trace.wrap(value, trace.note(name, arrays, **about))
 
 

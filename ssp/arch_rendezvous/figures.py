@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.figures.paths import draw_paths
-from harness.figures.style import legend_above
+from harness.figures.style import draw_paths, legend_above
 from harness.mission.figure import Axes, Curve, Drawing, Figure, Panel
 from harness.results.result import Result
 

@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.figures.paths import draw_paths
-from harness.figures.style import MANY, legend_above
+from harness.figures.style import MANY, draw_paths, legend_above
 from harness.mission.figure import (
     AXES,
     Axes,

@@ -29,7 +29,8 @@ from harness.exchange.bodies import AU, EARTH, SUN, shadow, sun_direction
 from harness.exchange.ccsds import write_oem
 from harness.exchange.convert import convert
 from harness.exchange.czml import ROWS, earth
-from harness.exchange.start import _source, start_values
+from harness.exchange.sources import source_of
+from harness.exchange.start import start_values
 from harness.report.facts import head
 from harness.results.result import Result
 from harness.ssp.library import load
@@ -352,7 +353,7 @@ def test_two_line_elements_that_cannot_be_are_refused_with_what_is_wrong(
     file = tmp_path / "iss.tle"
     file.write_text(elements(line, first, text), encoding="utf-8")
     with pytest.raises(UsageError, match=f"--start target: .*{problem}") as refused:
-        _source("target", file)
+        source_of("target", file)
     assert "\n" not in str(refused.value)
 
 
@@ -402,7 +403,7 @@ def test_other_times_of_an_ephemeris_are_refused_by_name(out, tmp_path, system):
     path.write_text(text, encoding="utf-8")
     problem = f"its times are {system}, expected GPS, TAI, TT, UT1, UTC"
     with pytest.raises(UsageError, match=problem):
-        _source("target", path)
+        source_of("target", path)
 
 
 ODD_EPOCHS = [
@@ -494,7 +495,7 @@ def test_a_start_that_is_not_finite_is_said_of_its_file(out, tmp_path, capsys):
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="needs /dev/zero")
 def test_a_start_without_end_is_not_read_to_its_end(monkeypatch, capsys):
-    monkeypatch.setattr("harness.exchange.start.LONGEST", 10**6)
+    monkeypatch.setattr("harness.exchange.sources.LONGEST", 10**6)
     assert main(["run", "sync_approach", "--start", "target=/dev/zero"]) == 2
     reason = "/dev/zero: cannot be read (longer than the limit of 1000000 bytes)"
     assert capsys.readouterr().err == f"harness: --start target: {reason}\n"

@@ -18,9 +18,16 @@ from harness import run
 from harness.cli.app import main
 from harness.errors import UsageError
 from harness.figures.choice import figure_of
-from harness.figures.paths import draw_paths
 from harness.figures.plots import overlay, paint, paint_overlay, plot
-from harness.figures.style import PAPER, SCREEN, legend_above, new_canvas, save, style_of
+from harness.figures.style import (
+    PAPER,
+    SCREEN,
+    draw_paths,
+    legend_above,
+    new_canvas,
+    save,
+    style_of,
+)
 from harness.mission import Curve, Figure, Level, Panel
 from harness.results.files import ResultFile
 from harness.results.result import Result

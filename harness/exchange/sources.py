@@ -1,0 +1,250 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Files of the field that say where a body is at an instant: orbit ephemeris messages (OEM) and
+two-line elements.
+
+Axes of a file become those of N: EME2000, GCRF and ICRF as they are (23 mas between them), TEME of
+two-line elements by the IAU models with UT1 = UTC, which cancels. SGP4 reads whatever stands in its
+columns, so that what must hold of two-line elements is checked before.
+"""
+
+from __future__ import annotations
+
+import calendar
+import re
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from harness.errors import UsageError, library, reason_of
+from harness.exchange.czml import earth
+from harness.files.paths import contents
+from harness.files.temporary import PrivateFolder
+from harness.results.result import Array
+from harness.system.instants import J2000, days_since_j2000, moment
+
+SAME_AXES = ("EME2000", "J2000", "GCRF", "GCRS", "ICRF")
+LONGEST = 256 * 1024**2
+"""Bytes of a file of start values."""
+INLINE = "two-line elements"
+"""Name of a source that stands in the TOML itself."""
+EXACT = 1e-6
+"""An instant of an ephemeris this close is taken as it is, not interpolated [s]."""
+
+
+class State(NamedTuple):
+    """Position [m] and velocity [m/s], components of N."""
+
+    r: Array
+    v: Array
+
+
+@dataclass(frozen=True)
+class Source:
+    """A file, or elements as text: its name, first instant that it knows, axes in words, and the
+    state at an instant.
+    """
+
+    path: Path | str
+    first: np.datetime64
+    axes: str
+    state: Callable[[np.datetime64], State]
+
+
+def source_of(component: str, file: str | Path) -> Source:
+    """A file by its path, or elements in so many lines."""
+    inline = "\n" in str(file).strip()
+    path, text = (INLINE, str(file)) if inline else (file, _text(component, Path(file)))
+    try:
+        return _read(path, text)
+    except (ValueError, KeyError, IndexError, SyntaxError) as error:
+        raise UsageError(f"--start {component}: {path}: {reason_of(error)}") from error
+
+
+def _read(path: Path | str, text: str) -> Source:
+    if "CCSDS_OEM_VERS" in text or "<oem" in text:
+        with _undated():
+            return _ephemeris(path, text)
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    elements = [line for line in lines if line[:2] in ("1 ", "2 ") and len(line) >= 68]
+    if [line[0] for line in elements] != ["1", "2"]:
+        raise ValueError("neither an OEM nor one set of two-line elements")
+    return _elements(path, *elements)
+
+
+def _text(component: str, path: Path) -> str:
+    try:
+        return contents(path, LONGEST).decode()
+    except UnicodeDecodeError as error:
+        raise UsageError(f"--start {component}: {path}: is not a text file") from error
+    except (OSError, ValueError) as error:
+        reason = reason_of(error)
+        raise UsageError(f"--start {component}: {path}: cannot be read ({reason})") from error
+
+
+def state_of(component: str, source: Source, instant: np.datetime64) -> State:
+    """Where the body is by its file; UsageError."""
+    try:
+        with _undated():
+            found = source.state(instant)
+        if not (np.isfinite(found.r).all() and np.isfinite(found.v).all()):
+            raise ValueError("position and velocity at the epoch are not finite")
+        return found
+    except (ValueError, IndexError) as error:
+        raise UsageError(f"--start {component}: {source.path}: {reason_of(error)}") from error
+
+
+@contextmanager
+def _undated() -> Iterator[None]:
+    """Without the warnings of erfa, which knows no leap seconds of years to come, and with no other
+    tables of UT1 than those that astropy brings.
+    """
+    conf = library("astropy.utils.iers", "exchange").conf
+    with warnings.catch_warnings(), conf.set_temp("auto_download", False):
+        warnings.simplefilter("ignore")
+        yield
+
+
+# ---- orbit ephemeris messages
+
+SYSTEMS = ("GPS", "TAI", "TT", "UT1", "UTC")
+"""Time systems of an ephemeris: those of astropy, and GPS = TAI - 19 s."""
+GPS_BEHIND_TAI = 19.0
+_TIME_SYSTEM = re.compile(r"\bTIME_SYSTEM\s*[=>]\s*([^\s<]+)")
+
+
+def _ephemeris(path: Path | str, text: str) -> Source:
+    system = _time_system(text)
+    with PrivateFolder() as folder:
+        copy = folder / "message.oem"  # with a time system that the library knows
+        copy.write_text(_TIME_SYSTEM.sub(lambda m: m[0].replace("GPS", "TAI"), text), "utf-8")
+        message = library("oem", "exchange").OrbitEphemerisMessage.open(str(copy))
+    frame = _frame(message)
+    behind = GPS_BEHIND_TAI if system == "GPS" else 0.0
+    late = library("astropy.time", "exchange").TimeDelta(behind, format="sec")
+    begin = (message.states[0].epoch + late).utc
+    begin.precision = 9
+    told = "" if system in ("", "UTC") else f", times in {system}"
+    state = partial(_interpolated, message, frame, late)
+    return Source(path, moment(begin.isot), f"{frame} taken as N{told}", state)
+
+
+def _time_system(text: str) -> str:
+    """Of all segments of an ephemeris, "" if it names none; ValueError."""
+    systems = {match[1] for match in _TIME_SYSTEM.finditer(text)}
+    if unknown := systems - {*SYSTEMS}:
+        raise ValueError(
+            f"its times are {' and '.join(sorted(unknown))}, expected {', '.join(SYSTEMS)}"
+        )
+    if len(systems) > 1:
+        raise ValueError(f"its times are {' and '.join(sorted(systems))}, expected one system")
+    return next(iter(systems), "")
+
+
+def _frame(message: Any) -> str:
+    """Axes of all segments of an ephemeris about the Earth; ValueError."""
+    frames = {segment.metadata["REF_FRAME"].upper() for segment in message}
+    centres = {segment.metadata["CENTER_NAME"].upper() for segment in message}
+    if centres != {"EARTH"}:
+        raise ValueError(f"its centre is {' and '.join(sorted(centres))}, not the EARTH")
+    if len(frames) != 1 or not frames <= {*SAME_AXES, "TEME"}:
+        raise ValueError(
+            f"its axes are {' and '.join(sorted(frames))}, expected {', '.join(SAME_AXES)} or TEME"
+        )
+    return str(frames.pop())
+
+
+def _interpolated(message: Any, frame: str, late: Any, instant: np.datetime64) -> State:
+    time = library("astropy.time", "exchange").Time(instant, scale="utc")
+    time = getattr(time, message.states[0].epoch.scale) - late
+    near = min(message.states, key=lambda state: abs((state.epoch - time).sec))
+    state = near if abs((near.epoch - time).sec) < EXACT else message(time)
+    found = State(1e3 * np.asarray(state.position), 1e3 * np.asarray(state.velocity))
+    return _out_of_teme(found, instant) if frame == "TEME" else found
+
+
+# ---- two-line elements
+
+
+def _elements(path: Path | str, first: str, second: str) -> Source:
+    api = library("sgp4.api", "exchange")
+    library("sgp4.io", "exchange").verify_checksum(first, second)
+    if wrong := "; ".join(_problems(first, second)):
+        raise ValueError(wrong)
+    satellite = api.Satrec.twoline2rv(first, second)
+    day, part = satellite.jdsatepoch - 2451545.0, satellite.jdsatepochF
+    nanoseconds = round((day + part) * 86400e6) * 1000  # the format has 1e-8 days, 0.9 ms
+    epoch = J2000 + np.timedelta64(nanoseconds, "ns")
+    return Source(path, epoch, "SGP4, TEME turned into N", partial(_propagated, api, satellite))
+
+
+def _propagated(api: Any, satellite: Any, instant: np.datetime64) -> State:
+    error, r, v = satellite.sgp4(2451545.0, float(days_since_j2000(instant)))
+    if error:
+        raise ValueError(f"SGP4: {api.SGP4_ERRORS[error]}")
+    return _out_of_teme(State(1e3 * np.array(r), 1e3 * np.array(v)), instant)
+
+
+def _out_of_teme(state: State, instant: np.datetime64) -> State:
+    """By the Earth-fixed axes: with GMST 1982 into them, with the IAU 2006/2000A matrix out."""
+    erfa = library("erfa", "exchange")
+    turn = erfa.rz(erfa.gmst82(2451545.0, float(days_since_j2000(instant))), np.eye(3))
+    matrix = earth(np.array([instant]))[0].T @ turn
+    return State(matrix @ state.r, matrix @ state.v)
+
+
+class Field(NamedTuple):
+    """Columns of a line, counted from 1, and the least and largest value of what stands there."""
+
+    name: str
+    line: int
+    first: int
+    last: int
+    least: float
+    most: float
+    point: bool = True  # False: a decimal point is implied before the first digit
+
+
+FIELDS = (
+    Field("inclination [deg]", 2, 9, 16, 0, 180),
+    Field("right ascension of the ascending node [deg]", 2, 18, 25, 0, 360),
+    Field("eccentricity", 2, 27, 33, 0, 1, point=False),
+    Field("argument of perigee [deg]", 2, 35, 42, 0, 360),
+    Field("mean anomaly [deg]", 2, 44, 51, 0, 360),
+    Field("mean motion [revolutions per day]", 2, 53, 63, 1e-8, 20),
+)
+
+_NUMBER = re.compile(r" *[-+]?(\d+\.?\d*|\.\d+) *")
+
+
+def _problems(first: str, second: str) -> Iterator[str]:
+    """What is wrong with a set of two-line elements, one line each."""
+    lines = ("", first, second)
+    if first[2:7] != second[2:7]:
+        yield f"line 1 is of satellite {first[2:7].strip()}, line 2 of {second[2:7].strip()}"
+    yield from _epoch(first)
+    for field in FIELDS:
+        text = lines[field.line][field.first - 1 : field.last]
+        place = f"line {field.line}, columns {field.first} to {field.last}: {field.name}"
+        if not (_NUMBER if field.point else re.compile(r"\d+")).fullmatch(text):
+            yield f"{place} is not a number: {text.strip()!r}"
+        elif not field.least <= (value := float(text if field.point else f".{text}")) <= field.most:
+            yield f"{place} must be {field.least:g} to {field.most:g}, not {value:g}"
+
+
+def _epoch(first: str) -> Iterator[str]:
+    """Year of two digits, of 1957 to 2056, and the day of that year, 1 for the first of January."""
+    place, text = "line 1, columns 19 to 32: epoch", first[18:32]
+    if not (re.fullmatch(r"[\d ]\d", text[:2]) and _NUMBER.fullmatch(text[2:])):
+        yield f"{place} is not a year and day: {text.strip()!r}"
+        return
+    year, day = int(text[:2]), float(text[2:])
+    year += 1900 if year >= 57 else 2000
+    days = 366 if calendar.isleap(year) else 365
+    if not 1 <= day < days + 1:
+        yield f"{place}: {year} has the days 1 to {days}, not {day:g}"
