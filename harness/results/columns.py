@@ -20,9 +20,11 @@ PAIRWISE = 8
 
 
 def _is_narrow(x: Any) -> bool:
-    """Whether an array is a history of a few numbers."""
+    """Whether an array is a history of a few numbers; one of another class, as one that records how
+    it was made, goes the plain way.
+    """
     return (
-        isinstance(x, np.ndarray)
+        type(x) is np.ndarray
         and x.dtype == np.float64
         and x.ndim == 2
         and 0 < x.shape[1] < PAIRWISE

@@ -14,7 +14,7 @@ from astropy.time import Time
 from harness import export, run
 from harness.cli import main
 from harness.errors import HarnessError, StructureError, UsageError
-from harness.exchange import start as begin
+from harness.exchange import sources
 from harness.exchange.convert import convert
 from harness.exchange.start import State, elements, start_values
 from harness.mission import library
@@ -222,7 +222,7 @@ def test_a_missing_library_is_named(tmp_path):
     """As with --start."""
     folder = mission(tmp_path / "mine", f'target = """{ISS}"""')
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(begin, "library", _gone)
+        patch.setattr(sources, "library", _gone)
         with pytest.raises(HarnessError, match="sgp4"):
             run(folder)
 
