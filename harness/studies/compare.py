@@ -342,14 +342,16 @@ def table(
     shown = {
         key: column for key, column in measures.items() if any(map(math.isfinite, column.values()))
     }
+    heads = 4 if any(about.get(key) for key in shown) else 3
     columns = []
     for key, column in shown.items():
-        cells = _words(column, labels, words[key]) if words.get(key) else _numbers(column, labels)
+        values = [column.get(label, math.nan) for label in labels]
+        named = words.get(key, ())
+        cells = [named[int(v)] if 0 <= v < len(named) else "-" for v in values]
         name, unit = (one_line(part) for part in key)
-        bracket = "" if words.get(key) else f"[{unit}]"
-        columns.append([*(*name.split(" ", 1), "")[:2], bracket, about.get(key, ""), *cells])
-    heads = 4 if any(about.get(key) for key in shown) else 3
-    columns = [[*column[:heads], *column[4:]] for column in columns]
+        bracket = "" if named else f"[{unit}]"
+        head = [*(*name.split(" ", 1), "")[:2], bracket, about.get(key, "")]
+        columns.append([*head[:heads], *(cells if named else _numbers(values))])
     first = ["" for _ in range(heads)] + list(map(one_line, labels))
     return "\n\n".join(_block([first, *block]) for block in _blocks(first, columns))
 
@@ -371,35 +373,25 @@ def _blocks(
 
 
 def _block(columns: Sequence[Sequence[str]]) -> str:
-    widths = [max(map(len, column)) for column in columns]
-    return "\n".join(_line(row, widths) for row in zip(*columns, strict=True))
+    """Lines of columns, the first one to the left, all others to the right."""
+    labels, *others = columns
+    width = max(map(len, labels))
+    cells = [[label.ljust(width) for label in labels]]
+    for column in others:
+        width = max(map(len, column))
+        cells.append([cell.rjust(width) for cell in column])
+    return "\n".join("  ".join(row).rstrip() for row in zip(*cells, strict=True))
 
 
-def _words(column: Mapping[str, float], labels: Sequence[str], words: Sequence[str]) -> list[str]:
-    values = [column.get(label, math.nan) for label in labels]
-    return [words[int(v)] if 0 <= v < len(words) else "-" for v in values]
-
-
-def _line(row: Sequence[str], widths: Sequence[int]) -> str:
-    cells = [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
-    return "  ".join([row[0].ljust(widths[0]), *cells]).rstrip()
-
-
-def _numbers(column: Mapping[str, float], labels: Sequence[str]) -> list[str]:
-    """A column with the same decimals everywhere: four digits of its largest value, or powers of
-    ten where the smallest would vanish.
+def _numbers(values: Sequence[float]) -> list[str]:
+    """Numbers with the same decimals everywhere: four digits of the largest, or powers of ten where
+    the smallest would vanish.
     """
-    values = [column.get(label, math.nan) for label in labels]
     sizes = [abs(v) for v in values if math.isfinite(v) and v]
     decimals = max(0, 3 - math.floor(math.log10(max(sizes, default=1.0))))
     small = bool(sizes) and min(sizes) < 0.5 * 10.0 ** -min(decimals, 4)
     form = "z.2e" if small else f"z.{min(decimals, 4)}f"  # z: no zero has a sign
     return [format(v, form) if math.isfinite(v) else "-" for v in values]
-
-
-def _rows(measures: Measures, labels: Sequence[str]) -> Iterator[tuple[str, list[float]]]:
-    for label in labels:
-        yield label, [column.get(label, math.nan) for column in measures.values()]
 
 
 def read_csv(path: Path) -> tuple[dict[str, dict[str, float]], list[str]]:
@@ -425,5 +417,6 @@ def write_csv(measures: Measures, labels: Sequence[str], path: Path) -> None:
     with written(path) as target, target.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["run", *(one_line(f"{name} [{unit}]") for name, unit in measures)])
-        for label, values in _rows(measures, labels):
+        for label in labels:
+            values = (column.get(label, math.nan) for column in measures.values())
             writer.writerow([one_line(label), *("" if math.isnan(v) else repr(v) for v in values)])

@@ -80,7 +80,10 @@ def show(name: str | Path, word: str | None = None, **changes: Unpack[Changes]) 
     UsageError, and what load() and apply() raise.
     """
     if (place := of_component(name)) is None:
-        found = _alone(_fmu(name, changes))
+        interface = _fmu(name, changes)
+        title = f"{interface.path.name}: {_description(interface)}".rstrip(": ")
+        rows = (s._replace(value=None) for s in _signals(interface, {}, {}))
+        found = Shown(title, tuple(rows))
     else:
         with load(place[0]) as system:
             changed = apply(system, **changes)
@@ -139,12 +142,6 @@ def _description(interface: Interface) -> str:
 
 
 # ---- signals
-
-
-def _alone(interface: Interface) -> Shown:
-    title = f"{interface.path.name}: {_description(interface)}".rstrip(": ")
-    rows = tuple(s._replace(value=None) for s in _signals(interface, {}, {}))
-    return Shown(title, rows)
 
 
 def _part(system: System, name: str) -> Shown:

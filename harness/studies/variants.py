@@ -64,7 +64,9 @@ def combinations(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Vari
         )
     swaps = [each[0].option for each, many in zip(choices, several, strict=True) if many]
     if swaps.count("swap") > 1:
-        choices = [[_with_component(choice) for choice in each] for each in choices]
+        for each in choices:
+            if each[0].option == "swap":  # several are swapped: whose is the FMU of a label?
+                each[:] = [c._replace(label=f"{c.value[0]}={c.label}") for c in each]
     variants = [
         _variant(fixed, combination, several) for combination in itertools.product(*choices)
     ]
@@ -85,13 +87,6 @@ def _with_maps(variants: Sequence[Variant]) -> Sequence[Variant]:
         replace(v, changes={**v.changes, "map": {a: b for a, b in names if a not in each}})
         for v, each in zip(variants, strange, strict=True)
     ]
-
-
-def _with_component(choice: _Choice) -> _Choice:
-    """With the component in the label, where several are swapped."""
-    if choice.option != "swap":
-        return choice
-    return choice._replace(label=f"{choice.value[0]}={choice.label}")
 
 
 def with_files(variants: Sequence[Variant]) -> list[Variant]:
@@ -131,7 +126,7 @@ def _choices(option: str, text: str) -> Iterator[_Choice]:
             raise UsageError(f"{shown} {text}: {value} is given twice")
         labels = {
             "swap": value if alike[stem] > 1 else stem,
-            "latency": _delay(name, value),
+            "latency": f"{name} {'on time' if value == '0' else f'{value} late'}",
             "set": f"{name}={value}",
         }
         yield _Choice(labels.get(option, value), option, (name, value) if name else value)
@@ -184,10 +179,6 @@ def _range(text: str, name: str) -> Sequence[str]:
             f"{place}: the range does not end at {text.split(':')[1]} after whole steps"
         )
     return [f"{first + k * step:.12g}" for k in range(count + 1)]
-
-
-def _delay(component: str, steps: str) -> str:
-    return f"{component} {'on time' if steps == '0' else f'{steps} late'}"
 
 
 def _variant(fixed: Changes, combination: Sequence[_Choice], several: Sequence[bool]) -> Variant:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,8 @@ from harness.studies.campaign import gate, metrics
 from harness.studies.campaign.clusters import Workers, checked
 from harness.studies.campaign.credentials import Files
 from harness.studies.campaign.draft import read_plan
-from harness.studies.campaign.engine import Block, Flown, crew, get_ready
+from harness.studies.campaign.engine import Block, Flown, Fly, crew, get_ready
+from harness.studies.campaign.layout import fields
 from harness.studies.campaign.plan import Layout, Plan
 from harness.studies.campaign.stopping import Until
 from harness.studies.campaign.store import Store, refuse_existing
@@ -108,22 +109,35 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     with said_once():
         plan, found = read_plan(definition)
     _refuse_conditions(plan, found, require)
-    path, task = Path(output), task_of(plan, found)
     with ExitStack() as life:
-        store = _opened(path, plan, task, found, life) if resume and path.exists() else None
-        if store is None:
-            refuse_existing(path)
-        fly = life.enter_context(crew(who, said))
-        if store is not None:
-            flown = fly(task, _blocks(plan, store.block, store.pending()))
-        else:
-            block = _block_size(plan, found)
-            flown = fly(task, _blocks(plan, block, range(0, plan.runs, block)))
-            store = Store.create(path, plan, task, block, found)  # while the first ones fly
-            life.enter_context(store.alone())
+        store, flown = _begun((plan, found), Path(output), resume, crew(who, said), life)
         _keep(plan, store, flown, progress)
         store.finish()
-    return _judged(Campaign(path, store), require, strict)
+    return _judged(Campaign(Path(output), store), require, strict)
+
+
+def _begun(
+    read: tuple[Plan, Layout],
+    path: Path,
+    resume: bool,
+    hands: AbstractContextManager[Fly],
+    life: ExitStack,
+) -> tuple[Store, Flown]:
+    """The dataset, for us alone until the end of `life`, and what it lacks, under way."""
+    plan, found = read
+    task = task_of(plan, found)
+    laid = list(fields(plan, task, found))
+    if resume and path.exists():
+        store = Store.resumed(path, plan.digest, laid, life)
+        fly = life.enter_context(hands)
+        return store, fly(task, _blocks(plan, store.block, store.pending()))
+    refuse_existing(path)
+    fly = life.enter_context(hands)
+    block = max(1, min(LARGEST_BLOCK, plan.runs // BLOCKS, BLOCK_STEPS // found.steps))
+    flown = fly(task, _blocks(plan, block, range(0, plan.runs, block)))
+    store = Store.create(path, plan, block, laid)  # while the first ones fly
+    life.enter_context(store.alone())
+    return store, flown
 
 
 def _refuse_conditions(plan: Plan, found: Layout, require: Sequence[str]) -> None:
@@ -206,25 +220,10 @@ def task_of(plan: Plan, found: Layout) -> Task:
     )
 
 
-def _block_size(plan: Plan, found: Layout) -> int:
-    return max(1, min(LARGEST_BLOCK, plan.runs // BLOCKS, BLOCK_STEPS // found.steps))
-
-
 def _blocks(plan: Plan, size: int, firsts: Iterable[int]) -> Iterator[Block]:
     for first in firsts:
         runs = range(first, min(first + size, plan.runs))
         yield Block(first, [plan.changes(plan.values(run)) for run in runs])
-
-
-def _opened(path: Path, plan: Plan, task: Task, found: Layout, life: ExitStack) -> Store:
-    """The dataset of an interrupted campaign, for us alone, with what was lost pending."""
-    store = Store.open(path)
-    if store.group.attrs["digest"] != plan.digest:
-        raise UsageError(f"{path}: is of another campaign or of another state of its system")
-    life.enter_context(store.alone())
-    if not store.decided:
-        store.mend(plan, task, found)
-    return store
 
 
 # ---- one run again

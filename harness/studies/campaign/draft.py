@@ -22,7 +22,7 @@ from harness.results.result import Result
 from harness.spelling import did_you_mean
 from harness.ssp.library import load, take_mission
 from harness.studies.campaign import metrics
-from harness.studies.campaign.factors import SAMPLERS, Factor, factor
+from harness.studies.campaign.factors import SAMPLERS, factor
 from harness.studies.campaign.layout import wrong_names
 from harness.studies.campaign.plan import (
     CHANGES,
@@ -176,7 +176,8 @@ class _Draft:
                 continue
             if len({_shape(choice) for choice in each.choices}) > 1:
                 self.problems.append(f"factors.{each.name}: its values are of several kinds")
-            for value in each.choices or ([_sample(each)] if each.draw else []):
+            middle = [each.draw.value(np.full(each.draw.numbers, 0.5))] if each.draw else []
+            for value in each.choices or middle:
                 self._applied(f"factors.{each.name}", start, self._only({each.name: value}))
         for name in self.plan.seeds:
             self._applied(f"seeds.{name}", start, self._only({name: 1}))
@@ -215,7 +216,7 @@ class _Draft:
         if not self.problems:
             self._measurable(ready)
         systems = [changed for changed, _ in ready]
-        if self.plan.until and not (self.plan.success or systems[0].requirements):
+        if self.plan.until and systems and not (self.plan.success or systems[0].requirements):
             self.problems.append("until: there is no success, and no requirement that makes one")
         fixed = dict(pairs("--set", self.plan.fixed.get("set", ())))
         varied = [*(f.name for f in self.plan.factors), *self.plan.seeds]
@@ -266,11 +267,6 @@ class _Draft:
         if variable not in result:
             close = did_you_mean(variable, dict.fromkeys((*result.vectors, *result.columns)))
             self.problems.append(f"{name}: there is no variable {variable}{close}")
-
-
-def _sample(each: Factor) -> Any:
-    assert each.draw is not None
-    return each.draw.value(np.full(each.draw.numbers, 0.5))
 
 
 def _shape(choice: Any) -> tuple[bool, tuple[int, ...]]:

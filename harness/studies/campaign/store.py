@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import cached_property
 from pathlib import Path
@@ -25,9 +25,9 @@ from harness.files.output import naming, new_beside
 from harness.files.paths import Stamp, stamp
 from harness.files.sealed import Taken, locked, on_the_disk
 from harness.ssp.library import name_of
-from harness.studies.campaign.layout import SCRATCH, Field, fields
-from harness.studies.campaign.plan import Layout, Plan, Values
-from harness.studies.campaign.worker import PENDING, Row, Task
+from harness.studies.campaign.layout import SCRATCH, Field
+from harness.studies.campaign.plan import Plan, Values
+from harness.studies.campaign.worker import PENDING, Row
 
 Array = NDArray[np.float64]
 PERCENTILES = (5.0, 25.0, 50.0, 75.0, 95.0)
@@ -52,8 +52,8 @@ class Store:
     # ---- life
 
     @classmethod
-    def create(cls, path: Path, plan: Plan, task: Task, block: int, found: Layout) -> Store:
-        """A new dataset with every run pending; UsageError if there is one already."""
+    def create(cls, path: Path, plan: Plan, block: int, laid: Iterable[Field]) -> Store:
+        """A new dataset of these arrays with every run pending; UsageError if there is one."""
         import zarr
 
         refuse_existing(path)
@@ -71,7 +71,7 @@ class Store:
             life.callback(shutil.rmtree, beside, ignore_errors=True)
             store = cls(path, zarr.open_group(beside, mode="w", zarr_format=3))
             store.group.attrs.update(about)
-            for field in fields(plan, task, found):
+            for field in laid:
                 store._lay_out(field, block)
             on_the_disk(beside)
             refuse_existing(path)
@@ -90,6 +90,27 @@ class Store:
             raise ResultsError(f"{path}: is not the dataset of a campaign") from error
         if (schema := store.group.attrs.get("schema", 1)) != SCHEMA:
             raise ResultsError(f"{path}: has schema {schema}, this version reads {SCHEMA}")
+        return store
+
+    @classmethod
+    def resumed(
+        cls, path: Path, digest: str, laid: Iterable[Field], life: ExitStack, kind: str = ""
+    ) -> Store:
+        """The dataset of an interrupted campaign, or study of a kind, for us alone until the end of
+        `life`, with what was lost pending; UsageError if it is another one.
+        """
+        store = cls.open(path)
+        known = store.group.attrs
+        if known["digest"] != digest or (kind and known.get("kind") != kind):
+            one = (
+                f"no {kind} of this file and of this"
+                if kind
+                else "of another campaign or of another"
+            )
+            raise UsageError(f"{path}: is {one} state of its system")
+        life.enter_context(store.alone())
+        if not store.decided:
+            store.mend(laid)
         return store
 
     def _legible(self) -> None:
@@ -254,7 +275,7 @@ class Store:
 
     # ---- after an interruption
 
-    def mend(self, plan: Plan, task: Task, found: Layout) -> None:
+    def mend(self, laid: Iterable[Field]) -> None:
         """Make what was lost by a kill or a power failure pending, so that it is flown again.
 
         Raises ResultsError.
@@ -265,7 +286,7 @@ class Store:
             for name in self._folders():
                 if name.startswith(MAKING) or self._found(name) is None:
                     shutil.rmtree(self.path / name)
-            for field in fields(plan, task, found):
+            for field in laid:
                 plain = field.name.removeprefix(SCRATCH)
                 done = plain != field.name and f"{plain}_band" in self.group
                 if field.values is not None or not (done or self._fits(field)):

@@ -22,6 +22,7 @@ from harness.errors import UsageError
 from harness.files.signals import held
 from harness.spelling import one_line
 from harness.studies.campaign.campaign import Progress
+from harness.studies.campaign.layout import fields
 from harness.studies.campaign.plan import Values
 from harness.studies.campaign.store import Store, refuse_existing
 from harness.studies.campaign.worker import FAILED, PENDING, Row
@@ -77,21 +78,14 @@ class Driver:
         self.nominal = self.ask(np.zeros((1, flights.d)))[0]
 
     def _opened(self, resume: bool) -> tuple[Store, Kept]:
-        plan, task, found = self.flights.plan, self.flights.task, self.flights.found
+        plan, found = self.flights.plan, self.flights.found
+        laid = list(fields(plan, self.flights.task, found))
         if resume and self.path.exists():
-            store = Store.open(self.path)
-            attributes = store.group.attrs
-            if attributes.get("kind") != self.kind or attributes["digest"] != plan.digest:
-                raise UsageError(
-                    f"{self.path}: is no {self.kind} of this file and of this state of its system"
-                )
-            self._life.enter_context(store.alone())
-            if not store.decided:
-                store.mend(plan, task, found)
+            store = Store.resumed(self.path, plan.digest, laid, self._life, self.kind)
         else:
             refuse_existing(self.path)
             block = max(1, min(LARGEST_BLOCK, BLOCK_STEPS // found.steps))
-            store = Store.create(self.path, plan, task, block, found)
+            store = Store.create(self.path, plan, block, laid)
             store.group.attrs.update({"kind": self.kind, "versions": _versions()})
             self._life.enter_context(store.alone())
         kept = Kept(*(store.array(n) for n in ("numbers", "margin", "status")))
