@@ -137,14 +137,14 @@ CAMPAIGN: Keys = {
         "searches": ("whole number", "Independent searches that share the runs"),
     },
     "probability": {
-        "of": ("text", "Requirement; default: the only one"),
+        "of": ("text", "Requirement; default: the first one"),
         "method": ("text", "`subset` (default), `random` or `importance`"),
         "flights": ("whole number", FLIGHTS),
         "below": ("number", "Required bound of the probability: a verdict"),
         "centres": ("text", "Dataset of a study with failures: centres of `importance`"),
     },
     "map": {
-        "of": ("text", "Requirement; default: the only one"),
+        "of": ("text", "Requirement; default: the first one"),
         "factors": ("list of texts", "The two factors of the map"),
         "flights": ("whole number", FLIGHTS),
     },

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, TypeAlias, Unpack
 
+import numpy as np
+
 from harness.errors import UsageError
 from harness.files import paths
 from harness.master.changes import Changes, apply
@@ -226,14 +228,11 @@ def _nested(whole: Grid | None, values: Mapping[str, Scalar | None]) -> Nested:
         return None
     if whole is None:
         return next(iter(values.values()))
-    places = {whole.place(index(name)): value for name, value in values.items()}
-    return _rows(whole.shape, (), places)
-
-
-def _rows(shape: Index, place: Index, values: Mapping[Index, Scalar | None]) -> Nested:
-    if not shape:
-        return values[place]
-    return [_rows(shape[1:], (*place, i), values) for i in range(shape[0])]
+    table = np.empty(whole.shape, dtype=object)
+    for name, value in values.items():
+        table[whole.place(index(name))] = value
+    rows: Nested = table.tolist()
+    return rows
 
 
 # ---- plans

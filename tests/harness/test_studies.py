@@ -327,6 +327,11 @@ def test_a_system_without_requirements_and_a_campaign_without_any_are_refused(fm
         worst(table(tmp_path / "bare.ssp"), tmp_path / "x.zarr", workers=0)
 
 
+def test_without_a_name_the_first_requirement_is_asked_about(system, tmp_path):
+    given = table(system, probability={"method": "random", "flights": 5})
+    assert [*probability(given, tmp_path / "p.zarr", workers=0).estimate["of"]] == ["small"]
+
+
 def test_a_flag_is_allowed_where_no_slope_is_needed(system, tmp_path):
     """No draw makes twice.y exactly 5."""
     given = table(system, probability={"of": "flag", "method": "random", "flights": 30})

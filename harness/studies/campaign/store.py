@@ -102,12 +102,10 @@ class Store:
         store = cls.open(path)
         known = store.group.attrs
         if known["digest"] != digest or (kind and known.get("kind") != kind):
-            one = (
-                f"no {kind} of this file and of this"
-                if kind
-                else "of another campaign or of another"
-            )
-            raise UsageError(f"{path}: is {one} state of its system")
+            other = "of another campaign or of another"
+            if kind:
+                other = f"no {kind} of this file and of this"
+            raise UsageError(f"{path}: is {other} state of its system")
         life.enter_context(store.alone())
         if not store.decided:
             store.mend(laid)

@@ -79,16 +79,11 @@ def boundary_map(definition: Any, output: str | Path, **how: Any) -> Study:
         raise UsageError(f"map.flights: at least {COARSE**2}, a coarse grid")
     places = [flights.groups[f][0] for f in chosen]
 
-    def whole(method: Generator[Array, Array, Any]) -> Generator[Array, Array, Any]:
-        z = next(method)
-        try:
-            while True:
-                numbers = np.zeros((len(z), flights.d))
-                numbers[:, places] = z
-                z = method.send((yield numbers))
-        except StopIteration as end:
-            return end.value
+    def placed(z: Array) -> Array:
+        numbers = np.zeros((len(z), flights.d))
+        numbers[:, places] = z
+        return numbers
 
     with begun("map", flights, int(entry["flights"]), output, how) as driver:
-        driver.answer(whole(boundary(int(entry["flights"]))), k)
+        driver.answer(boundary(int(entry["flights"])), k, placed)
         return Study(driver.path, driver.finish({"of": {name: {"factors": chosen}}}))

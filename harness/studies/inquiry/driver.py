@@ -94,12 +94,19 @@ class Driver:
 
     # ---- flights
 
-    def answer(self, method: Generator[Array, Array, T], columns: int | list[int]) -> T:
-        """What a method returns that is told the margins of one requirement, or of several."""
+    def answer(
+        self,
+        method: Generator[Array, Array, T],
+        columns: int | list[int],
+        placed: Callable[[Array], Array] = lambda z: z,
+    ) -> T:
+        """What a method returns that is told the margins of one requirement, or of several; placed:
+        the numbers of flights that it means.
+        """
         try:
-            numbers = next(method)
+            z = next(method)
             while True:
-                numbers = method.send(self.ask(numbers)[:, columns])
+                z = method.send(self.ask(placed(z))[:, columns])
         except StopIteration as end:
             found: T = end.value
             return found

@@ -147,7 +147,7 @@ def columns(
     """
     if not flights.names:
         raise UsageError("there is no requirement to ask about: [requirements] makes one")
-    names = [of] if isinstance(of, str) else list(of or flights.names)
+    names = [of] if of and isinstance(of, str) else list(of or flights.names)
     return {name: _column(flights, name, slope) for name in names[:most]}
 
 

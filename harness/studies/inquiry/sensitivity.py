@@ -167,12 +167,7 @@ def sensitivity(definition: Any, output: str | Path | None = None, **how: Any) -
     entry, flights = prepared("sensitivity", definition, how)
     of = columns(entry["of"], flights, slope=False)
     groups, seed, said = [*flights.groups.values()], flights.plan.seed, how.get("said", print)
-    per = len(groups) + (1 if entry["method"] == "morris" else 2)
-    count = max(1, int(entry["flights"]) // per)
-    if entry["method"] == "sobol":
-        count = 1 << (count - 1).bit_length()
-    elif count < 2:
-        raise UsageError(f"sensitivity.flights: at least {2 * per}, two paths of {per} flights")
+    count, per = _count(entry, len(groups))
     method: Any = partial(METHODS[entry["method"]], groups, flights.d, count, seed)
     if count * per != entry["flights"]:
         said(f"{entry['method']}: {count} x {per} = {count * per} flights")
@@ -190,6 +185,17 @@ def sensitivity(definition: Any, output: str | Path | None = None, **how: Any) -
         factors = [*flights.groups]
         estimate = {"of": found, "factors": factors, "method": entry["method"]}
         return Study(driver.path, driver.finish(estimate))
+
+
+def _count(entry: Mapping[str, Any], factors: int) -> tuple[int, int]:
+    """Paths, or points of Sobol, and flights of each; UsageError if there are too few."""
+    per = factors + (1 if entry["method"] == "morris" else 2)
+    count = max(1, int(entry["flights"]) // per)
+    if entry["method"] == "sobol":
+        count = 1 << (count - 1).bit_length()
+    elif count < 2:
+        raise UsageError(f"sensitivity.flights: at least {2 * per}, two paths of {per} flights")
+    return count, per
 
 
 METHODS = {"morris": morris, "sobol": sobol}
@@ -238,15 +244,11 @@ def of_dataset(path: Path) -> Store:
     groups = [each.tolist() for each in np.split(np.arange(ends[-1]), ends[:-1])]
     x, margins = np.concatenate(scaled, axis=1), store.array("margin")[flown]
     found = {}
-    for k, name in enumerate(store.array("requirement")):
-        if np.isfinite(margins[:, k]).any():
-            effects = hsic(groups, x, np.nan_to_num(margins[:, k], nan=np.inf, neginf=-np.inf))
-            found[str(name)] = {
-                "method": "given",
-                "value": effects.value.tolist(),
-                "p": effects.p.tolist() if effects.p is not None else [],
-                "died": effects.died,
-            }
+    for name, y in zip(store.array("requirement"), margins.T, strict=True):
+        if np.isfinite(y).any():
+            effects = hsic(groups, x, np.nan_to_num(y, nan=np.inf, neginf=-np.inf))
+            told = {"method": "given", "value": effects.value, "p": effects.p}
+            found[str(name)] = plain(told | {"died": effects.died})
     store.group.attrs["estimate"] = json.dumps({"of": found, "factors": names, "method": "given"})
     store.group.attrs["kind"] = "given"
     return store

@@ -7,7 +7,7 @@ nothing worse.
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Generator, Iterable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -141,13 +141,7 @@ def worst(definition: Any, output: str | Path, **how: Any) -> Study:
     with begun("worst", flights, runs, output, how) as driver:
         say_nominal(driver, of, how.get("said", print))
         for name, k in of.items():
-            first = driver.flown
-            results = [
-                driver.answer(search(flights.d, seed, each, entry["box"]), k)
-                for seed in range(flights.plan.seed, flights.plan.seed + 1000 * searches, 1000)
-            ]
-            found[name] = _found(results, each, first) | {"nominal": driver.nominal[k]}
-            found[name]["converged"] = [r.margin for r in results]
+            found[name] = _searched(driver, k, entry)
             if seeds:
                 z = np.repeat(np.array([found[name]["numbers"]]), seeds, axis=0)
                 found[name]["other seeds"] = driver.ask(z)[:, k]
@@ -155,8 +149,14 @@ def worst(definition: Any, output: str | Path, **how: Any) -> Study:
         return Study(driver.path, driver.finish({"of": plain(found), "box": entry["box"]}))
 
 
-def _found(results: Sequence[Found], each: int, first: int) -> dict[str, Any]:
-    """The worst flight of searches of so many flights each, one after the other from a run on."""
+def _searched(driver: Driver, column: int, entry: Mapping[str, Any]) -> dict[str, Any]:
+    """The worst flight of a requirement, by searches of equal length from one seed each."""
+    first, searches, seed = driver.flown, int(entry["searches"]), driver.flights.plan.seed
+    each, d = int(entry["flights"]) // searches, driver.flights.d
+    results = [
+        driver.answer(search(d, seed + 1000 * n, each, entry["box"]), column)
+        for n in range(searches)
+    ]
     k = int(np.argmin([r.margin for r in results]))
     failed = [n * each + r.first + 1 for n, r in enumerate(results) if r.first >= 0]
     place = k * each + results[k].place
@@ -164,10 +164,12 @@ def _found(results: Sequence[Found], each: int, first: int) -> dict[str, Any]:
         "margin": results[k].margin,
         "run": first + place,
         "first": failed[0] if failed else None,
-        "flights": each * len(results),
+        "flights": each * searches,
         "place": place,
         "numbers": results[k].numbers,
         "distance": np.linalg.norm(results[k].numbers),
+        "nominal": driver.nominal[column],
+        "converged": [r.margin for r in results],
     }
 
 
