@@ -23,6 +23,7 @@ from harness.ssp.parameters import BaseUnits, bare_ssv, ssv, unit_table
 from harness.ssp.xml import (
     FMU_TYPE,
     NS,
+    OMS_ANNOTATION,
     OSP_ANNOTATION,
     RUN_ANNOTATION,
     SSD_FILE,
@@ -159,6 +160,8 @@ class _Description:
             self._component(elements, component, column)
         self._connections(top)
         self._canvas(top)
+        if self.version == 2 and self.system.experiment.step:  # SSP 1.0 keeps its bytes
+            self._fixed_step(top)
         self._enumerations(root)
         used = (v.unit for each in self.connected.values() for v in each)
         unit_table(root, "ssd:Units", self.units, used)
@@ -243,6 +246,17 @@ class _Description:
         right = len(self.system.components) * (WIDTH + GAP)
         bottom = -max(self._height(c) for c in self.system.components) - GAP
         child(top, "ssd:SystemGeometry", x1=-GAP, y1=bottom, x2=right, y2=GAP)
+
+    def _fixed_step(self, top: XmlElement) -> None:
+        """For OMSimulator, which would take a step of a millisecond or, in old versions, not know
+        what kind of system this is; the tolerances are those that it writes itself.
+        """
+        annotation = child(child(top, "ssd:Annotations"), "ssc:Annotation", type=OMS_ANNOTATION)
+        settings = etree.SubElement(annotation, tag("oms:Annotations"), nsmap={"oms": NS["oms"]})
+        master = {"description": "oms-ma", "stepSize": self.system.experiment.step}
+        tolerances = {"absoluteTolerance": 1e-4, "relativeTolerance": 1e-4}
+        information = child(settings, "oms:SimulationInformation")
+        child(information, "oms:FixedStepMaster", **master, **tolerances)
 
     def _connections(self, top: XmlElement) -> None:
         connections = child(top, "ssd:Connections") if self.system.connections else None

@@ -30,14 +30,16 @@ NS = {
     "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
     "ssm": "http://ssp-standard.org/SSP1/SystemStructureParameterMapping",
     "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
+    "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
     "run": "urn:io.github.servicing-fmus:run:1",
 }
-"""Namespaces by the prefixes that libcosim and ecos expect literally; `run` is our own
+"""Namespaces by the prefixes that libcosim, ecos and OMSimulator expect literally; `run` is our own
 annotation.
 """
 
 SSD_FILE = "SystemStructure.ssd"
 OSP_ANNOTATION = "com.opensimulationplatform"
+OMS_ANNOTATION = "org.openmodelica"
 RUN_ANNOTATION = "io.github.servicing-fmus"
 TOOL = "servicing-fmus"
 FMU_TYPE = "application/x-fmu-sharedlibrary"

@@ -22,6 +22,7 @@ from harness.files import paths
 from harness.ssp.library import load
 from harness.ssp.reader import opened
 from harness.ssp.writer import write_ssp
+from harness.ssp.xml import NS
 from tests.fmi3 import odd
 from tests.fmi3.odd import Model, Var
 from tests.fmi3.test_master import SYSTEM, of_fmi_3, rows
@@ -102,6 +103,24 @@ def test_the_command_writes_it(tmp_path, capsys):
     assert main(["export", SYSTEM, str(path), "--ssp", "2"]) == 0
     assert main(["check", str(path)]) == 0
     assert ": fine (" in capsys.readouterr().out
+
+
+def test_omsimulator_is_told_the_macro_step_in_ssp_2_alone(tmp_path):
+    annotation = "ssd:System/ssd:Annotations/ssc:Annotation[@type='org.openmodelica']"
+    master = f"{annotation}/oms:Annotations/oms:SimulationInformation/oms:FixedStepMaster"
+    found = {}
+    for version in (1, 2):
+        path = tmp_path / f"{version}.ssp"
+        export(SYSTEM, path, ssp=version)
+        with zipfile.ZipFile(path) as archive:
+            text = archive.read("SystemStructure.ssd")
+        found[version] = etree.fromstring(text).find(master, NS)
+    assert found[1] is None
+    assert found[2].get("description") == "oms-ma"
+    assert b"<oms:FixedStepMaster " in text  # it looks for the prefix, not for the namespace
+    with load(SYSTEM) as system, opened(path) as again:
+        assert float(found[2].get("stepSize")) == system.experiment.step
+        assert again.experiment == system.experiment
 
 
 # ---- arrays of others
