@@ -59,6 +59,21 @@ class Declared:
         return str(self.value.tag)
 
     @property
+    def access(self) -> str:
+        """The type of the functions of FMI that read and set it."""
+        return "Integer" if self.type == "Enumeration" else self.type
+
+    @property
+    def type_name(self) -> str:
+        """Name of its declared type; "" without one."""
+        return str(self.value.get("declaredType", ""))
+
+    @property
+    def clocks(self) -> list[int]:
+        """References of its clocks."""
+        return list(map(int, str(self.element.get("clocks", "")).split()))
+
+    @property
     def reference(self) -> int:
         """Value reference."""
         return int(self.element.get("valueReference"))
@@ -171,7 +186,7 @@ class Description:
         """Names of all types."""
         return [e.get("name") for e in self.all(self.TYPES)]
 
-    @property
+    @cached_property
     def enumerations(self) -> list[tuple[str, list[XmlElement]]]:
         """Items of the enumerations by name."""
         found = [(e.get("name"), e.findall(".//Item")) for e in self.all(self.TYPES)]
@@ -189,6 +204,10 @@ class Description:
     def number(self, e: XmlElement) -> int:
         """The number of an entry of the model structure."""
         return int(e.get(self.NUMBER))
+
+    def elements(self, _: Declared) -> list[tuple[int, ...]]:
+        """Indices of the elements of an array in their order, from 1; [()] of a scalar."""
+        return [()]
 
     @cached_property
     def items(self) -> dict[str, set[int]]:
@@ -254,6 +273,11 @@ class Declared3(Declared):
         return KINDS[str(self.element.tag)]
 
     @property
+    def access(self) -> str:
+        """The type of the functions of FMI that read and set it."""
+        return "Int64" if self.type == "Enumeration" else str(self.element.tag)
+
+    @property
     def variability(self) -> str:
         """Variability, by default that of its causality and type."""
         default = "continuous" if self.type == "Real" else "discrete"
@@ -282,11 +306,6 @@ class Declared3(Declared):
     def dimensions(self) -> list[XmlElement]:
         """Elements Dimension."""
         return self.element.findall("Dimension")  # type: ignore[no-any-return]
-
-    @property
-    def clocks(self) -> list[int]:
-        """References of its clocks."""
-        return list(map(int, str(self.element.get("clocks", "")).split()))
 
 
 @dataclass(frozen=True)
@@ -338,9 +357,9 @@ class Description3(Description):
         """The variable that a number in the model structure stands for: its value reference."""
         return self.by_reference.get(number)
 
-    def shape(self, v: Declared3) -> tuple[int, ...] | None:
+    def shape(self, v: Declared) -> tuple[int, ...] | None:
         """Sizes of an array, () of a scalar; None if one is that of a variable that gives none."""
-        sizes = tuple(self._size(e) for e in v.dimensions)
+        sizes = tuple(self._size(e) for e in v.element.findall("Dimension"))
         return None if None in sizes else sizes  # type: ignore[return-value]
 
     def _size(self, dimension: XmlElement) -> int | None:
@@ -351,7 +370,7 @@ class Description3(Description):
             return None
         return int(found.starts[0])
 
-    def elements(self, v: Declared3) -> list[tuple[int, ...]]:
+    def elements(self, v: Declared) -> list[tuple[int, ...]]:
         """Indices of the elements of an array in their order, from 1; [()] of a scalar."""
         return list(product(*(range(1, size + 1) for size in self.shape(v) or ())))
 
@@ -369,16 +388,10 @@ def twice(values: Iterable[Hashable]) -> list[Any]:
     return [value for value, count in Counter(values).items() if count > 1]
 
 
-def readable(description: Description) -> bytes:
-    """A description in UTF-8 as FMPy can read it: in FMI 2.0 every variable says its `initial`
-    where it has no default; of FMI 3.0 without variables and structure.
-    """
+def without_variables(description: Description) -> bytes:
+    """A description without variables and structure in UTF-8, as FMPy can read every one."""
     copy = deepcopy(description.root)
-    for e in copy.iterfind("ModelVariables/ScalarVariable"):
-        pair = (e.get("causality", "local"), e.get("variability", "continuous"))
-        if pair not in INITIAL and e.get("initial") is None:
-            e.set("initial", "calculated" if pair[0] == "output" else "exact")
-    for name in () if copy.get("fmiVersion") == "2.0" else ("ModelVariables", "ModelStructure"):
+    for name in ("ModelVariables", "ModelStructure"):
         for e in copy.iterfind(f"{name}/*"):
             e.getparent().remove(e)
     return serialized(copy)

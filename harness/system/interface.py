@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -19,7 +19,7 @@ from harness.errors import FmuError
 from harness.files import machine
 from harness.files.archive import head, inspect, unpacked_size
 from harness.files.paths import Stamp, is_file, stamp
-from harness.rules.description import NUMBERS, Declared3, Description, Description3, readable
+from harness.rules.description import NUMBERS, Declared, Description, without_variables
 from harness.rules.judge import judge
 from harness.system.units import Unit
 from harness.system.values import Variable
@@ -123,11 +123,7 @@ def _read(path: Path, _: Stamp) -> Interface:
         raise FmuError("\n".join(f"{path.name}: {problem}" for problem in verdict.errors))
     assert verdict.description is not None
     model = _description(path, verdict.description)
-    optional = set(verdict.description.root.xpath(OPTIONAL))
-    if isinstance(verdict.description, Description3):
-        variables, left_out = read_variables(path, verdict.description, optional)
-    else:
-        variables, left_out = [_variable(v, v.name in optional) for v in model.modelVariables], ()
+    variables, left_out = _variables(path, verdict.description)
     defined = [u for u in model.unitDefinitions if u.baseUnit is not None]
     units = {u.name: {n: getattr(u.baseUnit, n) for n in BASE_UNITS} for u in defined}
     named, warnings = {v.name: v for v in variables}, (*verdict.warnings, *left_out)
@@ -135,48 +131,16 @@ def _read(path: Path, _: Stamp) -> Interface:
 
 
 def _description(path: Path, description: Description) -> FmpyObject:
-    """FMPy's reading of modelDescription.xml, from the very bytes that were judged; of FMI 3.0
-    without its variables.
+    """FMPy's reading of modelDescription.xml, from the very bytes that were judged, without
+    variables.
     """
-    mended = io.BytesIO()
-    with zipfile.ZipFile(mended, "w") as archive:
-        archive.writestr("modelDescription.xml", readable(description))
+    bare = io.BytesIO()
+    with zipfile.ZipFile(bare, "w") as archive:
+        archive.writestr("modelDescription.xml", without_variables(description))
     try:
-        return read_model_description(mended, validate=False)
+        return read_model_description(bare, validate=False)
     except Exception as error:  # FMPy raises bare Exceptions
         raise FmuError(f"{path.name}: cannot be read ({' '.join(str(error).split())})") from error
-
-
-def _variable(v: FmpyObject, optional: bool) -> Variable:
-    unit = v.unit if v.unit is not None or v.declaredType is None else v.declaredType.unit
-    settable = v.start is not None and v.variability != "constant"
-    items = v.declaredType.items if v.type == "Enumeration" and v.declaredType is not None else ()
-    values = {item.name: int(item.value) for item in items}
-    name = "" if v.declaredType is None else v.declaredType.name
-    text = v.description or ""
-    start, low, high = _start(v), _limit(v, "min"), _limit(v, "max")
-    return Variable(
-        v.name, v.valueReference, v.type, v.causality, unit, text, settable, values, name,
-        start, low, high, v.start if v.type == "String" else start,
-        optional and v.causality == "input" and start is not None,
-        "Integer" if v.type == "Enumeration" else v.type,
-    )  # fmt: skip
-
-
-def _limit(v: FmpyObject, which: str) -> float | None:
-    """The limit `min` or `max` of a variable, its own or that of its type."""
-    for owner in (v, v.declaredType):
-        text = getattr(owner, which, None)
-        if text is not None and v.type in ("Real", "Integer"):
-            return float(text)
-    return None
-
-
-def _start(v: FmpyObject) -> float | None:
-    """Start value as the bus would carry it."""
-    if v.start is None or v.type == "String":
-        return None
-    return {"true": 1.0, "false": 0.0}[v.start] if v.start in ("true", "false") else float(v.start)
 
 
 def binaries(interface: Interface) -> tuple[str, ...]:
@@ -208,24 +172,25 @@ def units_agree(a: str | None, b: str | None) -> bool:
     return a is None or b is None or a == b
 
 
-# ---- FMI 3.0: every element of an array is a variable of its own, `r[2]` or `J[1,3]`, as in 2.0
+# ---- variables; of FMI 3.0 every element of an array is one, `r[2]` or `J[1,3]`, as in FMI 2.0
 
 
-def read_variables(
-    path: Path, description: Description3, optional: Set[str]
-) -> tuple[list[Variable], tuple[str, ...]]:
-    """Variables in the order of the file, and a line for each that is left out; optional: names of
-    inputs that need not be driven. FmuError if an input or output has a clock.
+def _variables(path: Path, description: Description) -> tuple[list[Variable], tuple[str, ...]]:
+    """Variables in the order of the file, and a line for each that is left out; FmuError if an
+    input or output has a clock.
     """
     found: list[Variable] = []
     left_out: list[str] = []
+    optional = set(description.root.xpath(OPTIONAL))
     for v in description.variables:
         if v.type == "Clock":
             left_out.append(f"{v.name}: clocks are not supported, it is left out")
             continue
         if v.clocks and v.causality in ("input", "output"):
-            clock = description.by_reference[v.clocks[0]].name
-            raise FmuError(f"{path.name}: {clock}: clocks are not supported, and {v.name} has it")
+            clock = description.numbered(v.clocks[0])
+            assert clock is not None  # else the rules have refused it
+            problem = f"clocks are not supported, and {v.name} has it"
+            raise FmuError(f"{path.name}: {clock.name}: {problem}")
         elements = list(_elements(description, v, v.name in optional))
         found += elements
         for alias in v.element.iterfind("Alias"):
@@ -240,7 +205,7 @@ def _renamed(elements: list[Variable], name: str, alias: str) -> Iterator[Variab
         yield replace(each, name=called, causality="local", settable=False, optional=False)
 
 
-def _elements(d: Description3, v: Declared3, optional: bool) -> Iterator[Variable]:
+def _elements(d: Description, v: Declared, optional: bool) -> Iterator[Variable]:
     indices, whole = d.elements(v), _whole(d, v, optional)
     starts = v.starts * len(indices) if len(v.starts) == 1 else v.starts
     for place, index in enumerate(indices):
@@ -250,10 +215,10 @@ def _elements(d: Description3, v: Declared3, optional: bool) -> Iterator[Variabl
         yield replace(whole, name=name, element=place, begin=begin, start=start)
 
 
-def _whole(d: Description3, v: Declared3, optional: bool) -> Variable:
+def _whole(d: Description, v: Declared, optional: bool) -> Variable:
     """What the elements of an array have in common."""
-    kind, tag, type_name = v.type, str(v.element.tag), v.element.get("declaredType")
-    items = dict(d.enumerations).get(type_name, [])
+    kind = v.type
+    items = dict(d.enumerations).get(v.type_name, [])
     is_fixed = v.variability == "constant" or v.causality in ("structuralParameter", "independent")
     has_limits = kind in ("Real", "Integer")
     return Variable(
@@ -261,17 +226,17 @@ def _whole(d: Description3, v: Declared3, optional: bool) -> Variable:
         str(v.element.get("description", "")),
         settable=bool(v.starts) and kind != "Binary" and not is_fixed,
         items={str(item.get("name")): int(item.get("value")) for item in items},
-        type_name=str(type_name or ""), low=v.number("min") if has_limits else None,
+        type_name=v.type_name, low=v.number("min") if has_limits else None,
         high=v.number("max") if has_limits else None,
         optional=kind == "Binary" or (optional and v.causality == "input" and bool(v.starts)),
-        access="Int64" if tag == "Enumeration" else tag, size=len(d.elements(v)),
+        access=v.access, size=len(d.elements(v)),
     )  # fmt: skip
 
 
 def _begin(kind: str, text: str) -> float | str | None:
     """A start value in the type of the variable."""
     if kind == "Boolean":
-        return float(text in ("true", "1"))
+        return float(text.strip() in ("true", "1"))
     if kind in ("Integer", "Enumeration"):
         return int(text)
     return float(text) if kind == "Real" else text
