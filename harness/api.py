@@ -287,10 +287,7 @@ def _texts(given: Several) -> list[str]:
     """Values side by side as the command line writes them."""
     if not isinstance(given, Mapping):
         return list(given)
-    return [
-        f"{name}={','.join(str(plain(value)) for value in values)}"
-        for name, values in given.items()
-    ]
+    return [f"{name}={','.join(map(str, map(plain, values)))}" for name, values in given.items()]
 
 
 def linearize(

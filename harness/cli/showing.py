@@ -84,7 +84,11 @@ def text(shown: Shown) -> str:
     """The title, and a table of components or one per causality."""
     parts = [row for row in shown.rows if isinstance(row, Part)]
     signals = [row for row in shown.rows if isinstance(row, Signal)]
-    tables = [_parts(parts)] if parts else []
+    tables = []
+    if parts:
+        head = ("component", "FMU", "step [s]", "samples [s]", "description")
+        rows = [(p.name, p.fmu, _number(p.step), _number(p.sample_period), p.text) for p in parts]
+        tables.append(_table(head, rows))
     for causality in GROUPS:
         if group := [s for s in signals if s.causality == causality]:
             tables.append(_signals(causality, group))
@@ -92,20 +96,14 @@ def text(shown: Shown) -> str:
     return "\n\n".join((title, *tables))
 
 
-def _parts(parts: Sequence[Part]) -> str:
-    head = ("component", "FMU", "step [s]", "samples [s]", "description")
-    rows = [(p.name, p.fmu, _number(p.step), _number(p.sample_period), p.text) for p in parts]
-    return _table(head, rows)
-
-
 def _signals(causality: str, signals: Sequence[Signal]) -> str:
     """A table of signals; columns that would be empty are left out."""
-    titles = {"input": "driven by", "output": "read by", "parameter": ""}
-    wires = titles[causality]
+    wires = {"input": "driven by", "output": "read by", "parameter": ""}[causality]
     head = (f"{causality}s", "size", "unit", wires, "value", "default", "limits", "description")
-    rows = [_signal(s) for s in signals]
-    used = [k for k in range(len(head)) if k == 0 or any(row[k] for row in rows)]
-    return _table([head[k] for k in used], [[row[k] for k in used] for row in rows])
+    columns = list(zip(head, *map(_signal, signals), strict=True))
+    used = [column for column in columns if column is columns[0] or any(column[1:])]
+    first, *rows = zip(*used, strict=True)
+    return _table(first, rows)
 
 
 def _signal(s: Signal) -> tuple[str, ...]:

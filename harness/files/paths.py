@@ -23,11 +23,6 @@ def fmus() -> dict[str, Path]:
     return _files("fmus", "fmu")
 
 
-def _packed() -> list[Path]:
-    """All archives of the project, those of FMI 3.0 too, which lie in a folder of their own."""
-    return [*fmus().values(), *_files("fmus3", "fmu").values()]
-
-
 def is_file(path: str | Path) -> bool:
     """Whether there is a file of this name; no name is too long or too odd to ask."""
     try:
@@ -81,7 +76,8 @@ def is_ours(fmu: Path) -> bool:
 
 @lru_cache(maxsize=256)
 def _is_ours(fmu: Path, found: Stamp, _chosen: tuple[Path, ...]) -> bool:
-    return any(_are_same(path, fmu, found.size) for path in _packed())
+    packed = (*fmus().values(), *_files("fmus3", "fmu").values())
+    return any(_are_same(path, fmu, found.size) for path in packed)
 
 
 def _are_same(ours: Path, fmu: Path, size: int) -> bool:

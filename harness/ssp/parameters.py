@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -203,7 +203,8 @@ def ssv(
     set_name: str, parameters: Parameters, interface: Interface, units: BaseUnits, version: int
 ) -> bytes:
     """A parameter set of one component; names are relative to the component. Of an array of FMI 3.0
-    it has all elements, from SSP 2.0 on.
+    it has all elements, from SSP 2.0 on. Values are those that reach the FMU: in its unit, an
+    enumeration by the name of the item.
     """
     root = document("ssv:ParameterSet", ("ssv", "ssc"), version, name=set_name)
     table = child(root, "ssv:Parameters")
@@ -211,9 +212,16 @@ def ssv(
     variables = [interface.variables[name] for name in parameters if name in interface.variables]
     rows = {connector_name(interface, v): v for v in variables}
     for name, variable in rows.items():
-        _parameter(
-            child(table, "ssv:Parameter", name=name), interface, variable, parameters, version
-        )
+        sizes = shape(interface, variable)
+        row = interface.row(variable) if sizes else (variable,)
+        values = [_written(v, parameters.get(v.name), interface) for v in row]
+        element = child(table, "ssv:Parameter", name=name)
+        value = child(element, f"ssv:{type_name(variable, version)}")
+        _fill(value, values, listed=bool(sizes) and variable.type in ("String", "Enumeration"))
+        if variable.type == "Real" and variable.unit in interface.units:
+            attributes(value, unit=variable.unit)
+        for size in sizes:
+            child(element, "ssc:Dimension", size=size)
     unit_table(root, "ssv:Units", units, (v.unit for v in variables if v.type == "Real"))
     return serialized(root)
 
@@ -230,34 +238,12 @@ def bare_ssv(set_name: str, parameters: Parameters, version: int) -> bytes:
     return serialized(root)
 
 
-def _parameter(
-    element: XmlElement,
-    interface: Interface,
-    variable: Variable,
-    parameters: Parameters,
-    version: int,
-) -> None:
-    """One parameter, or all elements of an array, as they reach the FMU: in its unit, an
-    enumeration by the name of the item.
-    """
-    sizes = shape(interface, variable)
-    row = interface.row(variable) if sizes else (variable,)
-    values = [_written(v, parameters.get(v.name), interface) for v in row]
-    value = child(element, f"ssv:{type_name(variable, version)}")
-    if sizes and variable.type in ("String", "Enumeration"):
-        for each in values:
-            _set(child(value, "ssv:Value"), each)
-    else:
-        _set(value, " ".join(values))
-    if variable.type == "Real" and variable.unit in interface.units:
-        attributes(value, unit=variable.unit)
-    for size in sizes:
-        child(element, "ssc:Dimension", size=size)
-
-
-def _set(element: XmlElement, text: str) -> None:
-    element.set("value", "")  # which attributes() leaves out
-    attributes(element, value=text)
+def _fill(element: XmlElement, values: Sequence[str], listed: bool) -> None:
+    """Write values into an element, each into one of its own or all into one attribute."""
+    for text in values if listed else [" ".join(values)]:
+        place = child(element, "ssv:Value") if listed else element
+        place.set("value", "")  # which attributes() leaves out
+        attributes(place, value=text)
 
 
 def _written(variable: Variable, given: Parameter | None, interface: Interface) -> str:

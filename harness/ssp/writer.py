@@ -11,6 +11,8 @@ of FMI 3.0.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from urllib.parse import quote
 
@@ -36,7 +38,7 @@ from harness.ssp.xml import (
 from harness.system.conversion import way
 from harness.system.graph import read_interfaces
 from harness.system.interface import Interface
-from harness.system.model import DEFAULT_SET, Component, Parameters, System
+from harness.system.model import DEFAULT_SET, Component, Parameters, Port, System
 from harness.system.units import IDENTITY, Affine
 from harness.system.values import Variable
 
@@ -123,32 +125,27 @@ def _ssv_name(component: Component) -> str:
     return f"resources/{component.name}.ssv"
 
 
+@dataclass(frozen=True)
 class _Description:
     """SystemStructure.ssd, element by element in the order of the schema."""
 
-    def __init__(
-        self,
-        system: System,
-        interfaces: Mapping[str, Interface],
-        sources: Mapping[str, str],
-        units: BaseUnits,
-        version: int,
-    ) -> None:
-        self.system, self.interfaces, self.sources, self.units = system, interfaces, sources, units
-        self.version = version
-        self.connected = {c.name: self._connected(c.name) for c in system.components}
+    system: System
+    interfaces: Mapping[str, Interface]
+    sources: Mapping[str, str]
+    units: BaseUnits
+    version: int
 
-    def _connected(self, component: str) -> list[Variable]:
-        """Variables of a component at either end of a connection, in the order of its model
-        description.
+    @cached_property
+    def connected(self) -> dict[str, list[Variable]]:
+        """Variables of components at either end of a connection, in the order of their model
+        descriptions.
         """
-        names = {
-            port.variable
-            for c in self.system.connections
-            for port in c[:2]
-            if port.component == component
-        }
-        return [v for name, v in self.interfaces[component].variables.items() if name in names]
+        ends = {port for c in self.system.connections for port in c[:2]}
+        found = {}
+        for c in self.system.components:
+            variables = self.interfaces[c.name].variables
+            found[c.name] = [v for name, v in variables.items() if Port(c.name, name) in ends]
+        return found
 
     def text(self) -> bytes:
         about = {"name": self.system.name, "description": self.system.description}

@@ -7,7 +7,7 @@ All classes are frozen; a variant of a system is made with dataclasses.replace()
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -191,16 +191,13 @@ class System:
 
     def alone(self, name: str) -> System:
         """One component, with nothing that drives it and nobody who reads it."""
-        return replace(
-            self,
-            components=(self.component(name),),
-            connections=(),
-            sets=(),
-            alternatives=(),
-            strict=False,
-            requirements={},
-            consistency={},
-            sliders={},
-            declared={},
-            starts={},
+        return System(
+            self.name,
+            (self.component(name),),
+            (),
+            self.experiment,
+            self.description,
+            compared=self.compared,
+            mission=self.mission,
+            origin=self.origin,
         )
