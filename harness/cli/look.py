@@ -21,6 +21,7 @@ from harness.cli.options import (
     argument,
     figures_of,
     option,
+    output,
     size_of,
     takes,
 )
@@ -119,8 +120,7 @@ def draw_command(
     *,
     system: SystemArgument,
     output: Annotated[
-        Path | None,
-        option("--output -o", "File to write: .svg, .pdf or .png (default: SYSTEM.svg)"),
+        Path | None, output("File to write: .svg, .pdf or .png (default: SYSTEM.svg)")
     ] = None,
     changes: Any,
 ) -> None:
@@ -141,8 +141,7 @@ def plan_command(
     *,
     system: SystemArgument,
     output: Annotated[
-        Path | None,
-        option("--output -o", "Folder for the figures (default: results/SYSTEM_plan)"),
+        Path | None, output("Folder for the figures (default: results/SYSTEM_plan)")
     ] = None,
     drawing: Drawing,
     changes: Any,
@@ -176,9 +175,7 @@ def _take(mission: Path | None) -> None:
 def plot(  # noqa: PLR0913 - one argument per option or group of them
     *,
     file: FileArgument,
-    output: Annotated[
-        Path | None, option("--output -o", "Folder for the figures (default: FILE_figures)")
-    ] = None,
+    output: Annotated[Path | None, output("Folder for the figures (default: FILE_figures)")] = None,
     variables: Annotated[
         str | None, option("--var C.NAME,..", "Draw one figure of these variables")
     ] = None,
@@ -207,9 +204,7 @@ def plot(  # noqa: PLR0913 - one argument per option or group of them
 @app.command()
 def report(  # noqa: PLR0913, PLR0917 - options
     file: ReportArgument,
-    output: Annotated[
-        Path | None, option("--output -o", "Write an HTML page with plots and a replay")
-    ] = None,
+    output: Annotated[Path | None, output("Write an HTML page with plots and a replay")] = None,
     fly: Annotated[
         bool, option("--fly", "Put the system into the page: sliders run it in the browser")
     ] = False,
@@ -252,11 +247,7 @@ def _page(source: Any, output: Path, fly: bool = False) -> None:
 def convert_command(
     file: FileArgument,
     output: Annotated[
-        Path,
-        option(
-            "--output -o",
-            "File to write: .nc, .csv, .mat, .parquet; of bodies: .oem, .aem, .czml",
-        ),
+        Path, output("File to write: .nc, .csv, .mat, .parquet; of bodies: .oem, .aem, .czml")
     ],
     body: Annotated[
         str | None, option("COMPONENT", "Take this component (default: the first body)")

@@ -19,6 +19,7 @@ from harness.cli.options import (
     Texts,
     argument,
     option,
+    output,
     takes,
 )
 from harness.errors import UsageError
@@ -62,9 +63,7 @@ def new_command(
 @app.command("build")
 def build_command(
     name: Annotated[Path, argument("NAME_OR_FILE", "Folder NAME, or a .c or .py file")],
-    output: Annotated[
-        Path | None, option("--output -o", "FMU to write (default: beside the file)")
-    ] = None,
+    output: Annotated[Path | None, output("FMU to write (default: beside the file)")] = None,
     compiler: Annotated[str, option("--cc COMMAND", "C compiler")] = "cc",
     fmi: Annotated[int, option("--fmi", "Version of FMI: 2 or 3", min=2, max=3)] = 2,
 ) -> None:
@@ -103,9 +102,7 @@ def export_command(
 @app.command("linearize")
 def linearize_command(
     fmu: FmuArgument,
-    output: Annotated[
-        Path, option("--output -o", "File to write: .npz with matrices, names and units")
-    ],
+    output: Annotated[Path, output("File to write: .npz with matrices, names and units")],
     at: Annotated[float, option("", "Set the time of the operating point [s]")] = 0.0,
     step: Annotated[float, option("", "Set the step of the linear model [s]")] = 0.1,
     values: Annotated[Texts, option("--set NAME=VALUE", "Set a parameter or input")] = None,

@@ -148,6 +148,11 @@ def option(usage: str, text: str, completed: Completion | None = None, **more: A
     return typer.Option(*names, metavar=metavar, help=text, autocompletion=completed, **more)
 
 
+def output(text: str) -> Any:
+    """The option -o of a command."""
+    return option("--output -o", text)
+
+
 def seconds(text: str) -> float:
     """A time as the user types it."""
     try:

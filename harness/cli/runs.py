@@ -21,6 +21,7 @@ from harness.cli.options import (
     argument,
     figures_of,
     option,
+    output,
     size_of,
     systems,
     takes,
@@ -36,9 +37,7 @@ SystemOption = Annotated[
         "[SYSTEM]", "System: name, or path of an .ssp (not needed with --like RESULT)", systems
     ),
 ]
-OutputOption = Annotated[
-    Path | None, option("--output -o", "File to write: .nc, .csv, .mat or .parquet")
-]
+OutputOption = Annotated[Path | None, output("File to write: .nc, .csv, .mat or .parquet")]
 
 
 @dataclass(frozen=True)

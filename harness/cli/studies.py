@@ -25,6 +25,7 @@ from harness.cli.options import (
     argument,
     figures_of,
     option,
+    output,
     takes,
 )
 from harness.errors import ComparisonError, RequirementError, UsageError
@@ -35,9 +36,7 @@ app = typer.Typer()
 StudyArgument = Annotated[
     Path, argument("CAMPAIGN.toml", "System, factors, requirements, the study")
 ]
-DatasetOption = Annotated[
-    Path | None, option("--output -o", "Dataset to write (default: results/NAME.zarr)")
-]
+DatasetOption = Annotated[Path | None, output("Dataset to write (default: results/NAME.zarr)")]
 WorkersOption = Annotated[
     int | None, option("", "Use N processes or jobs (default: processors; 0: this one)")
 ]
@@ -157,9 +156,7 @@ def compare_command(  # noqa: PLR0913 - one argument per option or group of them
     *,
     system: SystemArgument,
     varied: Varied,
-    output: Annotated[
-        Path | None, option("--output -o", "Folder to write (default: results/SYSTEM)")
-    ] = None,
+    output: Annotated[Path | None, output("Folder to write (default: results/SYSTEM)")] = None,
     compared: Compared,
     pictures: Pictures,
     strict: StrictOption = False,
