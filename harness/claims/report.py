@@ -76,23 +76,26 @@ def _said(found: Judgement) -> str:
 
 def lines(result: Result, width: int = WIDTH) -> list[Line]:
     """The report line by line."""
+    text = _flown(result, width)
+    for part in filter(None, _parts(result, width)):
+        text += [Line(""), *part]
+    return text
+
+
+def _parts(result: Result, width: int) -> Iterator[list[Line]]:
+    """Paragraphs below what was flown, some of them empty."""
     found, wanted = judged(result), findings(result)
     if not found and not wanted:
         raise ResultsError(_without_claims(result))
-    unknown = [] if found or not of_result(result).claims else [_without_claims(result)]
+    yield _wrapped(missing(result), width)
+    yield _paragraph("Notes:", notes_of(result), width)
+    yield _paragraph("Requirements:", map(str, wanted), width)
+    for each in found:
+        yield _section(result, each, width)
+    if not found and of_result(result).claims:
+        yield _wrapped(_without_claims(result), width)
     safe = safety(of_result(result), result).splitlines()
-    parts = (
-        _wrapped(missing(result), width),
-        _paragraph("Notes:", notes_of(result), width),
-        _paragraph("Requirements:", map(str, wanted), width),
-        *(_section(result, each, width) for each in found),
-        *(_wrapped(text, width) for text in unknown),
-        [line for text in safe for line in (_wrapped(text, width) or [Line("")])],
-    )
-    text = _flown(result, width)
-    for part in filter(None, parts):
-        text += [Line(""), *part]
-    return text
+    yield [line for text in safe for line in (_wrapped(text, width) or [Line("")])]
 
 
 def _without_claims(result: Result) -> str:

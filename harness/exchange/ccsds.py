@@ -83,17 +83,15 @@ def _texts(times: NDArray[np.datetime64]) -> list[str]:
 def _write(
     path: Path, result: Result, kind: str, meta: Mapping[str, str], rows: Iterable[str]
 ) -> None:
-    flown = result.provenance
-    comments = [ASSUMED, *(flown.lines() if flown else [])]
-    created = flown.date.removesuffix("Z") if flown else ""
-    head = [
-        f"CCSDS_{kind}",
-        *(f"COMMENT {line}" for line in comments),
-        f"CREATION_DATE = {created or datetime.now(UTC).strftime('%Y-%m-%dT%H:%M:%S')}",
-        f"ORIGINATOR = {ORIGINATOR}",
-        "META_START",
-        *(f"{name} = {value}" for name, value in meta.items()),
-        "META_STOP",
-    ]
+    block = ["META_START", *(f"{name} = {value}" for name, value in meta.items()), "META_STOP"]
     with written(path) as target, target.open("w", encoding="utf-8", newline="\n") as file:
-        file.writelines(f"{line}\n" for line in chain(head, rows))
+        file.writelines(f"{line}\n" for line in chain(_head(result, kind), block, rows))
+
+
+def _head(result: Result, kind: str) -> Iterator[str]:
+    flown = result.provenance
+    created = flown.date.removesuffix("Z") if flown else ""
+    yield f"CCSDS_{kind}"
+    yield from (f"COMMENT {line}" for line in [ASSUMED, *(flown.lines() if flown else [])])
+    yield f"CREATION_DATE = {created or datetime.now(UTC).strftime('%Y-%m-%dT%H:%M:%S')}"
+    yield f"ORIGINATOR = {ORIGINATOR}"

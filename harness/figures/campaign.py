@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -59,10 +59,8 @@ def scatter(metric: str, values: Array, factors: Mapping[str, Array], to: Place)
 
 def chart(metric: str, values: Array, factors: Mapping[str, Array], to: Place) -> Path:
     """One metric as colours over a grid of two factors."""
-    (x_name, x), (y_name, y) = factors.items()
-    columns, rows = np.unique(x), np.unique(y)
-    colours = np.full((len(rows), len(columns)), np.nan)
-    colours[np.searchsorted(rows, y), np.searchsorted(columns, x)] = values
+    columns, rows, colours = field(values, factors)
+    x_name, y_name = factors
     canvas, panels = _grid(metric, 1, to)
     mesh = panels[0].pcolormesh(columns, rows, colours, shading="nearest")
     panels[0].set(xlabel=to.label(x_name), ylabel=to.label(y_name))
@@ -74,19 +72,37 @@ def chart(metric: str, values: Array, factors: Mapping[str, Array], to: Place) -
     return save(canvas, to.file(f"campaign_map_{metric}"))
 
 
+def field(values: Array, factors: Mapping[str, Array]) -> tuple[Array, Array, Array]:
+    """Columns, rows and values of a metric over a grid of two factors; NaN: nothing was run."""
+    x, y = factors.values()
+    columns, rows = np.unique(x), np.unique(y)
+    found = np.full((len(rows), len(columns)), np.nan)
+    found[np.searchsorted(rows, y), np.searchsorted(columns, x)] = values
+    return columns, rows, found
+
+
+def pairs(percentiles: Sequence[float]) -> Iterator[tuple[int, int, str]]:
+    """Places of the lower and the upper edge of every band, the widest first, and its name."""
+    for k in range(len(percentiles) // 2):
+        yield k, -1 - k, f"{percentiles[k]:g} to {percentiles[-1 - k]:g} %"
+
+
+def element(name: str, k: int, count: int) -> str:
+    """Of a band, counted from 1; a scalar has none."""
+    return f"{name}[{k + 1}]" if count > 1 else name
+
+
 def bands(name: str, time: Array, percentiles: Sequence[float], band: Array, to: Place) -> Path:
     """Percentiles (percentile, time, element) over time, the outermost pairs filled."""
     canvas, panels = _grid(name, band.shape[2], to)
     clock = time_axis(time)
     for k, axes in enumerate(panels):
-        for low in range(len(percentiles) // 2):
-            edges = band[low, :, k], band[-1 - low, :, k]
-            label = f"{percentiles[low]:g} to {percentiles[-1 - low]:g} %"
+        for low, high, label in pairs(percentiles):
             look = {"color": "C0", "alpha": 0.2 * (low + 1), "linewidth": 0, "label": label}
-            axes.fill_between(time / clock.seconds, *edges, **look)
+            axes.fill_between(time / clock.seconds, band[low, :, k], band[high, :, k], **look)
         axes.plot(time / clock.seconds, band[len(percentiles) // 2, :, k], "C0", label="median")
-        element = f"{name}[{k + 1}]" if band.shape[2] > 1 else name
-        axes.set(xlabel=clock.label, ylabel=to.label(element))
+        label = to.label(element(name, k, band.shape[2]))
+        axes.set(xlabel=clock.label, ylabel=label)
     legend_above(panels[0])
     return save(canvas, to.file(f"campaign_band_{name}"))
 

@@ -39,15 +39,16 @@ def written_captions(
     """Write the captions of figures by the stem of their files; returns the two files."""
     texts = {name: caption(figure, results) for name, figure in figures.items()}
     plain = "".join(f"**{name}.** {symbols(text)}\n\n" for name, text in texts.items())
-    tex = "".join(
-        f"% {name}\n\\caption{{{_escaped(symbols(text))}}}\n\\label{{fig:{name}}}\n\n"
-        for name, text in texts.items()
-    )
+    tex = "".join(_tex(name, text) for name, text in texts.items())
     files = {directory / "captions.md": plain, directory / "captions.tex": tex}
     for path, content in files.items():
         with written(path) as target:
             target.write_text(content, encoding="utf-8")
     return list(files)
+
+
+def _tex(name: str, text: str) -> str:
+    return f"% {name}\n\\caption{{{_escaped(symbols(text))}}}\n\\label{{fig:{name}}}\n\n"
 
 
 def _escaped(text: str) -> str:

@@ -51,18 +51,25 @@ def plot(
     ending: png, svg or pdf. Raises ResultsError if no figure fits or the directory cannot be
     written, UsageError for a variable that the result does not hold.
     """
-    found = [figure_of(result, variables)] if variables else figures_of(result)
-    figures = {figure.name: figure for figure in found if figure.fits(result)}
-    if not figures:
-        raise ResultsError("nothing that the result holds changes: there is no figure to draw")
-    empty = [name for name, figure in figures.items() if figure.is_empty(result)]
-    if empty and not variables:
-        _log.warning("not drawn, for nothing changes in them: %s", ", ".join(empty))
-        figures = {name: figure for name, figure in figures.items() if name not in empty}
+    figures = _moving(result, variables)
     drawn = {name: partial(paint, f, result, style) for name, f in figures.items()}
     files = _write(directory, ending, style, drawn)
     captioned = style.printed and not variables
     return files + (written_captions(directory, figures, {"": result}) if captioned else [])
+
+
+def _moving(result: Result, variables: Sequence[str]) -> dict[str, Figure | Drawing]:
+    """Figures by name, without those in which nothing changes; that of variables in any case."""
+    if variables:
+        figure = figure_of(result, variables)
+        return {figure.name: figure}
+    figures = {figure.name: figure for figure in figures_of(result) if figure.fits(result)}
+    if not figures:
+        raise ResultsError("nothing that the result holds changes: there is no figure to draw")
+    empty = [name for name, figure in figures.items() if figure.is_empty(result)]
+    if empty:
+        _log.warning("not drawn, for nothing changes in them: %s", ", ".join(empty))
+    return {name: figure for name, figure in figures.items() if name not in empty}
 
 
 def shown(result: Result, names: Sequence[str] = ()) -> Canvas:

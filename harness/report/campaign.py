@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from harness.errors import ResultsError
+from harness.figures.campaign import element, field, pairs
 from harness.report import comparison, study
 from harness.report.arrays import Arrays, Canvas
 from harness.report.plots import Plot, diagram, number
@@ -56,11 +57,7 @@ def _page(store: Store, path: Path) -> str:
         **_runs(store, metrics, path),
         flown=list(flown),
         study=study.text(store, path),
-        metrics=[_metric(name, x) for name, x in shown.items()],
-        shares=[_named(n, s) for n, s in summary.requirements(store).items()],
-        expected=[{"text": e.text, "look": e.verdict.value} for e in summary.expectations(store)],
-        chance=[line for n, x in shown.items() if (line := summary.left_out(n, factors, x))],
-        definition=[{"name": k, "value": _text(v)} for k, v in store.definition()[0].items()],
+        **_told(store, shown, factors),
     )
 
 
@@ -87,6 +84,22 @@ def _figures(
 # ---- numbers
 
 
+def _told(
+    store: Store, shown: Mapping[str, Array], factors: Mapping[str, Array]
+) -> dict[str, list[Any]]:
+    """The tables of the page."""
+    chance = (summary.left_out(name, factors, x) for name, x in shown.items())
+    return {
+        "metrics": [_metric(name, x) for name, x in shown.items()],
+        "shares": [_named(n, s) for n, s in summary.requirements(store).items()],
+        "expected": [
+            {"text": e.text, "look": e.verdict.value} for e in summary.expectations(store)
+        ],
+        "chance": [line for line in chance if line],
+        "definition": [{"name": k, "value": _text(v)} for k, v in store.definition()[0].items()],
+    }
+
+
 def _success(store: Store) -> dict[str, Any] | None:
     """Share of the runs that have succeeded, with its interval of 95 %."""
     if (found := summary.success(store)) is None or not found.judged:
@@ -108,23 +121,24 @@ def _runs(store: Store, metrics: Mapping[str, Array], path: Path) -> dict[str, A
     command that repeats it.
     """
     status, command = store.array("status"), f"harness run {store.system} --like {path}#"
-    worst = None
-    if metrics:
-        name, found = summary.worst(store, metrics)
-        runs = [{"value": f"{metrics[name][k]:.5g}", "command": f"{command}{k}"} for k in found]
-        worst = {"metric": name, "runs": runs}
     return {
         "name": path.name,
         "system": str(store.group.attrs["system"]),
         "count": {k: int((status == v).sum()) for k, v in STATES.items()},
         "success": _success(store),
-        "worst": worst,
+        "worst": _worst(store, metrics, command) if metrics else None,
         "failures": [
             {"run": run, "why": why, "command": f"{command}{run}"}
             for run, why in summary.failures(store).items()
         ],
         "dots": DOTS if len(status) > DOTS else 0,
     }
+
+
+def _worst(store: Store, metrics: Mapping[str, Array], command: str) -> dict[str, Any]:
+    name, found = summary.worst(store, metrics)
+    runs = [{"value": f"{metrics[name][k]:.5g}", "command": f"{command}{k}"} for k in found]
+    return {"metric": name, "runs": runs}
 
 
 def _named(name: str, found: summary.Share) -> dict[str, Any]:
@@ -170,17 +184,10 @@ def _against(
 
 
 def _map(canvas: Canvas, name: str, values: Array, factors: Mapping[str, Array]) -> Plot:
-    (x_name, x), (y_name, y) = factors.items()
-    columns, rows = np.unique(x), np.unique(y)
-    field = np.full((len(rows), len(columns)), np.nan)
-    field[np.searchsorted(rows, y), np.searchsorted(columns, x)] = values
-    curve = {
-        "image": canvas.arrays.keep(field),
-        "columns": columns.tolist(),
-        "rows": rows.tolist(),
-        "name": name,
-    }
-    return diagram(name, x_name, y_name, [curve])
+    columns, rows, found = field(values, factors)
+    image = {"image": canvas.arrays.keep(found), "columns": columns.tolist(), "rows": rows.tolist()}
+    x_name, y_name = factors
+    return diagram(name, x_name, y_name, [image | {"name": name}])
 
 
 def _bands(canvas: Canvas, store: Store) -> Iterator[Plot]:
@@ -194,8 +201,7 @@ def _bands(canvas: Canvas, store: Store) -> Iterator[Plot]:
         band = store.array(name)
         plain = name.removesuffix("_band")
         for k in range(band.shape[2]):
-            element = f"{plain}[{k + 1}]" if band.shape[2] > 1 else plain
-            label = with_unit(element, units)
+            label = with_unit(element(plain, k, band.shape[2]), units)
             curves = _edges(canvas, time, percentiles, band[:, :, k])
             yield {"title": label, "x": "time [s]", "y": label, "time": True, "curves": curves}
 
@@ -204,10 +210,9 @@ def _edges(canvas: Canvas, time: Array, percentiles: list[float], band: Array) -
     there = np.isfinite(band).all(axis=0)
     t, edges = time[there], band[:, there]
     curves = []
-    for low in range(len(percentiles) // 2):
+    for low, high, name in pairs(percentiles):
         x = np.concatenate((t, t[::-1]))
-        y = np.concatenate((edges[low], edges[-1 - low][::-1]))
-        name = f"{percentiles[low]:g} to {percentiles[-1 - low]:g} %"
+        y = np.concatenate((edges[low], edges[high][::-1]))
         curves.append(canvas.line(x, y, name=name, fill=True, colour=0, dash="solid"))
     middle = edges[len(percentiles) // 2]
     name = f"{percentiles[len(percentiles) // 2]:g} %"

@@ -83,8 +83,7 @@ def _flight(
 ) -> Data:
     if missing := [name for name in result.columns if name not in module.outputs]:
         raise UsageError(f"the system has no {missing[0]} any more: run it again")
-    known, table = result.provenance, result.parameters
-    span, arrays = system.experiment, canvas.traced
+    known, span, arrays = result.provenance, system.experiment, canvas.traced
     return {
         "start": span.start,
         "step": span.step,
@@ -94,6 +93,16 @@ def _flight(
         "settings": list(module.references),
         "values": module.values.tolist(),
         "sha256": hashlib.sha256(np.ascontiguousarray(result.values).tobytes()).hexdigest(),
+        **_judged(result),
+        **arrays.operations(canvas.drawn),
+        "fixed": sorted(arrays.fixed),
+    }
+
+
+def _judged(result: Result) -> Data:
+    """What requirements are made of."""
+    known, table = result.provenance, result.parameters
+    return {
         "names": _names(result),
         "parameters": {} if table is None else _names(table),
         "constants": [] if table is None else table.values[0].tolist(),
@@ -101,8 +110,6 @@ def _flight(
             conditions.requirement(result, name, text)
             for name, text in (known.requirements if known else ())
         ],
-        **arrays.operations(canvas.drawn),
-        "fixed": sorted(arrays.fixed),
     }
 
 
