@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -91,14 +91,11 @@ class _Draft:
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
         self.layout: Layout | None = None
-        self.requirements: Mapping[str, str] = {}
         self.problems: list[str] = []
 
     def read(self) -> None:
         table = self.plan.definition
-        for key in table:
-            if key not in KEYS:
-                self.problems.append(f"{key}: there is no such entry{did_you_mean(key, KEYS)}")
+        self._strange("", table, KEYS, "entry")
         self.problems += wrong_numbers(table)
         self._each("expected", self._bounds)
         factors = [*table.get("factors", {})]
@@ -108,20 +105,26 @@ class _Draft:
         self._one_of("sampler", self.plan.sampler, SAMPLERS)
         take_mission(self.plan.system)
         made = self._each("factors", factor)
-        found = self._each("metrics", lambda _, text: metrics.metric(str(text), self.plan.folder))
-        if self.plan.success is not None:
-            found[SUCCESS] = self._one(
-                SUCCESS, lambda: metrics.read(SUCCESS, str(self.plan.success), self.plan.folder)
-            )
-        self.plan = Plan(
-            table, self.plan.folder, tuple(made.values()), {k: m for k, m in found.items() if m}
-        )
+        folder, success = self.plan.folder, self.plan.success
+        found = self._each("metrics", lambda _, text: metrics.metric(str(text), folder))
+        if success is not None:
+            found[SUCCESS] = self._one(SUCCESS, lambda: metrics.read(SUCCESS, str(success), folder))
+        known = {name: each for name, each in found.items() if each}
+        self.plan = replace(self.plan, factors=tuple(made.values()), metrics=known)
         if not self.problems and self.plan.until and self.plan.listed:
             self.problems.append("until: counts draws, it cannot be beside listed values")
         if not self.problems and self.plan.runs > MAX_RUNS:
             self.problems.append(f"these are {self.plan.runs} runs, more than {MAX_RUNS}")
         with load(self.plan.system) as system:
             self._fits(system)
+
+    def _strange(self, place: str, given: Iterable[str], known: Collection[str], what: str) -> bool:
+        """Whether there are names among these that nobody knows."""
+        strange = [name for name in given if name not in known]
+        for name in strange:
+            close = did_you_mean(name, known)
+            self.problems.append(f"{place}{name}: there is no such {what}{close}")
+        return bool(strange)
 
     def _one_of(self, name: str, given: str, known: Collection[str]) -> None:
         if given not in known:
@@ -160,11 +163,7 @@ class _Draft:
 
     def _fits(self, system: System) -> None:
         fixed = self.plan.definition.get("fixed", {})
-        for key in fixed:
-            if key not in CHANGES:
-                close = did_you_mean(key, CHANGES)
-                self.problems.append(f"fixed.{key}: there is no such change{close}")
-        if any(key not in CHANGES for key in fixed):
+        if self._strange("fixed.", fixed, CHANGES, "change"):
             return
         start = self._applied("fixed", system, dict(fixed))  # type: ignore[arg-type]
         further = dict(self.plan.definition.get("requirements", {}))
@@ -202,17 +201,11 @@ class _Draft:
 
     def _flies(self, system: System) -> None:
         """Every structure, and what metrics and histories need of the first."""
-        ready = []
-        for run in self.plan.structures():
-            try:
-                changed = apply(system, **self.plan.changes(self.plan.values(run)))
-                ready.append((changed, checked(changed)))
-            except HarnessError as error:
-                self._complain(f"run {run}", error)
-                continue
-            if run == 0:
-                self.requirements = changed.requirements
-                self._names(_kinds(ready[0][1].graph))
+        structures = self._structures(system)
+        ready = list(structures.values())
+        if 0 in structures:
+            first, found = structures[0]
+            self._names(_kinds(found.graph), first.requirements)
         if not self.problems:
             self._measurable(ready)
         systems = [changed for changed, _ in ready]
@@ -226,24 +219,33 @@ class _Draft:
             say_warnings(*systems)
             say_inconsistencies(*systems)
             if self.plan.executor == FUSED:  # compiled here, and said here if it cannot be
-                for changed, found in ready:
-                    compiled(changed, found.graph)
-            self.layout = _layout(systems[0], [found for _, found in ready])
+                for changed, each in ready:
+                    compiled(changed, each.graph)
+            self.layout = _layout(systems[0], [each for _, each in ready])
 
-    def _names(self, result: Result) -> None:
+    def _structures(self, system: System) -> dict[int, tuple[System, Checked]]:
+        """What flies in every structure, by its first run."""
+        ready = {}
+        for run in self.plan.structures():
+            try:
+                changed = apply(system, **self.plan.changes(self.plan.values(run)))
+                ready[run] = changed, checked(changed)
+            except HarnessError as error:
+                self._complain(f"run {run}", error)
+        return ready
+
+    def _names(self, result: Result, requirements: Mapping[str, str]) -> None:
         wanted = [(f"metrics.{k}", t) for k, t in self.plan.definition.get("metrics", {}).items()]
         if self.plan.success is not None:
             wanted.append(("success", self.plan.success))
         for name, text in wanted:
             for variable in metrics.variables(str(text)):
                 self._known(name, variable, result)
-        for key, given in self.plan.keep.items():
-            if key not in KEPT:
-                self.problems.append(f"keep.{key}: there is no such entry{did_you_mean(key, KEPT)}")
-            elif key != "rows":
-                for variable in given:
-                    self._known(f"keep.{key}", str(variable), result)
-        if SUCCESS in self.plan.expected and not (self.plan.success or self.requirements):
+        self._strange("keep.", self.plan.keep, KEPT, "entry")
+        for key in ("histories", "bands"):
+            for variable in self.plan.keep.get(key, ()):
+                self._known(f"keep.{key}", str(variable), result)
+        if SUCCESS in self.plan.expected and not (self.plan.success or requirements):
             self.problems.append(
                 "expected.success: the campaign defines no success; add `success` or [requirements]"
             )

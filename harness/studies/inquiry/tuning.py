@@ -76,10 +76,24 @@ def _archived(archive: Store, flights: Flights, gains: list[int], of: list[str])
 def _tuned(
     draws: Array, unseen: Array, gains: list[int], inner: Generator[Array, Array, Any]
 ) -> Generator[Array, Array, Tuned]:
-    """Candidates are compared by their worst margin over all draws and requirements, each in parts
-    of the median margin that the start has.
-    """
+    """The best candidate beside the start, then both over draws that nobody has seen."""
     start = _finite((yield draws))
+    best, least = yield from _best(draws, start, gains, inner)
+    both = np.concatenate([unseen, unseen])
+    both[len(unseen) :, gains] = best
+    told = yield both
+    numbers = np.zeros(draws.shape[1])
+    numbers[gains] = best
+    parts = told[: len(unseen)].min(axis=0), told[len(unseen) :].min(axis=0)
+    return Tuned(numbers, start.min(axis=0), least, *parts)
+
+
+def _best(
+    draws: Array, start: Array, gains: list[int], inner: Generator[Array, Array, Any]
+) -> Generator[Array, Array, tuple[Array, Array]]:
+    """Gains and worst margins of the best candidate. They are compared by their worst margin over
+    all draws and requirements, each in parts of the median margin that the start has.
+    """
     scale = np.median(np.abs(start), axis=0)
     scale[scale == 0] = 1
     best, least = np.zeros(len(gains)), start.min(axis=0)
@@ -96,14 +110,7 @@ def _tuned(
                 score, best, least = float(scores[k]), z[k], told[k].min(axis=0)
             z = inner.send(-scores)
     except StopIteration:
-        pass
-    both = np.concatenate([unseen, unseen])
-    both[len(unseen) :, gains] = best
-    told = yield both
-    numbers = np.zeros(draws.shape[1])
-    numbers[gains] = best
-    parts = told[: len(unseen)].min(axis=0), told[len(unseen) :].min(axis=0)
-    return Tuned(numbers, start.min(axis=0), least, *parts)
+        return best, least
 
 
 def _finite(y: Array) -> Array:
