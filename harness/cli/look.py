@@ -84,14 +84,17 @@ def show_command(
     typer.echo(showing.text(show(system, word, **changes)))
 
 
+JudgedArgument = Annotated[
+    str | None,
+    argument("[SYSTEM_OR_FMU]", "System or FMU: name, or path of an .ssp or .fmu"),
+]
+
+
 @app.command()
 @takes("params", "set", "swap", "map", "on", "latency", "step", "stop", "algorithm", "require")
 def check(
     *,
-    system: Annotated[
-        str | None,
-        argument("[SYSTEM_OR_FMU]", "System or FMU: name, or path of an .ssp or .fmu"),
-    ] = None,
+    system: JudgedArgument = None,
     strict: Annotated[bool, option("--strict", "Treat warnings as errors")] = False,
     changes: Any,
 ) -> None:
@@ -114,14 +117,17 @@ def check(
     typer.echo(printable(str(verdict)))
 
 
+DiagramOption = Annotated[
+    Path | None, output("File to write: .svg, .pdf or .png (default: SYSTEM.svg)")
+]
+
+
 @app.command("draw")
 @takes("swap")
 def draw_command(
     *,
     system: SystemArgument,
-    output: Annotated[
-        Path | None, output("File to write: .svg, .pdf or .png (default: SYSTEM.svg)")
-    ] = None,
+    output: DiagramOption = None,
     changes: Any,
 ) -> None:
     """Draw the block diagram of a system."""
@@ -135,14 +141,17 @@ def draw_command(
     typer.echo(path)
 
 
+PlanFolderOption = Annotated[
+    Path | None, output("Folder for the figures (default: results/SYSTEM_plan)")
+]
+
+
 @app.command("plan")
 @takes("params", "set", "swap", "map", "step", "stop")
 def plan_command(
     *,
     system: SystemArgument,
-    output: Annotated[
-        Path | None, output("Folder for the figures (default: results/SYSTEM_plan)")
-    ] = None,
+    output: PlanFolderOption = None,
     drawing: Drawing,
     changes: Any,
 ) -> None:
@@ -170,19 +179,25 @@ def _take(mission: Path | None) -> None:
         use(mission, always=True)
 
 
+VariablesOption = Annotated[
+    str | None, option("--var C.NAME,..", "Draw one figure of these variables")
+]
+
+
+WideOption = Annotated[
+    bool, option("--wide", "Make all figures of --style paper or serif 7 in wide")
+]
+
+
 @app.command()
 @takes()
 def plot(  # noqa: PLR0913 - one argument per option or group of them
     *,
     file: FileArgument,
     output: Annotated[Path | None, output("Folder for the figures (default: FILE_figures)")] = None,
-    variables: Annotated[
-        str | None, option("--var C.NAME,..", "Draw one figure of these variables")
-    ] = None,
+    variables: VariablesOption = None,
     drawing: Drawing,
-    wide: Annotated[
-        bool, option("--wide", "Make all figures of --style paper or serif 7 in wide")
-    ] = False,
+    wide: WideOption = False,
     mission: MissionOption = None,
 ) -> None:
     """Draw the figures of a run.
@@ -243,12 +258,15 @@ def _page(source: Any, output: Path, fly: bool = False) -> None:
     typer.echo(write(source, output, fly))
 
 
+ConvertedOption = Annotated[
+    Path, output("File to write: .nc, .csv, .mat, .parquet; of bodies: .oem, .aem, .czml")
+]
+
+
 @app.command("convert")
 def convert_command(
     file: FileArgument,
-    output: Annotated[
-        Path, output("File to write: .nc, .csv, .mat, .parquet; of bodies: .oem, .aem, .czml")
-    ],
+    output: ConvertedOption,
     body: Annotated[
         str | None, option("COMPONENT", "Take this component (default: the first body)")
     ] = None,

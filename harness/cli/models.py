@@ -75,19 +75,25 @@ def build_command(
     typer.echo(printable(f"{built.path}: {', '.join(counts)}"))
 
 
+SspOption = Annotated[
+    int | None,
+    option("--ssp", "Version of SSP of NAME.ssp: 1, or 2 (default: 1 if it can)", min=1, max=2),
+]
+
+
+FmiOption = Annotated[
+    int | None, option("--fmi", "Version of FMI of NAME.fmu: 2 (default) or 3", min=2, max=3)
+]
+
+
 @app.command("export")
 @takes("params", "set", "swap", "map", "on", "latency", "step", "stop", "algorithm")
 def export_command(
     *,
     system: SystemArgument,
     target: Annotated[Path, argument("DIR_OR_FILE", "Folder, or file NAME.ssp or NAME.fmu")],
-    fmi: Annotated[
-        int | None, option("--fmi", "Version of FMI of NAME.fmu: 2 (default) or 3", min=2, max=3)
-    ] = None,
-    ssp: Annotated[
-        int | None,
-        option("--ssp", "Version of SSP of NAME.ssp: 1, or 2 (default: 1 if it can)", min=1, max=2),
-    ] = None,
+    fmi: FmiOption = None,
+    ssp: SspOption = None,
     changes: Any,
 ) -> None:
     """Write a system as one .ssp or one .fmu.

@@ -160,14 +160,12 @@ def _refuse_unsafe(path: Path, entries: list[zipfile.ZipInfo], limit: int) -> No
     if double := _double(entries):
         raise ArchiveError(f"{path}: refused, it holds two files of one name: {double!r}")
     if len(entries) > MAX_FILES:
-        raise ArchiveError(
-            f"{path}: refused, it holds {len(entries)} files, more than the limit of {MAX_FILES}"
-        )
+        files = f"{len(entries)} files, more than the limit of {MAX_FILES}"
+        raise ArchiveError(f"{path}: refused, it holds {files}")
     size = sum(entry.file_size for entry in entries)
     if size > limit:
-        raise ArchiveError(
-            f"{path}: refused, it would unpack to {size} bytes, more than the limit of {limit}"
-        )
+        unpacked = f"{size} bytes, more than the limit of {limit}"
+        raise ArchiveError(f"{path}: refused, it would unpack to {unpacked}")
 
 
 def _double(entries: list[zipfile.ZipInfo]) -> str | None:
@@ -204,6 +202,15 @@ _PLAIN = re.compile(rb"(utf-?8|utf-?16([bl]e)?|us-ascii|ascii|iso-?8859-?\d+|(wi
 """Encodings that write ASCII as itself, but for zeros."""
 
 
+_SAFELY = {
+    "resolve_entities": False,
+    "no_network": True,
+    "load_dtd": False,
+    "remove_comments": True,
+    "remove_pis": True,
+}
+
+
 class UnsafeXmlError(ValueError):
     """The text is not parsed; str() is the reason."""
 
@@ -214,15 +221,8 @@ def parsed(data: bytes) -> XmlElement:
     Raises UnsafeXmlError: a document type, an encoding that could hide one, or no XML at all.
     """
     _refuse_hidden(data)
-    parser = etree.XMLParser(
-        resolve_entities=False,
-        no_network=True,
-        load_dtd=False,
-        remove_comments=True,
-        remove_pis=True,
-    )
     try:
-        tree = etree.ElementTree(etree.fromstring(data, parser))
+        tree = etree.ElementTree(etree.fromstring(data, etree.XMLParser(**_SAFELY)))
     except etree.XMLSyntaxError as error:
         raise UnsafeXmlError(f"not a readable XML file ({error})") from error
     if tree.docinfo.doctype:

@@ -21,6 +21,7 @@ from harness.rules import header, variables, version3
 from harness.rules.description import TYPES, Description, Description3
 
 FILE = "modelDescription.xml"
+OTHER_KINDS = {"ModelExchange": "model exchange", "ScheduledExecution": "scheduled execution"}
 BUILD, TERMINALS = "sources/buildDescription.xml", "terminalsAndIcons/terminalsAndIcons.xml"
 
 Rule = Callable[[Any], Iterator[str]]
@@ -152,10 +153,7 @@ def _other_kind(root: XmlElement) -> str | None:
         return f"only FMUs of FMI 2.0 and FMI 3.0 can be run, this one is FMI {version}"
     if root.find("CoSimulation") is not None:
         return None
-    for kind, name in (
-        ("ModelExchange", "model exchange"),
-        ("ScheduledExecution", "scheduled execution"),
-    ):
+    for kind, name in OTHER_KINDS.items():
         if root.find(kind) is not None:
             return f"is for {name} only, co-simulation is needed"
     return None if version == "2.0" else f"{FILE}: it has no element CoSimulation"

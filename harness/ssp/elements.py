@@ -180,14 +180,10 @@ class ElementReader:
         self._judge_kind(element, label, fmu)
         hint = xml.first(element, "ssd:Annotations/ssc:Annotation/osp:StepSizeHint")
         arrays = dict(self._arrays_of_fmu(element, place, fmu))
-        return Leaf(
-            place,
-            self._connectors(element, place, arrays),
-            self._bindings(element, label, fmu),
-            arrays,
-            fmu,
-            xml.number(hint, "value", self.problems),
-        )
+        connectors = self._connectors(element, place, arrays)
+        parameters = self._bindings(element, label, fmu)
+        step = xml.number(hint, "value", self.problems)
+        return Leaf(place, connectors, parameters, arrays, fmu, step)
 
     def _judge_kind(self, element: XmlElement, label: str, fmu: Path) -> None:
         """What a component is its file says; the log tells where the description differs."""
@@ -343,10 +339,7 @@ class ElementReader:
                 parameters |= self._bound(binding, label, fmu)
             except StructureError as error:
                 self.problems += [f"{label}: {problem}" for problem in error.problems]
-        return {
-            name: replace(parameter, optional=not self.own)
-            for name, parameter in parameters.items()
-        }
+        return {name: replace(p, optional=not self.own) for name, p in parameters.items()}
 
     def _bound(self, binding: XmlElement, label: str, fmu: Path | None) -> Mapping[str, Parameter]:
         if (root := self._part(binding, VALUES, label, fmu)) is None:
@@ -398,9 +391,8 @@ class ElementReader:
             return self.folder
         path = (self.folder / unquote(name)).resolve()
         if not path.is_relative_to(self.folder.resolve()) or not is_file(path):
-            self.problems.append(
-                f"{label}: {name or 'a file without a name'} is not in the archive"
-            )
+            missing = name or "a file without a name"
+            self.problems.append(f"{label}: {missing} is not in the archive")
         return path
 
 

@@ -61,11 +61,8 @@ class Flat:
         for edge in self._edges:
             if edge.target.place in self.leaves:
                 for source, hops in self._ways(edge):
-                    yield Connection(
-                        self._port(source),
-                        self._port(edge.target),
-                        () if hops == (PLAIN,) else hops,
-                    )
+                    way = () if hops == (PLAIN,) else hops
+                    yield Connection(self._port(source), self._port(edge.target), way)
 
     def _ways(self, edge: Edge) -> list[Way]:
         """Outputs that reach the end of a connection, and all hops up to there; none behind an open
@@ -102,12 +99,8 @@ class Flat:
 
     def declared(self) -> dict[Port, Unit]:
         """Units that the file claims for variables of components."""
-        connectors = ((p, c) for p, c in self._connectors.items() if p.place in self.leaves)
-        return {
-            self._port(point): connector.unit
-            for point, connector in connectors
-            if connector.unit is not None
-        }
+        inside = ((p, c.unit) for p, c in self._connectors.items() if p.place in self.leaves)
+        return {self._port(point): unit for point, unit in inside if unit is not None}
 
     # ---- parameters
 

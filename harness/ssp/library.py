@@ -92,10 +92,8 @@ def find_system(name: str | Path) -> Path:
     offered = systems()
     if str(name) in offered:
         return offered[str(name)]
-    known = {**offered, **known}
-    raise UsageError(
-        f"{name or '(nothing)'}: there is no such system{did_you_mean(str(name), known)}"
-    )
+    close = did_you_mean(str(name), {**offered, **known})
+    raise UsageError(f"{name or '(nothing)'}: there is no such system{close}")
 
 
 def of_component(name: str | Path) -> tuple[Path, str] | None:

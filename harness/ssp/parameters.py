@@ -9,6 +9,7 @@ import logging
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -154,7 +155,7 @@ def mapped(parameters: Mapping[str, Parameter], entries: list[Entry]) -> dict[st
     What a mapping does not mention is not set; the log says so.
     """
     problems, result = [], {}
-    entries = [each for entry in entries for each in _elementwise(entry, parameters)]
+    entries = list(chain.from_iterable(_elementwise(entry, parameters) for entry in entries))
     for entry in entries:
         try:
             result[entry.target] = _transformed(parameters, entry)
@@ -162,10 +163,9 @@ def mapped(parameters: Mapping[str, Parameter], entries: list[Entry]) -> dict[st
             problems.append(f"mapping of {entry.source} to {entry.target}: {error}")
     if problems:
         raise StructureError(problems)
-    if unused := [name for name in parameters if name not in {e.source for e in entries}]:
-        _log.warning(
-            "parameters that their mapping does not mention are not set: %s", ", ".join(unused)
-        )
+    mentioned = {entry.source for entry in entries}
+    if unused := ", ".join(name for name in parameters if name not in mentioned):
+        _log.warning("parameters that their mapping does not mention are not set: %s", unused)
     return result
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from urllib.parse import quote
 
@@ -85,13 +86,9 @@ def _parameter_files(system: System) -> Iterator[tuple[str, str, str, Parameters
 
 def _version(interfaces: Mapping[str, Interface], wanted: int | None) -> int:
     """The version of SSP; StructureError if it is 1 and cannot hold the FMUs."""
-    new = [
-        f"{name}: is of FMI 3.0, which needs SSP 2.0"
-        for name, i in interfaces.items()
-        if i.fmi == 3
-    ]
+    new = [name for name, interface in interfaces.items() if interface.fmi == 3]
     if new and wanted == 1:
-        raise StructureError(new)
+        raise StructureError(f"{name}: is of FMI 3.0, which needs SSP 2.0" for name in new)
     return wanted or (2 if new else 1)
 
 
@@ -101,9 +98,8 @@ def _units(interfaces: Mapping[str, Interface]) -> BaseUnits:
     for component, interface in interfaces.items():
         for name, base in interface.units.items():
             if units.setdefault(name, base) != base:
-                raise StructureError(
-                    [f"{component}: its unit {name} is not the {name} of the components before it"]
-                )
+                problem = f"its unit {name} is not the {name} of the components before it"
+                raise StructureError([f"{component}: {problem}"])
     return units
 
 
@@ -123,6 +119,11 @@ def _sources(components: Sequence[Component]) -> dict[str, str]:
 
 def _ssv_name(component: Component) -> str:
     return f"resources/{component.name}.ssv"
+
+
+def _annotation(element: XmlElement, kind: str) -> XmlElement:
+    """The annotation of a kind that an element gets."""
+    return child(child(element, "ssd:Annotations"), "ssc:Annotation", type=kind)
 
 
 @dataclass(frozen=True)
@@ -147,6 +148,9 @@ class _Description:
             found[c.name] = [v for name, v in variables.items() if Port(c.name, name) in ends]
         return found
 
+    def _all_connected(self) -> Iterator[Variable]:
+        return chain.from_iterable(self.connected.values())
+
     def text(self) -> bytes:
         about = {"name": self.system.name, "description": self.system.description}
         prefixes = ("ssd", "ssc", "ssv", "osp")
@@ -160,10 +164,9 @@ class _Description:
         if self.version == 2 and self.system.experiment.step:  # SSP 1.0 keeps its bytes
             self._fixed_step(top)
         self._enumerations(root)
-        used = (v.unit for each in self.connected.values() for v in each)
-        unit_table(root, "ssd:Units", self.units, used)
+        unit_table(root, "ssd:Units", self.units, (v.unit for v in self._all_connected()))
         self._experiment(root)
-        self._run(child(root, "ssd:Annotations"))
+        self._run(_annotation(root, RUN_ANNOTATION))
         return serialized(root)
 
     def _component(self, elements: XmlElement, component: Component, column: int) -> None:
@@ -172,12 +175,13 @@ class _Description:
         about = self.interfaces[name].model.description
         attributes(element, implementation="CoSimulation", description=about)
         self._connectors(element, component)
-        child(element, "ssd:ElementGeometry", **self._block(component, column))
+        left, height = column * (WIDTH + GAP), self._height(component)
+        child(element, "ssd:ElementGeometry", x1=left, y1=-height, x2=left + WIDTH, y2=0)
         if component.parameters:
             bindings = child(element, "ssd:ParameterBindings")
             child(bindings, "ssd:ParameterBinding", source=_ssv_name(component))
         if component.every > 1 and self.system.experiment.step:
-            hint = child(child(element, "ssd:Annotations"), "ssc:Annotation", type=OSP_ANNOTATION)
+            hint = _annotation(element, OSP_ANNOTATION)
             child(hint, "osp:StepSizeHint", value=component.every * self.system.experiment.step)
 
     def _connectors(self, element: XmlElement, component: Component) -> None:
@@ -216,12 +220,8 @@ class _Description:
         """Types of the connected enumerations; the first component that has a type of that name
         defines it.
         """
-        types = {
-            v.type_name: v.items
-            for each in self.connected.values()
-            for v in each
-            if v.type == "Enumeration"
-        }
+        found = (v for v in self._all_connected() if v.type == "Enumeration")
+        types = {v.type_name: v.items for v in found}
         table = child(root, "ssd:Enumerations") if types else None
         for name, items in sorted(types.items()):
             enumeration = child(table, "ssc:Enumeration", name=name)
@@ -232,13 +232,6 @@ class _Description:
         sides = [v.causality for v in self._rows(component.name).values()]
         return PITCH * max(sides.count("input"), sides.count("output"), 4)
 
-    def _block(self, component: Component, column: int) -> dict[str, float]:
-        """Corners of a component: a row from left to right in execution order, tops aligned at y =
-        0.
-        """
-        left = column * (WIDTH + GAP)
-        return {"x1": left, "y1": -self._height(component), "x2": left + WIDTH, "y2": 0}
-
     def _canvas(self, top: XmlElement) -> None:
         right = len(self.system.components) * (WIDTH + GAP)
         bottom = -max(self._height(c) for c in self.system.components) - GAP
@@ -248,7 +241,7 @@ class _Description:
         """For OMSimulator, which would take a step of a millisecond or, in old versions, not know
         what kind of system this is; the tolerances are those that it writes itself.
         """
-        annotation = child(child(top, "ssd:Annotations"), "ssc:Annotation", type=OMS_ANNOTATION)
+        annotation = _annotation(top, OMS_ANNOTATION)
         settings = etree.SubElement(annotation, tag("oms:Annotations"), nsmap={"oms": NS["oms"]})
         master = {"description": "oms-ma", "stepSize": self.system.experiment.step}
         tolerances = {"absoluteTolerance": 1e-4, "relativeTolerance": 1e-4}
@@ -277,15 +270,12 @@ class _Description:
         times = {"startTime": experiment.start, "stopTime": experiment.stop}
         default = child(root, "ssd:DefaultExperiment", **times)
         if experiment.step:
-            annotations = child(default, "ssd:Annotations")
-            annotation = child(annotations, "ssc:Annotation", type=OSP_ANNOTATION)
-            algorithm = child(annotation, "osp:Algorithm")
+            algorithm = child(_annotation(default, OSP_ANNOTATION), "osp:Algorithm")
             fixed = {"baseStepSize": experiment.step, "numWorkerThreads": 0}
             child(algorithm, "osp:FixedStepAlgorithm", **fixed)
 
-    def _run(self, annotations: XmlElement) -> None:
+    def _run(self, annotation: XmlElement) -> None:
         """Our annotation: what a run needs and SSP has no place for."""
-        annotation = child(annotations, "ssc:Annotation", type=RUN_ANNOTATION)
         run = etree.SubElement(annotation, tag("run:Run"), nsmap={"run": NS["run"]})
         system, experiment = self.system, self.system.experiment
         attributes(

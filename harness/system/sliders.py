@@ -28,15 +28,20 @@ def problems(ranges: Mapping[str, Range], interfaces: Mapping[str, Interface]) -
         if variable is None:
             names = [f"{c}.{n}" for c, i in interfaces.items() for n in i.settable()]
             yield f"{name}: there is no such parameter{did_you_mean(name, names)}"
-            continue
-        low, high = _range(given, variable)
-        least, largest = variable.low, variable.high
-        if low is None or high is None:
-            yield f"{name}: has no range of its own, give one as [least, largest]"
-        elif not low < high:
-            yield f"{name}: {low:g} to {high:g} is no range"
-        elif (least is not None and low < least) or (largest is not None and high > largest):
-            yield f"{name}: {low:g} to {high:g} goes beyond what the FMU allows"
+        elif problem := _problem(given, variable):
+            yield f"{name}: {problem}"
+
+
+def _problem(given: Range, variable: Variable) -> str | None:
+    low, high = _range(given, variable)
+    least, largest = variable.low, variable.high
+    if low is None or high is None:
+        return "has no range of its own, give one as [least, largest]"
+    if not low < high:
+        return f"{low:g} to {high:g} is no range"
+    if (least is not None and low < least) or (largest is not None and high > largest):
+        return f"{low:g} to {high:g} goes beyond what the FMU allows"
+    return None
 
 
 def sliders(ranges: Mapping[str, Range], interfaces: Mapping[str, Interface]) -> Iterator[Slider]:

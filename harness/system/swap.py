@@ -56,9 +56,8 @@ def exchange(
     """
     known = [c.name for c in system.components]
     if name not in known:
-        raise UsageError(
-            f"--swap {name}: {system.name} has no such component{did_you_mean(name, known)}"
-        )
+        close = did_you_mean(name, known)
+        raise UsageError(f"--swap {name}: {system.name} has no such component{close}")
     new = _Exchange(system, name, find_fmu(fmu), given)
     connections, problems = new.rewired()
     problems += new.missing_outputs(connections)
