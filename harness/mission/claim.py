@@ -97,6 +97,16 @@ class Claim:
 
     def numbers(self, result: Result) -> tuple[float, ...]:
         """Measure the result; CannotJudgeError if something is missing or not finite."""
+        self._check(result)
+        with np.errstate(all="ignore"):
+            numbers = tuple(float(number) for number in self.measure(result))
+        if not all(map(math.isfinite, numbers)):
+            raise CannotJudgeError(
+                "the result holds values that are not finite or do not change at all"
+            )
+        return numbers
+
+    def _check(self, result: Result) -> None:
         if missing := [name for name in self.needs if name not in result]:
             raise CannotJudgeError(f"the result holds no {' and no '.join(missing)}")
         if not len(result.time):
@@ -105,13 +115,6 @@ class Claim:
             raise CannotJudgeError(
                 f"recorded at intervals of {interval:g} s, {self.interval:g} s are needed"
             )
-        with np.errstate(all="ignore"):
-            numbers = tuple(float(number) for number in self.measure(result))
-        if not all(map(math.isfinite, numbers)):
-            raise CannotJudgeError(
-                "the result holds values that are not finite or do not change at all"
-            )
-        return numbers
 
     def verdict(self, value: float) -> Verdict:
         """Return the verdict of the band that a measured number falls into."""

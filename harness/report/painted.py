@@ -85,10 +85,13 @@ def _curves(canvas: Canvas, axes: Any, unit: float) -> Iterator[Plot]:
             corners = _corners(np.asarray(path.vertices, dtype=float)) * (unit, 1)
             yield _filled(canvas, corners, len(palette))
     for bar in axes.patches:
-        left, bottom, width, height = bar.get_bbox().bounds
-        right, top = left + width, bottom + height
-        corners = [[left, bottom], [left, top], [right, top], [right, bottom], [left, bottom]]
-        yield _filled(canvas, np.array(corners), 0)
+        yield _filled(canvas, _outline(bar), 0)
+
+
+def _outline(bar: Any) -> Any:
+    left, bottom, width, height = bar.get_bbox().bounds
+    right, top = left + width, bottom + height
+    return np.array([[left, bottom], [left, top], [right, top], [right, bottom], [left, bottom]])
 
 
 def _filled(canvas: Canvas, corners: Any, colour: int) -> Plot:

@@ -79,20 +79,11 @@ class Body(NamedTuple):
 
 def scene(arrays: Arrays, time: Array, origin: str, found: list[Body], **about: Any) -> Scene:
     """Bodies at the instants `time` [s] about an origin, with what else is about the scene."""
-    return {
-        "time": arrays.keep(time),
-        "origin": origin,
-        "bodies": [
-            {
-                **body._asdict(),
-                "r": arrays.keep(body.r),
-                "q": arrays.keep(body.q),
-                "links": list(body.links),
-            }
-            for body in found
-        ],
-        **about,
-    }
+    instants, shown = arrays.keep(time), []
+    for body in found:
+        kept = {"r": arrays.keep(body.r), "q": arrays.keep(body.q), "links": list(body.links)}
+        shown.append(body._asdict() | kept)
+    return {"time": instants, "origin": origin, "bodies": shown, **about}
 
 
 def frames(arrays: Arrays, r: Array, v: Array) -> Scene:

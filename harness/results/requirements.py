@@ -12,7 +12,7 @@ from __future__ import annotations
 import ast
 import logging
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -168,10 +168,13 @@ def _problems(text: Any, known: Mapping[str, str]) -> Iterator[str]:
     except ValueError as error:
         yield str(error)
         return
-    for path in unknown:
-        kind, _, name = path.rpartition(" ")
-        names = [k.rpartition(" ")[2] for k in known if k.startswith("parameter ") == bool(kind)]
-        yield f"there is no {kind or 'variable'} {name}{did_you_mean(name, names)}"
+    yield from (_unknown(path, known) for path in unknown)
+
+
+def _unknown(path: str, known: Iterable[str]) -> str:
+    kind, _, name = path.rpartition(" ")
+    names = [k.rpartition(" ")[2] for k in known if k.startswith("parameter ") == bool(kind)]
+    return f"there is no {kind or 'variable'} {name}{did_you_mean(name, names)}"
 
 
 def _check(tree: ast.expr) -> None:

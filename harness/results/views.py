@@ -48,6 +48,14 @@ def variables(
         yield name, _dimensions(values.shape[1:]), values, about
 
 
+def labelled(
+    table: Table,
+) -> dict[str, tuple[tuple[str, ...], NDArray[np.float64], dict[str, str]]]:
+    """Axes, values and attributes of the parameters, which have no time, and of the variables."""
+    fixed = {name: (axes, x[0], about) for name, axes, x, about in variables(table.parameters)}
+    return fixed | {name: (("time", *axes), x, about) for name, axes, x, about in variables(table)}
+
+
 def _dimensions(shape: tuple[int, ...]) -> tuple[str, ...]:
     if len(shape) == 1:
         return (AXES.get(shape[0], f"axis_{shape[0]}"),)
@@ -125,10 +133,8 @@ class Views:
         """
         import xarray
 
-        content = {name: (axes, d[0], a) for name, axes, d, a in variables(self.parameters)}
-        content |= {name: (("time", *axes), d, a) for name, axes, d, a in variables(self)}
         time = ("time", self.time, time_labels(self))
-        found = xarray.Dataset(content, coords={"time": time}, attrs=attributes(self))
+        found = xarray.Dataset(labelled(self), coords={"time": time}, attrs=attributes(self))
         return xarray.decode_cf(found)
 
     def to_dataframe(self) -> Any:

@@ -12,7 +12,7 @@ from typing import Any
 
 from harness.results.formats.columns import numbers, refuse_nul, refuse_size, restored
 from harness.results.result import Array, Result
-from harness.results.views import PROVENANCE, attributes, time_labels, variables
+from harness.results.views import PROVENANCE, attributes, labelled, time_labels
 
 PACKED = 1000
 """Values from which a variable is compressed, without loss."""
@@ -35,16 +35,10 @@ def write(result: Result, path: Path) -> None:
     import netCDF4
 
     refuse_nul(result)
-    time = time_labels(result)
-    content = {
-        name: (axes, data[0], about) for name, axes, data, about in variables(result.parameters)
-    }
-    content |= {
-        name: (("time", *axes), data, about) for name, axes, data, about in variables(result)
-    }
+    content = labelled(result)
     with netCDF4.Dataset(path, "w") as file:
         file.setncatts(attributes(result))
-        content["time"] = (("time",), result.time, time)
+        content["time"] = (("time",), result.time, time_labels(result))
         defined = [(_defined(file, name, *each), each[1]) for name, each in content.items()]
         for variable, data in defined:
             variable[...] = data
