@@ -111,10 +111,9 @@ def _annotated(d: Description) -> Iterator[tuple[str, XmlElement]]:
 
 def stray_files(d: Description) -> Iterator[str]:
     """Nothing but what the standard names lies at the top."""
-    tops = dict.fromkeys(name.partition("/")[0] for name in d.files)
-    yield from (
-        f"{top}: has no place at the top of the archive" for top in tops if top not in d.ROOT
-    )
+    for top in dict.fromkeys(name.partition("/")[0] for name in d.files):
+        if top not in d.ROOT:
+            yield f"{top}: has no place at the top of the archive"
 
 
 def missing_sources(d: Description) -> Iterator[str]:

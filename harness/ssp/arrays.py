@@ -142,17 +142,14 @@ def joined(
 
 def _is_whole(bundle: Sequence[Connection], interfaces: Mapping[str, Interface]) -> bool:
     """Whether connections join all elements of two arrays of one shape, each with its like."""
-    ends = [interfaces[p.component] for p in bundle[0][:2]]
-    shapes = [
-        shape(interface, interface.variables[port.variable])
-        for interface, port in zip(ends, bundle[0][:2], strict=True)
-    ]
+    first = bundle[0]
+    ends = ((interfaces[port.component], port.variable) for port in first[:2])
+    one, other = (shape(interface, interface.variables[name]) for interface, name in ends)
     alike = all(
-        c.hops == bundle[0].hops and index(c.source.variable) == index(c.target.variable)
+        c.hops == first.hops and index(c.source.variable) == index(c.target.variable)
         for c in bundle
     )
-    size = math.prod(shapes[0])
-    return bool(shapes[0]) and shapes[0] == shapes[1] and alike and len(bundle) == size
+    return bool(one) and one == other and alike and len(bundle) == math.prod(one)
 
 
 def _bundle(c: Connection) -> tuple[Port, Port]:

@@ -224,9 +224,8 @@ class _Builder:
     def _component(self, name: str, fmu: Path) -> Component:
         table = self._table("schedule", name)
         every, latency = self._numbers(f"schedule.{name}", table, "every", "latency")
-        return Component(
-            name, fmu, every=round(1 if every is None else every), latency=round(latency or 0)
-        )
+        every = 1 if every is None else every
+        return Component(name, fmu, every=round(every), latency=round(latency or 0))
 
     def _components(self, left_open: Assignments) -> tuple[Component, ...]:
         """The components with their parameters."""

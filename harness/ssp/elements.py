@@ -287,10 +287,8 @@ class ElementReader:
         """
         name, connector = element.get(f"{side}Element"), element.get(f"{side}Connector")
         if name is not None and name not in group.children:
-            close = did_you_mean(name, group.children)
-            self.problems.append(
-                f"{_label((*group.place, name))}.{connector}: there is no component '{name}'{close}"
-            )
+            fault = f"there is no component '{name}'{did_you_mean(name, group.children)}"
+            self.problems.append(f"{_label((*group.place, name))}.{connector}: {fault}")
             return None
         owner = group if name is None else group.children[name]
         try:
@@ -316,9 +314,8 @@ class ElementReader:
     def _hop(self, element: XmlElement, target: Point, group: Group) -> Hop:
         for kind in ("a Boolean", "an Integer", "an Enumeration"):
             if xml.first(element, f"ssc:{kind.split()[1]}MappingTransformation") is not None:
-                self.problems.append(
-                    f"{target}: {kind}MappingTransformation of a signal is not supported"
-                )
+                fault = f"{kind}MappingTransformation of a signal is not supported"
+                self.problems.append(f"{target}: {fault}")
         owner = group if target.place == group.place else group.children[target.place[-1]]
         unit = owner.connectors[target.connector].unit if isinstance(owner, Group) else None
         try:

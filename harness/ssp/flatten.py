@@ -171,9 +171,8 @@ def _sent(parameter: Parameter, hops: tuple[Hop, ...]) -> Parameter:
 
 def _owner(group: Group, name: str) -> str | None:
     """The element that a dotted name begins with; of several the longest."""
-    return max(
-        (child for child in group.children if name.startswith(f"{child}.")), key=len, default=None
-    )
+    beginnings = (child for child in group.children if name.startswith(f"{child}."))
+    return max(beginnings, key=len, default=None)
 
 
 def _elements(element: Element) -> Iterator[Element]:

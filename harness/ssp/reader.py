@@ -92,10 +92,8 @@ def _size_problems(path: Path, system: System) -> Iterator[str]:
         with suppress(ArchiveError):  # which is said where the FMU is read
             size += count * unpacked_size(fmu)
     if size > MAX_UNPACKED:
-        yield (
-            f"with the FMUs of all components it would unpack to {size} bytes, more than the limit "
-            f"of {MAX_UNPACKED}"
-        )
+        limit = f"more than the limit of {MAX_UNPACKED}"
+        yield f"with the FMUs of all components it would unpack to {size} bytes, {limit}"
 
 
 _known: dict[Path, System] = {}
@@ -134,9 +132,8 @@ def _read(folder: Path) -> tuple[System, list[str]]:
         raise StructureError([f"it holds no {xml.SSD_FILE}"])
     root = xml.parse(folder / xml.SSD_FILE, xml.SSD_SCHEMA)
     if (count := sum(1 for _ in root.iter(xml.tag("ssd:Component")))) > MAX_COMPONENTS:
-        raise StructureError(
-            [f"it has {count} components, more than the limit of {MAX_COMPONENTS}"]
-        )
+        limit = f"more than the limit of {MAX_COMPONENTS}"
+        raise StructureError([f"it has {count} components, {limit}"])
     reader = _Reader(folder, root)
     return reader.system(), reader.problems
 
@@ -239,9 +236,8 @@ class _Reader:
         if own is not None:
             return round(self._number(own, "every") or 1), round(self._number(own, "latency") or 0)
         if hint and not experiment.step:
-            _log.warning(
-                "%s: its step of %g s is not used, the file does not say the macro step", name, hint
-            )
+            note = "%s: its step of %g s is not used, the file does not say the macro step"
+            _log.warning(note, name, hint)
         return max(1, round(hint / experiment.step)) if hint and experiment.step else 1, 0
 
     def _set(self, element: XmlElement, components: tuple[Component, ...]) -> ParameterSet:
@@ -251,9 +247,8 @@ class _Reader:
         name = element.get("name", "")
         parameters = self._files(f"resources/sets/{name}", components)
         if not parameters:
-            self.problems.append(
-                f"parameter set {name}: is listed, but none of its files is in the archive"
-            )
+            fault = "is listed, but none of its files is in the archive"
+            self.problems.append(f"parameter set {name}: {fault}")
         stop, step = self._number(element, "stop"), self._number(element, "step")
         return ParameterSet(name, element.get("description", ""), parameters, stop, step)
 

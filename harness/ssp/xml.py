@@ -314,9 +314,8 @@ def attributes(element: XmlElement, /, **values: Scalar | None) -> None:
             try:
                 element.set(name, literal(value))
             except ValueError:  # lxml: a control character
-                raise StructureError(
-                    [f"{name} {value!r}: holds a character that XML cannot hold"]
-                ) from None
+                fault = "holds a character that XML cannot hold"
+                raise StructureError([f"{name} {value!r}: {fault}"]) from None
 
 
 def literal(value: Scalar) -> str:

@@ -60,12 +60,11 @@ def _value(component: Component, variable: Variable) -> Scalar:
 
 
 def _component_problems(components: Sequence[Component]) -> Iterator[str]:
-    names = Counter(c.name for c in components)
-    if not names:
+    if not components:
         yield "the system has no components"
-    yield from (
-        f"{name}: there are two components of this name" for name, n in names.items() if n > 1
-    )
+    for name, count in Counter(c.name for c in components).items():
+        if count > 1:
+            yield f"{name}: there are two components of this name"
 
 
 def _connection_problems(

@@ -97,12 +97,9 @@ class _Exchange:
         styled = mapping.by_style(theirs, ours)
         taken = [(a, b) for a, b in styled.items() if not names.keys() & set(a.elements)]
         if taken:
-            _log.warning(
-                "%s: %s writes indices in its own way, taken: %s",
-                self.name,
-                self.path.name,
-                some([f"{a.elements[0]}.. for {b.elements[0]}.." for a, b in taken]),
-            )
+            shown = some([f"{a.elements[0]}.. for {b.elements[0]}.." for a, b in taken])
+            note = "%s: %s writes indices in its own way, taken: %s"
+            _log.warning(note, self.name, self.path.name, shown)
         for a, b in taken:
             names |= zip(a.elements, b.elements, strict=True)
         return names
@@ -183,10 +180,8 @@ class _Exchange:
         """
         theirs = {our: their for their, our in self.names.items()}
         known = self.interface.settable()
-        model = self.interface.model.modelName
-        prepared = [
-            a for a in self.system.alternatives if a.component == self.name and a.fmu == model
-        ]
+        place = self.name, self.interface.model.modelName
+        prepared = [a for a in self.system.alternatives if (a.component, a.fmu) == place]
         if not prepared:
             self._warn_of_dropped(theirs)
 
@@ -215,13 +210,8 @@ class _Exchange:
         names = (theirs.get(p, p) for p in old.parameters)
         dropped = list(dict.fromkeys(base(p).partition(".")[0] for p in names if p not in known))
         if dropped:
-            _log.warning(
-                "%s: %s does not have these parameters of %s: %s",
-                old.name,
-                self.path.name,
-                old.fmu.stem,
-                some(dropped),
-            )
+            note = "%s: %s does not have these parameters of %s: %s"
+            _log.warning(note, old.name, self.path.name, old.fmu.stem, some(dropped))
 
 
 def _ports(interface: Interface) -> dict[str, Variable]:

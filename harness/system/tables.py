@@ -77,9 +77,8 @@ class Assignments:
 
     def _no_table(self, name: str, known: set[str]) -> None:
         close = did_you_mean(name, sorted(known - {name}))
-        self.problems.append(
-            f"{name}: parameters stand in a table per component, and this is none{close}"
-        )
+        fault = f"parameters stand in a table per component, and this is none{close}"
+        self.problems.append(f"{name}: {fault}")
 
     def shared(self, name: str, value: Any, written: bool = False) -> None:
         """Set a parameter of every component that has it; written: as a user has typed it."""
@@ -88,9 +87,8 @@ class Assignments:
             (self.write if written else self.set)(component, name, value)
         if not owners:
             known = {base(p) for i in self.interfaces.values() for p in i.named("parameter")}
-            self.problems.append(
-                f"{SHARED}.{name}: no component has such a parameter{did_you_mean(name, known)}"
-            )
+            close = did_you_mean(name, known)
+            self.problems.append(f"{SHARED}.{name}: no component has such a parameter{close}")
 
     def set(
         self, component: str, name: str, value: Value, known: Collection[str] | None = None

@@ -104,30 +104,21 @@ def _conversion(a: Unit | None, b: Unit | None) -> _Exact:
     """Exact conversion of numbers in unit a to numbers in unit b; none where they are alike."""
     if a is None or b is None or a.name == b.name:
         return _NOTHING
-    for unit in (a, b):
-        if unit.base is None:
-            raise UndefinedUnitError(
-                f"{a.name} cannot be converted to {b.name}: {unit.name} is not defined by a "
-                "BaseUnit"
-            )
-    assert a.base is not None
-    assert b.base is not None
+    if a.base is None or b.base is None:
+        undefined = f"{(a if a.base is None else b).name} is not defined by a BaseUnit"
+        raise UndefinedUnitError(f"{a.name} cannot be converted to {b.name}: {undefined}")
     if _dimension(a.base) != _dimension(b.base):
-        raise ValueError(
-            f"{a.name} [{_text(a.base)}] cannot be converted to {b.name} [{_text(b.base)}]"
-        )
-    (fa, oa), (fb, ob) = _scale(a), _scale(b)
+        wanted = f"{b.name} [{_text(b.base)}]"
+        raise ValueError(f"{a.name} [{_text(a.base)}] cannot be converted to {wanted}")
+    (fa, oa), (fb, ob) = _scale(a.name, a.base), _scale(b.name, b.base)
     return fa / fb, (oa - ob) / fb
 
 
-def _scale(unit: Unit) -> _Exact:
-    assert unit.base is not None
-    factor, offset = unit.base.get("factor", 1.0), unit.base.get("offset", 0.0)
+def _scale(name: str, base: Base) -> _Exact:
+    factor, offset = base.get("factor", 1.0), base.get("offset", 0.0)
     if not (math.isfinite(factor) and math.isfinite(offset) and factor != 0):
-        raise ValueError(
-            f"{unit.name} has the factor {factor:g} and the offset {offset:g}, nothing can be "
-            "converted"
-        )
+        scale = f"the factor {factor:g} and the offset {offset:g}"
+        raise ValueError(f"{name} has {scale}, nothing can be converted")
     return _fraction(factor), _fraction(offset)
 
 
