@@ -119,8 +119,6 @@ def _main(arguments: Sequence[str] | None) -> int:
         return _complain(str(error), error.exit_status)
     except (KeyboardInterrupt, typer.Abort):
         return _complain("interrupted", 1)
-    except BrokenPipeError as error:
-        return _output_lost(error)
     except Exception as error:
         return _unexpected(error)
     if status == INTERRUPTED:
@@ -148,11 +146,8 @@ def _unexpected(error: Exception) -> int:
         return _complain(line, 1)
     if os.environ.get("HARNESS_TRACEBACK"):
         raise error
-    return _complain(
-        "internal error (HARNESS_TRACEBACK=1 prints the traceback): "
-        f"{type(error).__name__}: {error}",
-        1,
-    )
+    hint = "internal error (HARNESS_TRACEBACK=1 prints the traceback)"
+    return _complain(f"{hint}: {type(error).__name__}: {error}", 1)
 
 
 def _complain(message: str, status: int) -> int:

@@ -94,6 +94,5 @@ def _pictures(store: Store, to: figures.Place) -> Iterator[Path]:
             yield figures.scatter(name, column, shown, to)
     for name in store.names("band"):
         numbers: Any = store.array("percentile").tolist()
-        band = store.array(name)
         plain = name.removesuffix("_band")
-        yield figures.bands(plain, store.array("time"), numbers, band, to)
+        yield figures.bands(plain, store.array("time"), numbers, store.array(name), to)

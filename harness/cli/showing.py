@@ -9,7 +9,7 @@ import io
 import shutil
 import sys
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,16 +41,14 @@ def listed(name: str | None = None) -> str:
     systems, fmus = paths.systems(), paths.fmus()
     if not systems and not fmus:
         raise UsageError("neither systems nor FMUs found: build the project first")
-    lines = ["systems"]
-    for path in systems.values():
-        lines += [f"  {line}" for line in _system_lines(path)]
-    lines += ["FMUs"]
+    about = [f"  {line}" for path in systems.values() for line in _system_lines(path)]
+    return "\n".join(("systems", *about, "FMUs", *_fmu_lines(fmus)))
+
+
+def _fmu_lines(fmus: Mapping[str, Path]) -> Iterator[str]:
     width = max(map(len, fmus), default=0)
-    lines += [
-        f"  {name:{width}}  {read_interface(path).model.description or ''}"
-        for name, path in fmus.items()
-    ]
-    return "\n".join(lines)
+    for name, path in fmus.items():
+        yield f"  {name:{width}}  {read_interface(path).model.description or ''}"
 
 
 def _system_lines(path: Path) -> list[str]:

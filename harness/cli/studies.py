@@ -124,14 +124,12 @@ class Compared:
         for name, text in pairs("--band", self.band or ()):
             value = float(text) if is_number(text) else math.nan
             if name not in ("position", "attitude") or not 0 < value < math.inf:
-                raise UsageError(
-                    f"--band {name}={text}: expected position=METRES or attitude=DEGREES, above 0"
-                )
+                wanted = "expected position=METRES or attitude=DEGREES, above 0"
+                raise UsageError(f"--band {name}={text}: {wanted}")
             given[name] = value
         if not 0 <= self.keep_out < math.inf:
-            raise UsageError(
-                f"--keep-out {self.keep_out:g}: expected a radius in metres, 0 or more"
-            )
+            wanted = "expected a radius in metres, 0 or more"
+            raise UsageError(f"--keep-out {self.keep_out:g}: {wanted}")
         return Limits(keep_out=self.keep_out, **given)
 
     def columns(self, system: str) -> list[str]:

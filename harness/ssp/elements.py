@@ -152,9 +152,10 @@ class ElementReader:
         """A system with all that is in it."""
         children = self._children(element, place)
         parameters = self._bindings(element, _label(place))
-        arrays = dict(self._arrays_of_group(element, place, children, parameters))
+        inside = Group(place, parameters=parameters, children=children)
+        arrays = dict(self._arrays_of_group(element, inside))
         connectors = self._connectors(element, place, arrays)
-        group = Group(place, connectors, parameters, arrays, children)
+        group = replace(inside, connectors=connectors, arrays=arrays)
         return replace(group, edges=tuple(self._edges(element, group)))
 
     def _children(self, element: XmlElement, place: Place) -> dict[str, Element]:
@@ -232,24 +233,19 @@ class ElementReader:
             if found is not None:
                 yield name, found
 
-    def _arrays_of_group(
-        self,
-        element: XmlElement,
-        place: Place,
-        children: Mapping[str, Element],
-        parameters: Parameters,
-    ) -> Iterator[tuple[str, Grid]]:
+    def _arrays_of_group(self, element: XmlElement, group: Group) -> Iterator[tuple[str, Grid]]:
         """Connectors of a system that are arrays: of the size in the file, else of what they are
         connected to inside.
         """
         for e in xml.every(element, CONNECTORS):
-            sizes = [_size(d, parameters) for d in dimensions(e)]
+            sizes = [_size(d, group.parameters) for d in dimensions(e)]
             known = tuple(size for size in sizes if size)
-            found = array(known) if len(known) == len(sizes) else _joined(element, e, children)
+            whole = len(known) == len(sizes)
+            found = array(known) if whole else _joined(element, e, group.children)
             if found:
                 yield e.get("name"), found
             elif sizes:
-                self.problems.append(f"{Point(place, e.get('name'))}: its size is not known")
+                self.problems.append(f"{Point(group.place, e.get('name'))}: its size is not known")
 
     # ---- connections
 

@@ -217,18 +217,17 @@ def _elements(d: Description, v: Declared, optional: bool) -> Iterator[Variable]
 
 def _whole(d: Description, v: Declared, optional: bool) -> Variable:
     """What the elements of an array have in common."""
-    kind = v.type
     items = dict(d.enumerations).get(v.type_name, [])
     is_fixed = v.variability == "constant" or v.causality in ("structuralParameter", "independent")
-    has_limits = kind in ("Real", "Integer")
+    has_limits = v.type in ("Real", "Integer")
     return Variable(
-        v.name, v.reference, kind, v.causality, v.attribute("unit"),
+        v.name, v.reference, v.type, v.causality, v.attribute("unit"),
         str(v.element.get("description", "")),
-        settable=bool(v.starts) and kind != "Binary" and not is_fixed,
+        settable=bool(v.starts) and v.type != "Binary" and not is_fixed,
         items={str(item.get("name")): int(item.get("value")) for item in items},
         type_name=v.type_name, low=v.number("min") if has_limits else None,
         high=v.number("max") if has_limits else None,
-        optional=kind == "Binary" or (optional and v.causality == "input" and bool(v.starts)),
+        optional=v.type == "Binary" or (optional and v.causality == "input" and bool(v.starts)),
         access=v.access, size=len(d.elements(v)),
     )  # fmt: skip
 

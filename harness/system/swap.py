@@ -59,13 +59,9 @@ def exchange(
         close = did_you_mean(name, known)
         raise UsageError(f"--swap {name}: {system.name} has no such component{close}")
     new = _Exchange(system, name, find_fmu(fmu), given)
-    connections, problems = new.rewired()
-    problems += new.missing_outputs(connections)
-    if problems:
-        problems += new.offered()
-        raise StructureError(f"--swap {name}={new.path.name}: {problem}" for problem in problems)
+    connections = tuple(new.connections())
     rest = tuple(a for a in system.alternatives if a.component != name)
-    return replace(new.system_with_values(), connections=tuple(connections), alternatives=rest)
+    return replace(new.system_with_values(), connections=connections, alternatives=rest)
 
 
 class _Exchange:
@@ -104,7 +100,7 @@ class _Exchange:
             names |= zip(a.elements, b.elements, strict=True)
         return names
 
-    def offered(self) -> list[str]:
+    def _offered(self) -> list[str]:
         """Ports of the new FMU that fit nothing yet, as options for what they could be."""
         connections, name = self.system.connections, self.name
         wired = {c.source.variable for c in connections if c.source.component == name}
@@ -122,7 +118,17 @@ class _Exchange:
 
     # ---- connections
 
-    def missing_outputs(self, connections: Sequence[Connection]) -> Iterator[str]:
+    def connections(self) -> list[Connection]:
+        """Those of the system with the FMU; StructureError with what is missing."""
+        connections, problems = self._rewired()
+        problems += self._missing_outputs(connections)
+        if problems:
+            problems += self._offered()
+            place = f"--swap {self.name}={self.path.name}"
+            raise StructureError(f"{place}: {problem}" for problem in problems)
+        return connections
+
+    def _missing_outputs(self, connections: Sequence[Connection]) -> Iterator[str]:
         """What others read from the component and the new FMU does not offer."""
         offered = self.interface.outputs()
         for source, target, hops in connections:
@@ -137,7 +143,7 @@ class _Exchange:
             if not hops and not units_agree(unit, wanted):
                 yield f"its output {source.signal} is in {unit}, {reader} expects {wanted}"
 
-    def rewired(self) -> tuple[list[Connection], list[str]]:
+    def _rewired(self) -> tuple[list[Connection], list[str]]:
         """Connections with the ports of the new FMU, and what keeps inputs from being driven."""
         connections, problems = list(self._renamed()), []
         driven = {c.target for c in connections}

@@ -65,20 +65,16 @@ class Assignments:
             return
         known = {SHARED, *self.interfaces}
         good = {c: t for c, t in tables.items() if c in known and isinstance(t, Mapping)}
+        odd = [c for c in tables if c not in good]
         for name, value in leaves(good.pop(SHARED, {})):
             self.shared(name, value)
         for component, table in good.items():
             for name, value in leaves(table):
                 self.set(component, name, value)
-        for component in (c for c in tables if c not in good and c != SHARED):
-            self._no_table(component, known)
-        if not isinstance(tables.get(SHARED, {}), Mapping):
-            self._no_table(SHARED, known)
-
-    def _no_table(self, name: str, known: set[str]) -> None:
-        close = did_you_mean(name, sorted(known - {name}))
-        fault = f"parameters stand in a table per component, and this is none{close}"
-        self.problems.append(f"{name}: {fault}")
+        for name in odd:
+            close = did_you_mean(name, sorted(known - {name}))
+            fault = f"parameters stand in a table per component, and this is none{close}"
+            self.problems.append(f"{name}: {fault}")
 
     def shared(self, name: str, value: Any, written: bool = False) -> None:
         """Set a parameter of every component that has it; written: as a user has typed it."""
