@@ -20,7 +20,7 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 
 from harness.errors import FmuError
-from harness.master import messages, place
+from harness.master import messages
 from harness.system.interface import Interface
 from harness.system.schedule import EARLY_RETURN, TERMINATION
 from harness.system.values import Scalar, Variable
@@ -61,7 +61,7 @@ class Calls(ABC):
 
     def call(self, function: str, *arguments: object) -> int:
         """Status of one function, which is named without its prefix."""
-        place.enter(self.name, self.prefix + function)
+        messages.enter(self.name, self.prefix + function)
         return int(getattr(self.library, self.prefix + function)(self.handle, *arguments))
 
     def function(self, verb: str, access: str) -> Any:
@@ -71,14 +71,14 @@ class Calls(ABC):
     def put(self, variables: Sequence[Variable], values: Sequence[Scalar]) -> int:
         """Set variables of one type, in FMI 3.0 all elements of one array."""
         access = variables[0].access
-        place.enter(self.name, f"{self.prefix}Set{access}")
+        messages.enter(self.name, f"{self.prefix}Set{access}")
         buffer = (self.in_c[access] * len(values))(*map(_in_c, values))
         return self._transfer("Set", variables, buffer)
 
     def get(self, variables: Sequence[Variable]) -> tuple[int, list[float]]:
         """Status and values of variables of one type, in FMI 3.0 all elements of one array."""
         access = variables[0].access
-        place.enter(self.name, f"{self.prefix}Get{access}")
+        messages.enter(self.name, f"{self.prefix}Get{access}")
         buffer = (self.in_c[access] * len(variables))()
         return self._transfer("Get", variables, buffer), [float(value) for value in buffer]
 
@@ -152,7 +152,7 @@ class Fmi2(Calls):
 
     def listen(self, categories: Sequence[str]) -> None:
         """Let messages of these categories through, and no others, if the FMU can do that."""
-        place.enter(self.name, "fmi2SetDebugLogging")
+        messages.enter(self.name, "fmi2SetDebugLogging")
         with contextlib.suppress(FMICallException):
             self.slave.setDebugLogging(True, categories)
 
@@ -169,7 +169,7 @@ class Fmi2(Calls):
 
     def free(self) -> None:
         """Free the instance and unload the library."""
-        place.enter(self.name, "fmi2FreeInstance")
+        messages.enter(self.name, "fmi2FreeInstance")
         self.slave.freeInstance()
 
 
@@ -266,7 +266,7 @@ class Fmi3(Calls):
 
     def free(self) -> None:
         """Free the instance and unload the library."""
-        place.enter(self.name, "fmi3FreeInstance")
+        messages.enter(self.name, "fmi3FreeInstance")
         self.library.fmi3FreeInstance.restype = None
         self.library.fmi3FreeInstance(self.handle)
         self._unload()
@@ -286,5 +286,5 @@ def load(
     raise.
     """
     kind = Fmi3 if interface.fmi == 3 else Fmi2
-    place.enter(name, "fmi3InstantiateCoSimulation" if interface.fmi == 3 else "fmi2Instantiate")
+    messages.enter(name, "fmi3InstantiateCoSimulation" if interface.fmi == 3 else "fmi2Instantiate")
     return kind(name, interface, folder, library, logging)

@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A whole system as one FMU, compiled from the sources in its FMUs, and its one instance in a run.
+"""A whole system as one FMU, compiled from the sources in its FMUs, and its one instance in a run;
+or as a WebAssembly module, which a page flies with the bits of a run here.
 
-core/build/fuse.py writes, compiles and packs it. For runs that happens once for every structure
-(components, connections, schedule): all values are set before every run.
+core/build/fuse.py writes, compiles and packs the FMU. For runs that happens once for every
+structure (components, connections, schedule): all values are set before every run.
+core/build/web_module.py makes the module of it.
 """
 
 from __future__ import annotations
 
 import ctypes
 import hashlib
+import importlib.util
 import json
 import logging
 import re
@@ -17,6 +20,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -30,7 +34,7 @@ from harness.files.temporary import PrivateFolder
 from harness.master.calls import OK, WARNING
 from harness.master.fmu import Instance
 from harness.master.transfer import Transfer
-from harness.system.graph import Graph, Node, Slot, Wire
+from harness.system.graph import Checked, Graph, Node, Slot, Wire
 from harness.system.interface import read_interface
 from harness.system.model import Component, System
 from harness.system.schedule import Verb, schedule
@@ -42,6 +46,9 @@ MACRO_STEP = "macro_step"
 """Parameter of the whole FMU: its communication steps are whole multiples of it [s]."""
 
 COMPILER = "cc"
+
+LIBRARY = "ziglang"
+"""Package that brings the compiler of modules."""
 
 
 class NotFusedError(HarnessError):
@@ -156,6 +163,61 @@ class WholeInstance(Instance):
         return bus
 
 
+# ---- a module for pages
+
+
+@dataclass(frozen=True)
+class Module:
+    """A module and what its flights are told.
+
+    names, references, values: of everything that can be set, in one order; outputs: references by
+    the name of the column.
+    """
+
+    code: bytes
+    names: tuple[str, ...]
+    references: tuple[int, ...]
+    values: NDArray[np.float64]
+    outputs: dict[str, int]
+
+
+def web_compiler() -> list[str]:
+    """The command of the compiler; HarnessError naming the extra if it is not there."""
+    if importlib.util.find_spec(LIBRARY) is None:
+        raise HarnessError(
+            f"a live page needs {LIBRARY}: pip install 'servicing-fmus[fly]' (or {LIBRARY})"
+        )
+    return [sys.executable, "-m", LIBRARY, "cc"]
+
+
+def module_of(system: System, found: Checked) -> Module:
+    """The module of a checked system; HarnessError if there is no compiler, or if the system cannot
+    be one FMU (NotFusedError: str() is the reason).
+    """
+    web = web_compiler()
+    native = COMPILER if shutil.which(COMPILER) else shlex.join(web)
+    whole = Whole(system, found.graph, native)
+    fmu = whole.interface.path
+    key = hashlib.sha256(fmu.read_bytes())
+    core = _core()
+    tool = core / "build" / "web_module.py"
+    for file in (core / "web" / "fly.c", tool):
+        key.update(file.read_bytes())
+    key.update(repr(web).encode())
+    said = f"--cc={shlex.join(web)}"
+    file = cache.made(
+        "whole.wasm", key.digest(), lambda to: _run(tool, str(fmu), "-o", str(to), said)
+    )
+    slots = (slot.name for slot in found.graph.slots)
+    return Module(
+        file.read_bytes(),
+        tuple(whole.interface.settable()),
+        tuple(whole.references),
+        whole.values(system, found.graph),
+        {name: wire.variable.reference for name, wire in zip(slots, whole.outputs, strict=True)},
+    )
+
+
 # ---- what fuse.py is told
 
 
@@ -222,25 +284,32 @@ def _key(plan: dict[str, Any], compiler: Sequence[str]) -> bytes:
     return total.digest()
 
 
-def _tools() -> Iterator[Path]:
+def _core() -> Path:
     core = paths.core()
-    assert core is not None
+    assert core is not None  # _command() has looked
+    return core
+
+
+def _tools() -> Iterator[Path]:
     for room in ("adapter", "build"):
-        yield from sorted(f for f in (core / room).iterdir() if f.suffix in (".c", ".h", ".py"))
+        files = (_core() / room).iterdir()
+        yield from sorted(f for f in files if f.suffix in (".c", ".h", ".py"))
 
 
 def _make(plan: dict[str, Any], path: Path, compiler: Sequence[str], fmi: int = 2) -> None:
-    core = paths.core()
-    assert core is not None
     with PrivateFolder() as folder:
         file = folder / "system.json"
         file.write_text(json.dumps(plan), encoding="utf-8")
-        tool = [sys.executable, str(core / "build" / "fuse.py"), str(file), "-o", str(path)]
-        done = subprocess.run(
-            [*tool, f"--cc={shlex.join(compiler)}", f"--fmi={fmi}"], stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT, text=True, errors="replace", check=False,
-            stdin=subprocess.DEVNULL,
-        )  # fmt: skip
+        options = (f"--cc={shlex.join(compiler)}", f"--fmi={fmi}")
+        _run(_core() / "build" / "fuse.py", str(file), "-o", str(path), *options)
+
+
+def _run(tool: Path, *arguments: str) -> None:
+    """Run a tool of core/build; NotFusedError in its first words."""
+    done = subprocess.run(
+        [sys.executable, str(tool), *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        text=True, errors="replace", check=False, stdin=subprocess.DEVNULL,
+    )  # fmt: skip
     if done.returncode:
         said = [line for line in done.stdout.splitlines() if line.strip()]
-        raise NotFusedError(said[0] if said else f"fuse.py ended with {done.returncode}")
+        raise NotFusedError(said[0] if said else f"{tool.name} ended with {done.returncode}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What the FMUs say through the logger callback of FMI.
+"""What the FMUs say through the logger callback of FMI, and the call that is being made.
 
 FMPy formats the variadic messages in a small C library that knows one Python function per process,
 so there is one log for all instances. An FMU's message is fetched right after its call has failed.
@@ -12,7 +12,9 @@ import logging
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 
+import numpy as np
 from fmpy import calloc, free
 from fmpy.fmi2 import (
     fmi2CallbackAllocateMemoryTYPE,
@@ -21,6 +23,7 @@ from fmpy.fmi2 import (
     fmi2CallbackLoggerTYPE,
 )
 from fmpy.logging import addLoggerProxy
+from numpy.typing import NDArray
 
 WARNING, DISCARD = 1, 2
 """fmi2Status values: messages of status DISCARD and above explain a failed call."""
@@ -110,6 +113,40 @@ def note_irreversible(instances: Sequence[str]) -> None:
         "%s: fmi2Reset does not bring back the beginning, loaded anew for every further run",
         " or ".join(instances),
     )
+
+
+# ---- the call that is being made, kept where others can read it if the process ends in it
+# (those of the macro step are marked by the executors instead, which costs less)
+
+PLACE_SIZE = 400
+"""Bytes of a place: name of the instance, a zero byte, name of the call."""
+
+Place = NDArray[np.uint8]
+
+_place: Place = np.zeros(PLACE_SIZE, dtype=np.uint8)
+
+
+def keep_place_in(place: Place) -> None:
+    """From now on keep the place there: memory that is shared with another process."""
+    global _place  # noqa: PLW0603 - one process makes one call at a time
+    _place = place
+
+
+def enter(instance: str, call: str) -> None:
+    """Note that an instance is about to be called."""
+    _place[:] = _written(instance, call)
+
+
+@lru_cache(maxsize=1024)
+def _written(instance: str, call: str) -> Place:
+    text = f"{instance[:200]}\0{call}".encode()[:PLACE_SIZE].ljust(PLACE_SIZE, b"\0")
+    return np.frombuffer(text, dtype=np.uint8)
+
+
+def read_place(place: Place) -> tuple[str, str]:
+    """Instance and call that were noted last; ("", "") if none was."""
+    instance, _, call = place.tobytes().decode(errors="replace").partition("\0")
+    return instance, call.rstrip("\0")
 
 
 # ---- notes of the harness on several runs of one system: what holds for all is said once

@@ -22,7 +22,7 @@ import numpy as np
 
 from harness.errors import UsageError
 from harness.master.changes import Changes, apply
-from harness.master.web import Module, module_of
+from harness.master.fused import Module, module_of
 from harness.report import conditions, models, run
 from harness.report.arrays import Arrays, Canvas, kept_rows
 from harness.report.template import render, text_of

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from harness.errors import RefusalError, RunError, UsageError
 from harness.files.temporary import PrivateFolder
-from harness.master import messages, place
+from harness.master import messages
 from harness.master.calls import OK, WARNING
 from harness.master.fmu import loaded
 from harness.master.refusals import as_typed, refusals
@@ -158,7 +158,7 @@ class _Bench:
             self._do(function, start, *arguments)
         self._do("ExitInitializationMode", start)
         for k in range(steps):
-            place.enter(self.name, f"{self._calls.prefix}DoStep")
+            messages.enter(self.name, f"{self._calls.prefix}DoStep")
             self._check(self._calls.step(start + k * h, h, 1), "DoStep", start + k * h)
         return self._finite(self._read(start + steps * h), start + steps * h)
 

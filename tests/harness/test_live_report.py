@@ -15,7 +15,7 @@ import pytest
 from harness import load, run
 from harness.errors import HarnessError, StructureError, UsageError
 from harness.files import paths
-from harness.master import web
+from harness.master import fused
 from harness.report import conditions, fly, template
 from harness.report.html import write
 from harness.report.trace import Trace, Traced, traces_kept
@@ -164,7 +164,7 @@ def test_without_the_compiler_one_line_says_how_to_get_it(monkeypatch, tmp_path)
     result = run("space_robot", stop=2.0)
     there = importlib.util.find_spec
     monkeypatch.setattr(
-        web.importlib.util, "find_spec", lambda n: None if n == web.LIBRARY else there(n)
+        fused.importlib.util, "find_spec", lambda n: None if n == fused.LIBRARY else there(n)
     )
     with pytest.raises(HarnessError, match=r"needs ziglang: pip install 'servicing-fmus\[fly\]'"):
         write(result, tmp_path / "page.html", fly=True)

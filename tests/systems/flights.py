@@ -13,7 +13,7 @@ import pytest
 
 from harness import load
 from harness.master.changes import apply
-from harness.master.web import module_of
+from harness.master.fused import module_of
 from harness.system.graph import checked
 
 SCRIPT = Path(__file__).with_name("fly.js")
