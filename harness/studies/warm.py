@@ -36,6 +36,7 @@ class Warm:
         self._executor = executor
         self.system = self._life.enter_context(load(system))
         self._simulation: Simulation | None = None
+        self._required: tuple[Any, System] | None = None
         self.pace = math.nan
 
     def fly(
@@ -51,13 +52,25 @@ class Warm:
         are to be recorded (None: all), see Simulation.fly_system(). With the executor `fused` it is
         a Reading.
         """
-        changed = apply(self.system, **changes)
+        changed = self._changed(changes)
         if isolated.all_ours(changed):
             result, pace = self._here(changed, every, wanted)
         else:
             result, pace = isolated.timed(changed, every, patience, self._executor)
         self.pace = 1e6 * pace
         return result
+
+    def _changed(self, changes: Changes) -> System:
+        """The system of a run; requirements that all runs are given are looked at once, unless a
+        swap takes what they need.
+        """
+        given = changes.get("require", ())
+        if not given or changes.get("swap"):
+            return apply(self.system, **changes)
+        if self._required is None or self._required[0] != given:
+            self._required = given, apply(self.system, require=given)
+        others: Any = {name: value for name, value in changes.items() if name != "require"}
+        return apply(self._required[1], **others)
 
     def _here(
         self, system: System, every: int, wanted: Collection[str] | None
