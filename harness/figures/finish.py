@@ -198,12 +198,8 @@ def tell_apart(axes: Any) -> None:
     """Curves of axes that have different colours get different dashes; those of one colour, as the
     edges of a band, keep theirs together.
     """
-    kinds: dict[Any, list[Any]] = {}
-    for line in axes.get_lines():
-        if line.get_linestyle() != "None" and np.size(line.get_xdata()) > 1:
-            kinds.setdefault((str(line.get_color()), *look_of(line)), []).append(line)
     taken: set[Any] = set()
-    for lines in kinds.values():
+    for lines in _kinds(axes):
         own = look_of(lines[0])
         if own in taken:
             looks = product(WIDTHS, DASHES)
@@ -214,6 +210,15 @@ def tell_apart(axes: Any) -> None:
         taken.add(own)
     if legend := axes.get_legend():
         _repeat(legend, axes.get_legend_handles_labels()[0])
+
+
+def _kinds(axes: Any) -> Iterable[list[Any]]:
+    """Curves that look the same, colour included."""
+    kinds: dict[Any, list[Any]] = {}
+    for line in axes.get_lines():
+        if line.get_linestyle() != "None" and np.size(line.get_xdata()) > 1:
+            kinds.setdefault((str(line.get_color()), *look_of(line)), []).append(line)
+    return kinds.values()
 
 
 def _repeat(legend: Any, shown: Iterable[Any]) -> None:

@@ -24,28 +24,7 @@ from harness.mission.mission import Gauge, Limits, Measure, Mission, Plan, Scene
 from harness.results.verdict import Verdict
 
 __all__ = [
-    "Band",
-    "Case",
-    "Claim",
-    "Condition",
-    "Curve",
-    "Drawing",
-    "Figure",
-    "Gauge",
-    "Judgement",
-    "Level",
-    "Limits",
-    "Measure",
-    "Mission",
-    "Overlay",
-    "Panel",
-    "Paper",
-    "Phase",
-    "Plan",
-    "RuleFinding",
-    "Scene",
-    "Verdict",
-    "at_least",
-    "at_most",
-    "inherit",
-]
+    "Band", "Case", "Claim", "Condition", "Curve", "Drawing", "Figure", "Gauge", "Judgement",
+    "Level", "Limits", "Measure", "Mission", "Overlay", "Panel", "Paper", "Phase", "Plan",
+    "RuleFinding", "Scene", "Verdict", "at_least", "at_most", "inherit",
+]  # fmt: skip

@@ -12,7 +12,6 @@ from __future__ import annotations
 import base64
 import gzip
 import hashlib
-import logging
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import zip_longest
@@ -42,8 +41,6 @@ STEPS = 200
 NOISE = 1e-9
 """Part by which rows are changed to see what the operations have lost."""
 
-_log = logging.getLogger("harness")
-
 
 def of_run(result: Result) -> str:
     """The page of one run as text, with its system inside.
@@ -56,19 +53,21 @@ def of_run(result: Result) -> str:
         raise UsageError("the result does not name its system, which a live page needs")
     changes: Changes = known.changes()  # type: ignore[assignment]
     with load(known.source) as found:
-        system = apply(found, **changes)
-        steps = checked(system)
-        module = module_of(system, steps)
-        named = list(sliders(system.sliders, read_interfaces(system)))
+        return _page(result, apply(found, **changes))
+
+
+def _page(result: Result, system: System) -> str:
+    steps = checked(system)
+    module = module_of(system, steps)
+    named = list(sliders(system.sliders, read_interfaces(system)))
     canvas, data = _traced(result, [slider.name for slider in named])
-    flight = _flight(result, system, steps, module, canvas)
     page = render(
         "fly.html",
         canvas,
         data,
         **run.texts(result),
         sliders=[_slider(result, module, slider) for slider in named],
-        flight=flight,
+        flight=_flight(result, system, steps, module, canvas),
         module=base64.b64encode(gzip.compress(module.code, 9, mtime=0)).decode(),
         live={name: text_of(name) for name in LIVE},
     )

@@ -52,11 +52,6 @@ def script(library: str) -> str:
     return base64.b64encode(gzip.compress(file.read_bytes(), 4, mtime=0)).decode()
 
 
-def available() -> bool:
-    """Whether all libraries are installed."""
-    return all(importlib.util.find_spec(library) for library in SCRIPTS)
-
-
 def render(template: str, canvas: Canvas, data: dict[str, Any], **texts: Any) -> str:
     """A page from a template: texts are filled in, numbers go to its scripts as JSON."""
     return _template(template).render(

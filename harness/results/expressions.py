@@ -130,11 +130,8 @@ def parsed(text: str, others: Sequence[str] = (), kind: str = "") -> ast.expr:
     """
     _limit(text)
     units = [match["unit"] for match in QUANTITY.finditer(text)]
-    places = count()
     try:
-        marks = QUANTITY.sub(lambda match: f"quantity({match['number']}, {next(places)})", text)
-        with warnings.catch_warnings(action="error"):  # 1if: "invalid decimal literal"
-            marked = ast.parse(marks, mode="eval").body
+        marked = _marked(text)
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         names = did_you_mean(text, others)
         what = f"there is no such {kind}, and " if kind else ""
@@ -144,6 +141,14 @@ def parsed(text: str, others: Sequence[str] = (), kind: str = "") -> ast.expr:
     tree: ast.expr = _Quantities(units).visit(marked)
     _walk(tree, [], others, kind)
     return tree
+
+
+def _marked(text: str) -> ast.expr:
+    """The tree of a text with every number with a unit as quantity(number, place of the unit)."""
+    places = count()
+    marks = QUANTITY.sub(lambda match: f"quantity({match['number']}, {next(places)})", text)
+    with warnings.catch_warnings(action="error"):  # 1if: "invalid decimal literal"
+        return ast.parse(marks, mode="eval").body
 
 
 def _limit(text: str) -> None:

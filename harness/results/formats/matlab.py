@@ -37,19 +37,25 @@ def write(result: Result, path: Path) -> None:
         "system": result.system,
         "complete": float(result.complete),
         "message": result.message,
+        **_structs(result),
     }
+    if result.provenance is not None:
+        content["provenance"] = flat(result.provenance)
+    scipy.io.savemat(path, content, long_field_names=True, oned_as="column", do_compression=True)
+
+
+def _structs(result: Result) -> dict[str, Any]:
+    """Components, what is told about their fields, and parameters."""
     told: dict[str, Any] = {name: {} for name in STRUCTS}
+    found: dict[str, Any] = {}
     fixed: dict[str, Any] = {}
-    for table, place, begin in ((result, content, ""), (result.parameters, fixed, OF_FIXED)):
+    for table, place, begin in ((result, found, ""), (result.parameters, fixed, OF_FIXED)):
         for name, values, about in _told(table):
             component, variable = _place(place, name)
             place[component][variable] = values if table is result else values[0]
             for attribute, kind in TOLD.items():
                 told[begin + kind].setdefault(component, {})[variable] = about[attribute]
-    content |= told | {"parameters": fixed}
-    if result.provenance is not None:
-        content["provenance"] = flat(result.provenance)
-    scipy.io.savemat(path, content, long_field_names=True, oned_as="column", do_compression=True)
+    return {**found, **told, "parameters": fixed}
 
 
 def _told(table: Result | None) -> Iterator[tuple[str, Array, dict[str, str]]]:
