@@ -154,18 +154,22 @@ def _refuse_unsafe(path: Path, entries: list[zipfile.ZipInfo], limit: int) -> No
     """
     if min((entry.header_offset for entry in entries), default=1) != 0:
         raise zipfile.BadZipFile("File is truncated")
+    for fault in _faults(entries, limit):
+        raise ArchiveError(f"{path}: refused, it {fault}")
+
+
+def _faults(entries: list[zipfile.ZipInfo], limit: int) -> Iterator[str]:
+    """Why an archive must not be unpacked."""
     for entry in entries:
         if reason := _unsafe(entry):
-            raise ArchiveError(f"{path}: refused, it holds {reason}: {entry.orig_filename!r}")
+            yield f"holds {reason}: {entry.orig_filename!r}"
     if double := _double(entries):
-        raise ArchiveError(f"{path}: refused, it holds two files of one name: {double!r}")
+        yield f"holds two files of one name: {double!r}"
     if len(entries) > MAX_FILES:
-        files = f"{len(entries)} files, more than the limit of {MAX_FILES}"
-        raise ArchiveError(f"{path}: refused, it holds {files}")
+        yield f"holds {len(entries)} files, more than the limit of {MAX_FILES}"
     size = sum(entry.file_size for entry in entries)
     if size > limit:
-        unpacked = f"{size} bytes, more than the limit of {limit}"
-        raise ArchiveError(f"{path}: refused, it would unpack to {unpacked}")
+        yield f"would unpack to {size} bytes, more than the limit of {limit}"
 
 
 def _double(entries: list[zipfile.ZipInfo]) -> str | None:

@@ -258,15 +258,14 @@ def _settable(v: Declared) -> bool:
 
 def repeated_units(d: Description) -> Iterator[str]:
     """Units have names of their own."""
-    names = [e.get("name") for e in d.all("UnitDefinitions/Unit")]
-    yield from (f"the unit {name} is defined twice" for name in twice(names))
+    for name in twice(e.get("name") for e in d.all("UnitDefinitions/Unit")):
+        yield f"the unit {name} is defined twice"
 
 
 def repeated_display_units(d: Description) -> Iterator[str]:
     """Display units of one unit have names of their own."""
     for unit in d.all("UnitDefinitions/Unit"):
-        names = [e.get("name") for e in unit.iterfind("DisplayUnit")]
-        for name in twice(names):
+        for name in twice(e.get("name") for e in unit.iterfind("DisplayUnit")):
             yield f"the display unit {name} of {unit.get('name')} is defined twice"
 
 

@@ -79,9 +79,9 @@ def repeated_alias_names(d: Description3) -> Iterator[str]:
     """Aliases have names of their own."""
     names = [v.name for v in d.variables]
     names += [e.get("name") for v in d.variables for e in v.element.iterfind("Alias")]
-    plain = {v.name for v in d.variables}
+    plain = [v.name for v in d.variables]
     for name in twice(names):
-        if name not in twice(v.name for v in d.variables):
+        if name not in twice(plain):
             what = "a variable" if name in plain else "an alias"
             yield f"{name}: is the name of an alias, and of {what}"
 
@@ -135,10 +135,8 @@ def terminal_members(d: Description3) -> Iterator[str]:
 
 def repeated_terminals(d: Description3) -> Iterator[str]:
     """Terminals beside each other have names of their own."""
-    owners = () if d.terminals is None else d.terminals.iter("Terminals", "Terminal")
-    for owner in owners:
-        names = [e.get("name") for e in owner.iterfind("Terminal")]
-        for name in twice(names):
+    for owner in () if d.terminals is None else d.terminals.iter("Terminals", "Terminal"):
+        for name in twice(e.get("name") for e in owner.iterfind("Terminal")):
             yield f"terminalsAndIcons.xml: there are two terminals {name}"
 
 

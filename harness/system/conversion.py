@@ -5,12 +5,12 @@ enumeration items.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from harness.spelling import did_you_mean
 from harness.system.interface import Interface
 from harness.system.model import Connection, Parameter
-from harness.system.units import IDENTITY, Affine, UndefinedUnitError, Unit, compose
+from harness.system.units import IDENTITY, Affine, Hop, UndefinedUnitError, Unit, compose
 from harness.system.values import Scalar, Variable, coerce
 
 
@@ -26,16 +26,22 @@ def way(
     units = [interface.unit(interface.variables[variable]) for interface, variable in ends]
     if not connection.hops and units[0] and units[1] and units[0].name == units[1].name:
         return IDENTITY
+    return _composed(units[0], connection.hops, units[1], strict)
+
+
+def _composed(start: Unit | None, hops: Sequence[Hop], end: Unit | None, strict: bool) -> Affine:
     try:
-        return compose(units[0], connection.hops, units[1])
+        return compose(start, hops, end)
     except UndefinedUnitError:
         if strict:
             raise
-        return compose(None, [hop._replace(convert=False) for hop in connection.hops], None)
+        return compose(None, [hop._replace(convert=False) for hop in hops], None)
 
 
 def final(parameter: Parameter, variable: Variable, interface: Interface) -> Scalar:
-    """Value of a parameter in type and unit of its variable; ValueError if it has none."""
+    """Value of a parameter in type and unit of its variable; ValueError if it has none. In files of
+    other tools a unit that nobody defines changes nothing.
+    """
     value = parameter.value
     if variable.type == "Enumeration" and isinstance(value, str):
         if value not in variable.items:
@@ -43,27 +49,16 @@ def final(parameter: Parameter, variable: Variable, interface: Interface) -> Sca
             raise ValueError(f"there is no item '{value}'{names}")
         return variable.items[value]
     if parameter.hops or parameter.unit not in (None, variable.unit):
-        change = _change(parameter, variable, interface)
+        ends = _start(parameter, interface), interface.unit(variable)
+        change = _composed(ends[0], parameter.hops, ends[1], strict=not parameter.optional)
         if change != IDENTITY and isinstance(value, str):
             raise ValueError(f"'{value}' is not a number, it cannot be transformed")
         value = value if change == IDENTITY else change(float(value))
     return coerce(value, variable.type, variable.access)
 
 
-def _change(parameter: Parameter, variable: Variable, interface: Interface) -> Affine:
-    """What happens to the number of a parameter; a unit that its file does not define may be one of
-    the FMU's. In files of other tools one that nobody defines changes nothing.
-    """
-    try:
-        return compose(_start(parameter, interface), parameter.hops, interface.unit(variable))
-    except UndefinedUnitError:
-        if not parameter.optional:
-            raise
-        return compose(None, [hop._replace(convert=False) for hop in parameter.hops], None)
-
-
 def _start(parameter: Parameter, interface: Interface) -> Unit | None:
-    """The unit that a parameter is given in."""
+    """The unit that a parameter is given in; one that its file does not define may be the FMU's."""
     if parameter.unit is None:
         return None
     return parameter.meaning or Unit(parameter.unit, interface.units.get(parameter.unit))
@@ -73,8 +68,6 @@ def is_unconverted(parameter: Parameter, variable: Variable, interface: Interfac
     """Whether a parameter is taken as it is because nobody defines its unit."""
     try:
         compose(_start(parameter, interface), parameter.hops, interface.unit(variable))
-    except UndefinedUnitError:
-        return True
-    except ValueError:
-        return False
+    except ValueError as error:
+        return isinstance(error, UndefinedUnitError)
     return False
