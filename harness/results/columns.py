@@ -11,9 +11,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from harness.results.result import Array
 
 PAIRWISE = 8
 """So many numbers in a row numpy adds in pairs, fewer from the first to the last."""

@@ -18,13 +18,11 @@ from itertools import count
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.results.columns import minus, norm, plus, total
+from harness.results.result import Array
 from harness.spelling import did_you_mean
 from harness.system.units import convert
-
-Array = NDArray[np.float64]
 
 STEADY = 0.2
 """Last part of the time in which an error is steady."""
