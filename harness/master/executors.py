@@ -31,6 +31,15 @@ class Clock(NamedTuple):
         return self.start + k * self.step
 
 
+class Loop(NamedTuple):
+    """What an executor runs: the plan of a macro step, over one bus, into one table."""
+
+    plan: Sequence[Action[Instance]]
+    bus: NDArray[np.float64]
+    recorder: Recorder
+    clock: Clock
+
+
 class Executor(Protocol):
     """Something that performs macro steps; RunError names the instance that failed.
 
@@ -46,26 +55,21 @@ class Executor(Protocol):
 class PythonExecutor:
     """The loop as it is meant."""
 
-    def __init__(
-        self,
-        plan: Sequence[Action[Instance]],
-        bus: NDArray[np.float64],
-        recorder: Recorder,
-        clock: Clock,
-    ) -> None:
-        self.plan, self.bus, self.recorder, self.clock = plan, bus, recorder, clock
-        self.calls = [_marked(action) for action in plan]
+    def __init__(self, loop: Loop) -> None:
+        self.loop = loop
+        self.calls = [_marked(action) for action in loop.plan]
 
     def run(self, first: int, last: int) -> None:
         """Macro steps first .. last - 1, recording each; RunError names the instance that
         failed.
         """
+        plan, bus, recorder, clock = self.loop
         for k in range(first, last):
-            for i, action in enumerate(self.plan):
+            for i, action in enumerate(plan):
                 if action.due(k):
-                    self.recorder.marks[1] = i
-                    action.instance.act(action.verb, self.bus, self.clock.time(k), self.clock.step)
-            self.recorder.record(k + 1, self.bus)
+                    recorder.marks[1] = i
+                    action.instance.act(action.verb, bus, clock.time(k), clock.step)
+            recorder.record(k + 1, bus)
 
 
 _SET_AFFINE, _SET_FLOAT64, _GET_FLOAT64 = 5, 6, 7
@@ -140,26 +144,19 @@ class _Stop(ctypes.Structure):
 class CExecutor:
     """The same loop in C, over the function pointers of the libraries that FMPy has loaded."""
 
-    def __init__(
-        self,
-        plan: Sequence[Action[Instance]],
-        bus: NDArray[np.float64],
-        recorder: Recorder,
-        clock: Clock,
-    ) -> None:
-        self.recorder, self.clock = recorder, clock
-        self._execute = _loop()
-        self._origin = list(_origins(plan))
+    def __init__(self, loop: Loop) -> None:
+        self.loop = loop  # what C points into
+        self._execute = _library()
+        self._origin = list(_origins(loop.plan))
         self.calls = [_marked(action) for action, _ in self._origin]
         self._calls = (_Call * len(self._origin))(*(_call(*origin) for origin in self._origin))
-        table = recorder.table
-        self._keep = (plan, bus)
+        recorder, clock = loop.recorder, loop.clock
         self._run = _Run(
             clock.start,
             clock.step,
-            bus.ctypes.data,
-            len(bus),
-            table.ctypes.data,
+            loop.bus.ctypes.data,
+            len(loop.bus),
+            recorder.table.ctypes.data,
             recorder.every,
             recorder.steps,
             recorder.marks.ctypes.data,
@@ -170,10 +167,10 @@ class CExecutor:
         failed.
         """
         stop = self._execute(self._calls, len(self._calls), ctypes.byref(self._run), first, last)
-        self.recorder.done = stop.done
+        self.loop.recorder.done = stop.done
         if stop.done < last:
             action, transfer = self._origin[stop.call]
-            self._fail(action, transfer, stop.status, self.clock.time(stop.done))
+            self._fail(action, transfer, stop.status, self.loop.clock.time(stop.done))
 
     def _fail(
         self, action: Action[Instance], transfer: Transfer | None, status: int, time: float
@@ -228,7 +225,7 @@ def _address(function: CFunction) -> int | None:
     return ctypes.cast(function, ctypes.c_void_p).value
 
 
-def _loop() -> CFunction:
+def _library() -> CFunction:
     path = loop_library()
     if path is None:
         raise UsageError(
@@ -246,7 +243,7 @@ def _loop() -> CFunction:
     return execute
 
 
-Factory = Callable[[Sequence[Action[Instance]], NDArray[np.float64], Recorder, Clock], Executor]
+Factory = Callable[[Loop], Executor]
 
 FUSED = "fused"
 """The loop in C over one FMU of the whole system (harness.master.fused)."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +20,7 @@ from harness.files import signals
 from harness.files.temporary import PrivateFolder
 from harness.master import messages
 from harness.master.changes import Changes, apply
-from harness.master.executors import EXECUTORS, FUSED, Clock, known_executor
+from harness.master.executors import EXECUTORS, FUSED, Clock, Loop, known_executor
 from harness.master.fmu import Instance
 from harness.master.fused import Whole, WholeInstance, compiled, slots_of
 from harness.master.initialization import initialize
@@ -30,7 +30,7 @@ from harness.master.recorder import Recorder
 from harness.master.refusals import as_typed
 from harness.results.provenance import flown, now
 from harness.results.result import Result
-from harness.system.graph import Checked, Node, Slot, checked, columns, constants, rechecked
+from harness.system.graph import Checked, Node, checked, columns, constants, rechecked
 from harness.system.model import System
 from harness.system.schedule import schedule
 
@@ -250,7 +250,8 @@ class Simulation:
             for left in before.values():
                 left.close()
         plan = schedule(self.system.experiment.algorithm, self.instances)
-        self._executor = EXECUTORS[self._executor_name](plan, self.bus, self.recorder, self.clock)
+        loop = Loop(plan, self.bus, self.recorder, self.clock)
+        self._executor = EXECUTORS[self._executor_name](loop)
 
     def _loaded(self, node: Node, earlier: Instance | None) -> Instance:
         """A new instance; of the earlier one only what is known of its reset is kept."""
@@ -298,7 +299,6 @@ class Simulation:
     def _repeats(self, wanted: NDArray[np.float64]) -> bool:
         last = (len(wanted) - 1) * self.recorder.every
         try:
-            self.initialize()
             self._advance(last, None)
         except RunError:
             return False
@@ -321,16 +321,14 @@ class Simulation:
         self.settled, undecided = initialize(
             self.instances, self.bus, self.clock.start, self.clock.time(self.steps)
         )
-        if undecided.any():
-            self._warn_of_loop([self.graph.slots[i].name for i in np.flatnonzero(undecided)])
+        if names := [self.graph.slots[i].name for i in np.flatnonzero(undecided)]:
+            more = f" and {len(names) - 5} more" if len(names) > 5 else ""
+            loop = f"{', '.join(names[:5])}{more}"
+            _log.warning(
+                "%s: initial values do not settle (an algebraic loop): %s", self.system.name, loop
+            )
         self._initialised = True
         self.recorder.record(0, self.bus)
-
-    def _warn_of_loop(self, names: Sequence[str]) -> None:
-        shown = ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
-        _log.warning(
-            "%s: initial values do not settle (an algebraic loop): %s", self.system.name, shown
-        )
 
     # ---- running
 
@@ -357,13 +355,13 @@ class Simulation:
                 raise UsageError("a Simulation can advance inside its `with` block only")
             last = self.steps if to is None else min(to, self.steps)
             try:
-                self._begin_and_advance(last, progress)
+                self._advance(last, progress)
             except RunError:
                 if self._apart:
                     raise
                 self._separate()  # the same run, and its end in the words of the FMU that fails
                 self._assemble()
-                self._begin_and_advance(last, progress)
+                self._advance(last, progress)
         except KeyboardInterrupt:
             raise self._partial(InterruptionError(self.system.name, self.time)) from None
         except RefusalError as error:
@@ -372,12 +370,9 @@ class Simulation:
         except RunError as error:
             raise self._partial(error) from error.__cause__
 
-    def _begin_and_advance(self, to: int, progress: Callable[[int], None] | None) -> None:
+    def _advance(self, to: int, progress: Callable[[int], None] | None) -> None:
         if not self._initialised:
             self.initialize()
-        self._advance(to, progress)
-
-    def _advance(self, to: int, progress: Callable[[int], None] | None) -> None:
         chunk = 1
         while self.step < to:
             if self.pacer is not None:
@@ -434,28 +429,24 @@ class Simulation:
 
         The table is not copied: stepping on after restore() overwrites its later rows.
         """
-        names, units, descriptions = columns(self._recorded_slots())
+        slots = self.graph.slots
+        recorded = slots if self.kept is None else tuple(slots[i] for i in self.kept)
+        names, units, descriptions = columns(recorded)
         time = np.asarray(
             self.clock.start + self.recorder.macro_steps * self.clock.step, dtype=np.float64
         )
-        complete = self.step == self.steps
-        rows = self.recorder.rows
         return Result(
             self.system.name,
             time,
             names,
             units,
-            rows,
+            self.recorder.rows,
             descriptions,
-            complete,
-            message,
-            self.parameters(),
-            flown(self.system, self._executor_name, self.recorder.every, self.timing),
+            complete=self.step == self.steps,
+            message=message,
+            parameters=self.parameters(),
+            provenance=flown(self.system, self._executor_name, self.recorder.every, self.timing),
         )
-
-    def _recorded_slots(self) -> tuple[Slot, ...]:
-        slots = self.graph.slots
-        return slots if self.kept is None else tuple(slots[i] for i in self.kept)
 
     def last(self) -> NDArray[np.float64]:
         """Present values of all slots of the system, recorded or not."""
