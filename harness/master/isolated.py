@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -104,6 +104,30 @@ def _call(_send: Send, function: Callable[..., Any], *arguments: Any) -> Any:
     return function(*arguments)
 
 
+class _Order(NamedTuple):
+    """What the child is to run, and the memory for its rows."""
+
+    system: System
+    how: dict[str, Any]
+    table: Block
+    marks: Block
+
+    def simulation(self) -> Simulation:
+        """One that fills this memory."""
+        with silence():  # the parent has said it already
+            made = Simulation(self.system, **self.how)
+        self.share(made)
+        return made
+
+    def share(self, simulation: Simulation) -> None:
+        """Let a simulation record there."""
+        recorder = simulation.recorder
+        recorder.keep_in(
+            array(self.table, recorder.table.shape, np.float64),
+            array(self.marks, recorder.marks.shape, np.int64),
+        )
+
+
 class _Run:
     """The run as seen from here: a Simulation that is never entered, whose rows a child fills."""
 
@@ -115,20 +139,21 @@ class _Run:
         patience: float = math.inf,
         pacer: Pacer | None = None,
     ) -> None:
-        self.simulation = Simulation(system, executor=executor, every=every, pacer=pacer)
+        how: Any = {"executor": executor, "every": every, "pacer": pacer}
+        self.simulation = Simulation(system, **how)
         recorder = self.simulation.recorder
-        table, marks = block(recorder.table.nbytes), block(recorder.marks.nbytes)
-        _share(self.simulation, table, marks)
-        forked = context().get_start_method() == "fork"
-        ready = self.simulation if forked else None  # a fork needs no second one
-        self._arguments = (ready, system, executor, every, pacer, table, marks)
+        memory = block(recorder.table.nbytes), block(recorder.marks.nbytes)
+        self._order = _Order(system, how, *memory)
+        self._order.share(self.simulation)
         self.calls: list[tuple[str, str]] | None = None
         self.error: Exception | None = None
         self.over = self.closed = False
         self.watch = _Watch(patience)
 
     def __enter__(self) -> _Run:
-        self.child = Child(_run, *self._arguments)
+        forked = context().get_start_method() == "fork"
+        ready = self.simulation if forked else None  # a fork needs no second one
+        self.child = Child(_run, self._order, ready)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -224,33 +249,12 @@ class _Watch:
         return bool(self.verdict)
 
 
-def _share(simulation: Simulation, table: Block, marks: Block) -> None:
-    recorder = simulation.recorder
-    recorder.keep_in(
-        array(table, recorder.table.shape, np.float64),
-        array(marks, recorder.marks.shape, np.int64),
-    )
-
-
 # ---- in the child
 
 
-def _run(  # noqa: PLR0913, PLR0917 - two blocks of memory
-    send: Send,
-    simulation: Simulation | None,
-    system: System,
-    executor: str,
-    every: int | None,
-    pacer: Pacer | None,
-    table: Block,
-    marks: Block,
-) -> None:
+def _run(send: Send, order: _Order, ready: Simulation | None) -> None:
     """Run the system into shared memory; the outcome is sent before the FMUs are freed."""
-    if simulation is None:
-        with silence():  # the parent has said it already
-            simulation = Simulation(system, executor=executor, every=every, pacer=pacer)
-        _share(simulation, table, marks)
-
+    simulation = order.simulation() if ready is None else ready
     recorder = simulation.recorder
 
     def obey(_: int) -> None:

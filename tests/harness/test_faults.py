@@ -468,17 +468,19 @@ def test_marks_that_foreign_code_has_written_over_do_no_harm(folder, monkeypatch
 
     crash = isolated._run
 
-    def scribble(send, simulation, *rest):
-        crash(
-            lambda kind, content: kind == isolated.BEGUN and send(kind, content), simulation, *rest
-        )
+    def scribble(send, order, simulation):
+        def begun(kind, content):
+            if kind == isolated.BEGUN:
+                send(kind, content)
+
+        crash(begun, order, simulation)
         simulation.recorder.marks[:] = 2**62
         os.abort()
 
     monkeypatch.setattr(isolated, "_run", scribble)
     assert run(folder / "two.ssp").complete  # all rows are there, as far as anybody can tell
 
-    def nonsense(send, simulation, *rest):
+    def nonsense(send, order, simulation):
         send(isolated.BEGUN, [("b", "fmi2DoStep")])
         simulation.recorder.marks[:] = -(2**62)
         os.abort()
