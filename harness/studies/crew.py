@@ -17,7 +17,6 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from functools import cache
 from multiprocessing import connection, forkserver, resource_tracker
-from pathlib import Path
 from queue import SimpleQueue
 from types import ModuleType
 from typing import Any, Self
@@ -113,7 +112,7 @@ class _Lane:
                 raise LostError
             context: Any = multiprocessing.get_context(METHOD)
             self._line, theirs = context.Pipe()
-            given = theirs, self._ready, dict(os.environ), Path.cwd()
+            given = theirs, self._ready, dict(os.environ)
             self._process = context.Process(target=_serve, args=given)
             self._process.start()
             theirs.close()
@@ -152,12 +151,11 @@ class _Lane:
 # ---- in the process
 
 
-def _serve(line: Any, ready: Ready, environment: Mapping[str, str], folder: Path) -> None:
+def _serve(line: Any, ready: Ready, environment: Mapping[str, str]) -> None:
     """Do what comes through the line until it is closed; Ctrl-C is for the one at its other end."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     end_with_parent()
     os.environ.update(environment)  # the process that this one is forked from has that of its start
-    os.chdir(folder)
     with ready():
         while True:
             try:

@@ -449,6 +449,26 @@ def test_two_workers_give_the_bits_of_one_process_also_if_one_of_them_is_killed(
     assert same(found.store, serial.store)
 
 
+def test_a_run_that_ends_every_worker_is_a_failed_run(system, tmp_path):
+    """A metric of the user's own may do that; the others of its block are flown once more."""
+    (tmp_path / "mine.py").write_text(
+        "import os\n\ndef end(result):\n    y = result['twice.y'][-1]\n"
+        "    return y if y != 8 else os._exit(3)\n"
+    )
+    given = {
+        "system": str(system),
+        "fixed": {"stop": 2.0},
+        "factors": {"twice.k": {"list": [1.0, 2.0, 3.0, 4.0]}},
+        "metrics": {"mine": f"{tmp_path}/mine.py:end"},
+    }
+    found = campaign(given, tmp_path / "out.zarr", workers=1).store
+    assert found.array("status").tolist() == [1, 1, 1, 2]
+    assert found.array("mine")[:3].tolist() == [2.0, 4.0, 6.0]
+    assert found.array("message")[3] == (
+        "its process was ended from outside, or by a crash inside an FMU"
+    )
+
+
 CTRL_C_AFTER_FOUR = """
 import os, signal, sys
 from harness.cli import main

@@ -242,6 +242,17 @@ def test_no_flight_goes_on_when_the_comparison_is_killed(comparing):
     assert comparing.returncode == -signal.SIGKILL
 
 
+def ended(variant, *_):
+    os._exit(3)
+
+
+def test_a_run_whose_process_is_ended_is_one_line(system, tmp_path, monkeypatch):
+    monkeypatch.setattr("harness.studies.compare._attempt", ended)
+    found = flown(system, tmp_path, ("algorithm", "jacobi,gauss-seidel"))
+    why = "its process was ended from outside, or by a crash inside an FMU"
+    assert found.failures == [f"jacobi: {why}", f"gauss-seidel: {why}"]
+
+
 # ---- many variants
 
 
