@@ -278,7 +278,7 @@ def convert_command(
 
     CCSDS ephemerides and CZML take N as EME2000 about the Earth.
     """
-    from harness.exchange.convert import convert
+    from harness.exchange import convert
 
     path = convert(file, output, body, epoch)
     typer.echo(f"{path}{size_of(path)}")

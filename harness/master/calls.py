@@ -2,7 +2,8 @@
 """The calls of one instance of an FMU, by its version of FMI: the only place, with transfer.py and
 loop.c, that knows what they are called.
 
-Every call returns the status of FMI (OK, WARNING, ...), but for those that load and free.
+Every call returns the status of FMI (OK, WARNING, ...), but for those that load and free, and for
+what a link is asked.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import fmpy
 from fmpy.fmi1 import FMICallException
@@ -288,3 +289,62 @@ def load(
     kind = Fmi3 if interface.fmi == 3 else Fmi2
     messages.enter(name, "fmi3InstantiateCoSimulation" if interface.fmi == 3 else "fmi2Instantiate")
     return kind(name, interface, folder, library, logging)
+
+
+# ---- what a component on another processor has cost there, asked of the link that stands for it
+
+
+class Linked(Protocol):
+    """An instance of an FMU."""
+
+    name: str
+    library: Any
+    handle: Any
+
+
+class Cost(NamedTuple):
+    """Steps of a component on its processor.
+
+    steps: number; total, largest: instructions of all steps, and of the dearest (0: not counted);
+    when: communication point of the dearest [s]; stack: used by the steps [bytes]; memory:
+    allocated by the instance [bytes]; late: answers after their deadline.
+    """
+
+    steps: int
+    total: int
+    largest: int
+    when: float
+    stack: int
+    memory: int
+    late: int
+
+    @property
+    def mean(self) -> float:
+        """Instructions of a step."""
+        return self.total / self.steps if self.steps else 0.0
+
+
+class _Statistics(ctypes.Structure):
+    """Struct LinkStatistics of link_statistics.h."""
+
+    _fields_ = [
+        ("steps", ctypes.c_uint64),
+        ("total", ctypes.c_uint64),
+        ("largest", ctypes.c_uint64),
+        ("when", ctypes.c_double),
+        ("stack", ctypes.c_uint32),
+        ("memory", ctypes.c_uint32),
+        ("late", ctypes.c_uint64),
+    ]
+
+
+def cost(instance: Linked) -> Cost:
+    """Cost of the steps so far; FmuError if the instance is no link, or its board is silent."""
+    ask = getattr(instance.library, "slnk_statistics", None)
+    if ask is None:
+        raise FmuError(f"{instance.name}: runs in the simulation, not on a processor of its own")
+    ask.restype = ctypes.c_bool
+    found = _Statistics()
+    if not ask(instance.handle, ctypes.byref(found)):
+        raise FmuError(f"{instance.name}: its board does not say what its steps have cost")
+    return Cost(*(getattr(found, name) for name in Cost._fields))

@@ -18,7 +18,7 @@ from harness.exchange.bodies import instants as utc
 from harness.exchange.bodies import names_of, shadow, sun_direction
 from harness.report import bodies
 from harness.report.arrays import Arrays
-from harness.results.alignment import quaternion, rotation_angle
+from harness.results.histories import quaternion, rotation_angle
 from harness.results.result import Array, Result, Rows
 from harness.system.instants import days_since_j2000
 

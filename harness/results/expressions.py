@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from harness.results.columns import minus, norm, plus, total
+from harness.results.histories import minus, norm, plus, total
 from harness.results.result import Array
 from harness.spelling import did_you_mean
 from harness.system.units import convert

@@ -23,8 +23,8 @@ import numpy as np
 from harness.errors import UsageError
 from harness.files import cache, paths
 from harness.files.output import written
+from harness.master.calls import Cost, cost
 from harness.master.changes import apply
-from harness.master.links import Cost, cost
 from harness.master.simulation import Simulation
 from harness.remote.firmware import Sizes, sizes
 from harness.remote.targets import TARGETS, Target, find_target

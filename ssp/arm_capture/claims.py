@@ -18,7 +18,7 @@ from harness.mission.claim import (
     at_least,
     at_most,
 )
-from harness.results.alignment import turned as rotated
+from harness.results.histories import turned as rotated
 from harness.results.result import Array, Result
 
 from ..shared.relative_motion import SERVICER, TARGET

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from harness.results.alignment import turned
+from harness.results.histories import turned
 from harness.results.result import Array, Result
 
 NAMES = ("joints", "joint_axis", "joint_offset", "p_EA_A", "q_EA", "link_mass", "link_inertia")

@@ -19,7 +19,7 @@ import numpy as np
 from harness.errors import UsageError
 from harness.master.changes import Changes, apply
 from harness.master.simulation import Simulation, simulate
-from harness.results.alignment import turned
+from harness.results.histories import turned
 from harness.results.result import Array, Result
 from harness.ssp.library import load
 from harness.system.model import System

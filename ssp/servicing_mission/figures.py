@@ -9,7 +9,7 @@ import numpy as np
 
 from harness.figures.style import legend_above, time_axis
 from harness.mission.figure import Axes, Curve, Drawing, Figure, Panel
-from harness.results.alignment import turned
+from harness.results.histories import turned
 from harness.results.result import Array, Result
 
 from ..shared.relative_motion import SERVICER, TARGET, range_

@@ -12,7 +12,7 @@ import numpy as np
 
 from harness.report.arrays import Arrays
 from harness.report.scene import Scene
-from harness.results.alignment import turned
+from harness.results.histories import turned
 from harness.results.result import Array, Result, Rows
 
 from .relative_motion import REFERENCE, SERVICER, TARGET

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from harness.report import bodies
-from harness.results.alignment import turned
+from harness.results.histories import turned
 from harness.results.result import Array, Result
 
 DOCKING = tuple(

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from harness.results.alignment import is_late
+from harness.results.histories import is_late
 from harness.results.result import Array, Result
 
 FILTER = "relative_filter"
@@ -47,7 +47,7 @@ class Errors(NamedTuple):
 
 
 def rows(result: Result) -> tuple[slice, slice]:
-    """Rows of the truth and of what the software made of it (harness.results.alignment)."""
+    """Rows of the truth and of what the software made of it (harness.results.histories)."""
     if len(result.time) > 2 and is_late(result, f"{FILTER}.q_TN"):
         return slice(0, -1), slice(1, None)
     return slice(None), slice(None)

@@ -14,8 +14,8 @@ from functools import partial
 import numpy as np
 
 from harness.mission import Limits, Measure
-from harness.results.columns import minus, total
 from harness.results.expressions import STEADY, settling_time, steady_error
+from harness.results.histories import minus, total
 from harness.results.result import Array, Result
 
 from . import estimates, safety

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Motion of the servicer relative to the target and to its reference, from the rows of a result.
-Which row of the reference belongs to a state: harness.results.alignment.
+Which row of the reference belongs to a state: harness.results.histories.
 """
 
 from __future__ import annotations
@@ -9,8 +9,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from harness.results.alignment import aligned, is_late, relative_mrp, rotation_angle, turned
-from harness.results.columns import minus, norm
+from harness.results.histories import (
+    aligned,
+    is_late,
+    minus,
+    norm,
+    relative_mrp,
+    rotation_angle,
+    turned,
+)
 from harness.results.result import Array, Result
 
 SERVICER, TARGET, REFERENCE = "servicer.r_SN_N", "target.r_TN_N", "guidance.rho_ref_N"

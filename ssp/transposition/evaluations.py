@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from harness.mission.claim import CannotJudgeError, final, parameter, scalar, since
-from harness.results.alignment import rotation_angle
+from harness.results.histories import rotation_angle
 from harness.results.result import Array, Result
 
 ATTITUDE, RATE, MOMENTUM = "assembly.q_SH", "assembly.omega_SN_S", "assembly.h_cmg_S"

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.results.alignment import rotation_angle
+from harness.results.histories import rotation_angle
 from harness.results.result import Array, Result
 
 ASSEMBLY = ("assembly.q_SH", "guidance.q_DH")

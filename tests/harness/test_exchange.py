@@ -25,9 +25,9 @@ from sgp4.api import Satrec
 from harness import read, run
 from harness.cli import main
 from harness.errors import HarnessError, ResultsError, UsageError
+from harness.exchange import convert
 from harness.exchange.bodies import AU, EARTH, SUN, shadow, sun_direction
 from harness.exchange.ccsds import write_oem
-from harness.exchange.convert import convert
 from harness.exchange.czml import ROWS, earth
 from harness.exchange.sources import source_of
 from harness.exchange.start import start_values

@@ -12,8 +12,8 @@ from harness.claims.report import safety
 from harness.mission import Limits
 from harness.mission.library import everything
 from harness.mission.mission import measured
-from harness.results.alignment import rotation_angle
 from harness.results.expressions import settling_time, steady_error
+from harness.results.histories import rotation_angle
 from harness.results.result import Result
 from ssp.shared.measures import bands, definitions
 from ssp.shared.relative_motion import (

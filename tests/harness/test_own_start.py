@@ -14,8 +14,7 @@ from astropy.time import Time
 from harness import export, run
 from harness.cli import main
 from harness.errors import HarnessError, StructureError, UsageError
-from harness.exchange import sources
-from harness.exchange.convert import convert
+from harness.exchange import convert, sources
 from harness.exchange.start import State, elements, start_values
 from harness.mission import library
 from harness.results.requirements import findings

@@ -12,7 +12,7 @@ import xarray
 from harness import Simulation, campaign, load, read, run
 from harness.api import _texts
 from harness.errors import ResultsError, UsageError
-from harness.results.alignment import is_late
+from harness.results.histories import is_late
 from harness.results.result import Result
 
 

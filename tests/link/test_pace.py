@@ -137,7 +137,7 @@ def flown_late(board, late, steps_held, asked=True):
 
 def _settled(simulation):
     """The link has heard what was late."""
-    from harness.master.links import cost
+    from harness.master.calls import cost
 
     controller = next(i for i in simulation.instances if i.name == "controller")
     simulation.late = cost(controller).late

@@ -11,7 +11,7 @@ import pytest
 
 from harness.errors import UsageError
 from harness.files.paths import fmus
-from harness.master.links import Cost
+from harness.master.calls import Cost
 from harness.remote.firmware import Sizes, _sizes, sizes
 from harness.remote.targets import TARGETS
 from harness.studies import target

@@ -51,7 +51,7 @@ def leg_speed(result: Any) -> float:
 
 def pointed(result: Any) -> float:
     """When X of the servicer first points within 2 deg at the target [s]."""
-    from harness.results.alignment import turned
+    from harness.results.histories import turned
 
     axis = turned(result["servicer.q_SN"], np.tile([1.0, 0.0, 0.0], (len(result.time), 1)))
     to_target = result["target.r_TN_N"] - result["servicer.r_SN_N"]
