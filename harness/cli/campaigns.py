@@ -6,7 +6,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,16 +14,18 @@ import numpy as np
 import typer
 
 from harness.figures import campaign as figures
-from harness.figures.style import Style
+from harness.figures.style import Style, get_ready
 from harness.studies.campaign import summary
 from harness.studies.campaign.campaign import Progress
 from harness.studies.campaign.store import Store
 
 MINUTE = 60.0
 
+Show = Callable[[Progress], None]
+
 
 @contextmanager
-def counting(title: str, wanted: bool) -> Iterator[Callable[[Progress], None] | None]:
+def counting(title: str, wanted: bool) -> Iterator[Show | None]:
     """A bar on stderr with rate, remaining time and failures, a line a minute where that is no
     terminal; None if unwanted.
     """
@@ -55,7 +57,19 @@ def counting(title: str, wanted: bool) -> Iterator[Callable[[Progress], None] | 
         yield show
 
 
-def _lines(title: str) -> Callable[[Progress], None]:
+def drawing_soon(show: Show | None) -> Show:
+    """The same, and what draws is ready after the first call: while runs fly, not after them."""
+
+    def shown(now: Progress) -> None:
+        with suppress(ImportError):  # which is told when all runs are kept
+            get_ready()
+        if show is not None:
+            show(now)
+
+    return shown
+
+
+def _lines(title: str) -> Show:
     """What writes a line after a block if the last one is a minute old."""
     begin = last = time.monotonic()
     first: int | None = None  # runs of an earlier session, and of the first block

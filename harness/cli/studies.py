@@ -229,7 +229,8 @@ class Campaign:
         problem = None
         with campaigns.counting(definition.stem, not self.quiet) as show:
             try:
-                found = campaign(definition, folder, progress=show, said=said, **how)
+                seen = campaigns.drawing_soon(show) if self.pictures.figures else show
+                found = campaign(definition, folder, progress=seen, said=said, **how)
             except RequirementError as error:  # all is there
                 found, problem = error.partial, error
         drawn = ""

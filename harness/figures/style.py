@@ -93,13 +93,19 @@ def style_of(name: str, wide: bool = False) -> Style:
     return replace(style, column=style.page, stretch=0.6) if wide else style
 
 
-def new_canvas(title: str, size: tuple[float, float], style: Style = SCREEN) -> Any:
-    """A figure of matplotlib without a window and without pyplot's global state."""
+def get_ready() -> tuple[Any, Any]:
+    """Figure and canvas of matplotlib, whose import takes half a second."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    canvas = Figure(layout="constrained", figsize=style.size(size))
-    FigureCanvasAgg(canvas)
+    return Figure, FigureCanvasAgg
+
+
+def new_canvas(title: str, size: tuple[float, float], style: Style = SCREEN) -> Any:
+    """A figure of matplotlib without a window and without pyplot's global state."""
+    figure, surface = get_ready()
+    canvas = figure(layout="constrained", figsize=style.size(size))
+    surface(canvas)
     if style.titled:
         lines = (wrapped(line, TITLE * size[0]) for line in title.splitlines())
         canvas.suptitle("\n".join(lines))

@@ -404,7 +404,7 @@ def test_the_last_row_is_kept_though_no_stride_ends_there(system, tmp_path):
 def test_every_row_of_a_block_stands_at_its_run(system, tmp_path):
     given = table(system, runs=64, metrics={"seen": "parameter(twice.k)"})
     store = campaign(given, tmp_path / "c.zarr", workers=0).store
-    assert store.block == 2
+    assert store.block == 4
     assert store.array("seen").tolist() == store.array("twice.k").tolist()
     assert len({*store.array("seen")}) == 64
 

@@ -32,7 +32,7 @@ from harness.studies.campaign.worker import FAILED, PENDING, SUCCESS, Task
 
 ROWS = 200
 """Rows of kept histories, unless the campaign says otherwise."""
-BLOCKS, LARGEST_BLOCK, BLOCK_STEPS = 32, 200, 2_000_000
+BLOCKS, LARGEST_BLOCK, BLOCK_STEPS = 16, 200, 2_000_000
 """A campaign has at least so many blocks; a block has at most so many runs, and macro steps: some
 seconds of work, which is what a kill or Ctrl-C costs.
 """
