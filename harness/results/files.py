@@ -21,8 +21,7 @@ from pathlib import Path
 from harness.errors import HarnessError, ResultsError, UsageError, reason_of
 from harness.files.output import new_beside, written
 from harness.files.signals import held
-from harness.results.formats import comma_separated, matlab, netcdf, parquet
-from harness.results.formats.columns import sound
+from harness.results.formats import comma_separated, matlab, netcdf, parquet, sound
 from harness.results.result import Result
 from harness.system.graph import read_interfaces
 from harness.system.model import Port, System

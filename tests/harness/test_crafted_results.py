@@ -20,8 +20,9 @@ from harness import read, run
 from harness.cli import main
 from harness.errors import ResultsError
 from harness.files.sealed import sha256
+from harness.results import formats
 from harness.results.files import READERS
-from harness.results.formats import columns, matlab
+from harness.results.formats import matlab
 from harness.results.result import Result
 
 
@@ -203,7 +204,7 @@ def test_a_nc_that_unpacks_to_gigabytes_is_refused_before_it_is_read(tmp_path, m
     assert path.stat().st_size < 20_000
     with pytest.raises(ResultsError, match=r"unpacks? to 24 GB"):
         read(path)
-    monkeypatch.setattr(columns, "_memory", lambda: 2**50)  # even where there is room for it
+    monkeypatch.setattr(formats, "_memory", lambda: 2**50)  # even where there is room for it
     with pytest.raises(ResultsError, match=r"its .* kB unpack to 24 GB, which cannot be a result"):
         read(path)
 
@@ -212,8 +213,8 @@ def test_a_nc_that_unpacks_to_gigabytes_is_refused_before_it_is_read(tmp_path, m
 def test_what_needs_more_than_half_of_the_memory_is_refused(result, tmp_path, ending, monkeypatch):
     path = result.save(tmp_path / f"out{ending}")
     assert np.array_equal(read(path).time, result.time)
-    monkeypatch.setattr(columns, "SMALL", 0)
-    monkeypatch.setattr(columns, "_memory", lambda: result.values.nbytes)
+    monkeypatch.setattr(formats, "SMALL", 0)
+    monkeypatch.setattr(formats, "_memory", lambda: result.values.nbytes)
     with pytest.raises(ResultsError, match=r"it unpacks to .* more than half of the memory here"):
         read(path)
 
@@ -232,7 +233,7 @@ def test_a_mat_is_measured_without_being_kept(result, tmp_path):
 
 def test_a_file_of_constants_is_a_result(tmp_path):
     """What compresses best of all that we write."""
-    rows = 2 * columns.SMALL // 8 // 8
+    rows = 2 * formats.SMALL // 8 // 8
     flat = Result("s", np.arange(float(rows)), ("a.x",), ("",), np.zeros((rows, 1)), ("",))
     path = flat.save(tmp_path / "flat.nc")
     assert read(path).complete

@@ -1,5 +1,223 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""One module per kind of results file, each with write(result, path) and read(path).
+"""One module per kind of results file, each with write(result, path) and read(path). They raise
+what the libraries behind them raise; harness/results/files.py says it in one line.
 
-They raise what the libraries behind them raise; harness/results/files.py says it in one line.
+Here stands what all have in common: flat columns of variables with axes (the way back of
+variables()), what is no number of a table, and what must hold of a result that any file claims to
+be.
 """
+
+from __future__ import annotations
+
+import os
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from harness.results import provenance
+from harness.results.result import Array, Result
+from harness.results.views import ELEMENTS, element_names
+
+Variables = Mapping[str, tuple[Array, Mapping[str, str]]]
+"""Histories with their attributes by name."""
+
+
+def sound(result: Result) -> Result:
+    """The result; ValueError with the first thing that is wrong with it."""
+    for problem in _problems(result):
+        raise ValueError(problem)
+    return result
+
+
+def _problems(result: Result) -> Iterator[str]:
+    if not len(result.time):
+        yield "it holds no rows"
+    if not (finite := np.isfinite(result.time)).all():
+        yield f"row {np.argmin(finite)} has the time {result.time[~finite][0]}"
+    if (np.diff(result.time) < 0).any():
+        yield f"row {np.argmax(np.diff(result.time) < 0) + 1} is earlier than the one before"
+    for name, text in (("system", result.system), ("message", result.message)):
+        if not isinstance(text, str):
+            yield f"{name}: expected a text, got {text!r:.40}"
+    yield from _faults(result, len(result.time), "variable")
+    if result.parameters is not None:
+        yield from _faults(result.parameters, 1, "parameter")
+
+
+def _faults(table: Result, rows: int, kind: str) -> Iterator[str]:
+    """What is wrong with columns, units and numbers."""
+    width = len(table.columns)
+    if table.values.shape != (rows, width):
+        yield f"{kind}s: expected {rows} rows of {width} values, got {table.values.shape}"
+    if twice := [name for name, times in Counter(table.columns).items() if times > 1]:
+        yield f"{kind} {twice[0]} is there twice"
+    for about, texts in (("unit", table.units), ("description", table.descriptions)):
+        if texts and len(texts) != width:
+            yield f"{kind}s: {len(texts)} {about}s for {width} names"
+        for name, text in zip(table.columns, texts, strict=False):
+            if not isinstance(text, str):
+                yield f"{about} of {kind} {name}: expected a text, got {text!r:.40}"
+
+
+# ---- size
+
+
+RATIO = 1100
+"""No file of ours unpacks to more times its size: zlib reaches 1032."""
+SMALL = 64 * 1024**2
+"""Bytes that are not worth a question."""
+
+
+def refuse_size(unpacked: int, packed: int | None = None) -> None:
+    """ValueError if so many bytes of numbers are more than half of the memory of this machine, or
+    more than a file of `packed` bytes can honestly hold.
+    """
+    if unpacked > SMALL and unpacked > _memory() / 2:
+        raise ValueError(f"it unpacks to {_size(unpacked)}, more than half of the memory here")
+    if packed is not None and unpacked > max(SMALL, RATIO * packed):
+        raise ValueError(
+            f"its {_size(packed)} unpack to {_size(unpacked)}, which cannot be a result"
+        )
+
+
+def _memory() -> int:
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):  # not on every machine
+        return 16 * 1024**3
+
+
+def _size(count: int) -> str:
+    return f"{count / 1e9:.3g} GB" if count >= 1e8 else f"{count / 1e3:.3g} kB"
+
+
+# ---- variables with axes
+
+
+def restored(
+    about: Mapping[str, Any],
+    time: Array,
+    histories: Variables,
+    fixed: Variables,
+    origin: Mapping[str, Any],
+) -> Result:
+    """The result of what a file holds: what is said of it, variables, parameters, provenance."""
+    system = about["system"]
+    return replace(
+        flat_columns(system, time, histories),
+        complete=bool(about.get("complete", 1)),
+        message=about.get("message", ""),
+        parameters=flat_columns(system, time[:1], fixed) if fixed else None,
+        provenance=provenance.from_flat(origin) if origin else None,
+    )
+
+
+def flat_columns(system: str, time: Array, histories: Variables) -> Result:
+    """Variables with their attributes as flat columns."""
+    columns, blocks, units, descriptions = [], [np.empty((len(time), 0))], [], []
+    for name, (values, about) in histories.items():
+        given = about.get(ELEMENTS)
+        if len(values) != len(time):
+            raise ValueError(f"{name}: {len(values)} rows instead of {len(time)}")
+        names = _from_lines(given) if given else element_names(name, values.shape[1:])
+        columns += names
+        blocks.append(values.reshape(len(values), -1))
+        units += [about.get("units", "")] * len(names)
+        descriptions += [about.get("long_name", "")] * len(names)
+    values = np.hstack(blocks)
+    return Result(system, time, tuple(columns), tuple(units), values, tuple(descriptions))
+
+
+def _from_lines(text: str) -> list[str]:
+    """The inverse of in_lines()."""
+    return [_ESCAPED.sub(lambda m: _MEANT[m[0]], line) for line in text.split("\n")]
+
+
+_MEANT = {r"\\": "\\", r"\n": "\n"}
+_ESCAPED = re.compile(r"\\[\\n]")
+
+
+def numbers(name: str, values: Any) -> Array:
+    """An array of a file as doubles; ValueError if it holds something else."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "biuf":
+        raise ValueError(f"{name}: expected numbers, got {array.dtype}")
+    return array.astype(np.float64, copy=False)
+
+
+def refuse_nul(result: Result) -> None:
+    """ValueError if a text of a result has a character that ends texts in files of C programs."""
+    tables = [table for table in (result, result.parameters) if table is not None]
+    texts = [result.message, result.system]
+    texts += [t for table in tables for t in (*table.columns, *table.units, *table.descriptions)]
+    if result.provenance is not None:
+        texts += [t for t in provenance.flat(result.provenance).values() if isinstance(t, str)]
+    if bad := next((text for text in texts if "\0" in text), None):
+        raise ValueError(f"it cannot hold a NUL character: {bad!r}")
+
+
+# ---- what is no number of a bare table
+
+
+def content(result: Result) -> dict[str, Any]:
+    """All that is no number of the table, as TOML and JSON have it."""
+    about: dict[str, Any] = {
+        "system": result.system,
+        "complete": result.complete,
+        "message": result.message,
+    }
+    if result.provenance is not None:
+        about["provenance"] = provenance.table(result.provenance)
+    if (fixed := result.parameters) is not None:
+        values = dict(zip(fixed.columns, fixed.values[0].tolist(), strict=True))
+        about["parameters"] = {"values": values, **_texts(fixed)}
+    return {**about, "columns": _texts(result)}
+
+
+def _texts(result: Result) -> dict[str, Any]:
+    """Units and meanings by column, where there are any."""
+    given = {"units": result.units, "descriptions": result.descriptions}
+    return {
+        kind: {name: text for name, text in zip(result.columns, texts, strict=False) if text}
+        for kind, texts in given.items()
+    }
+
+
+def told(result: Result, about: Mapping[str, Any]) -> Result:
+    """A bare table with what content() said of it; ValueError."""
+    origin, parameters = _table(about, "provenance"), _table(about, "parameters")
+    return replace(
+        _named(result, _table(about, "columns")),
+        system=about.get("system", result.system),
+        parameters=_parameters(result, parameters) if parameters else None,
+        provenance=provenance.from_table(origin) if origin else None,
+    )
+
+
+def _table(about: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """A table within a table, {} if it is not there."""
+    if not isinstance(found := about.get(name, {}), dict):
+        raise ValueError(f"{name}: expected a table, got {found!r:.40}")
+    return found
+
+
+def _named(result: Result, texts: Mapping[str, Any]) -> Result:
+    units, descriptions = (_table(texts, kind) for kind in ("units", "descriptions"))
+    return replace(
+        result,
+        units=tuple(units.get(name, "") for name in result.columns),
+        descriptions=tuple(descriptions.get(name, "") for name in result.columns),
+    )
+
+
+def _parameters(result: Result, table: Mapping[str, Any]) -> Result:
+    given = _table(table, "values")
+    for name, value in given.items():
+        if not isinstance(value, int | float):
+            raise ValueError(f"parameter {name}: expected a number, got {value!r:.40}")
+    values = np.array([list(given.values())], dtype=np.float64)
+    return _named(Result(result.system, result.time[:1], tuple(given), (), values), table)

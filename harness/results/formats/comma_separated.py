@@ -22,7 +22,7 @@ import numpy as np
 
 from harness.files.output import written
 from harness.files.sealed import sha256
-from harness.results.formats.columns import content, told
+from harness.results.formats import content, told
 from harness.results.result import Result
 
 INCOMPLETE = "# incomplete: "

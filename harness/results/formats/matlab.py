@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.results.formats.columns import numbers, refuse_nul, refuse_size, restored
+from harness.results.formats import numbers, refuse_nul, refuse_size, restored
 from harness.results.provenance import flat
 from harness.results.result import Array, Result
 from harness.results.views import ELEMENTS, element_names, in_lines, variables

@@ -10,7 +10,7 @@ import unicodedata
 from pathlib import Path
 from typing import Any
 
-from harness.results.formats.columns import numbers, refuse_nul, refuse_size, restored
+from harness.results.formats import numbers, refuse_nul, refuse_size, restored
 from harness.results.result import Array, Result
 from harness.results.views import PROVENANCE, attributes, labelled, time_labels
 

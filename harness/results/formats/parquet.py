@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from harness.errors import library
-from harness.results.formats.columns import content, numbers, refuse_size, told
+from harness.results.formats import content, numbers, refuse_size, told
 from harness.results.result import Result
 
 ABOUT = b"servicing-fmus"
