@@ -182,21 +182,32 @@ def prepare(*modules: str) -> None:
         return
     # its socket lies in a folder that a killed process would leave behind
     process: Any = multiprocessing.current_process()
-    process._config.setdefault("tempdir", str(_private().path))
+    process._config["tempdir"] = str(_private(os.getpid()).path)
     multiprocessing.get_context(METHOD).set_forkserver_preload(list(modules))
     with _own_start():
         forkserver.ensure_running()
 
 
 @cache
-def _private() -> PrivateFolder:
-    """Of this process, for the socket of the server that others are forked from, which stays."""
+def _private(_: int) -> PrivateFolder:
+    """Of the process with this number, for the socket of its server, which stays."""
     folder = PrivateFolder()
     atexit.register(folder.close)
     return folder
 
 
 _ONE = threading.Lock()
+_served = os.getpid()
+"""The process whose server is known."""
+
+
+def _forget_inherited() -> None:
+    """In a fork of that process its server is nobody's child."""
+    global _served  # noqa: PLW0603 - there is one server
+    if _served != os.getpid():
+        server: Any = forkserver._forkserver
+        server._forkserver_pid = server._forkserver_address = server._forkserver_alive_fd = None
+        _served = os.getpid()
 
 
 @contextmanager
@@ -205,6 +216,7 @@ def _own_start() -> Iterator[None]:
     is in modules of ours and in files that they read), never see SIGINT, and have ENVIRONMENT.
     """
     with _ONE, _without_main(), _without_ctrl_c(), _environment():
+        _forget_inherited()
         yield
 
 

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 import pytest
 
 from harness.errors import UsageError
-from harness.studies.crew import Crew, LostError
+from harness.studies.crew import Crew, LostError, prepare
 from tests.harness.interrupts import LONGEST
 
 
@@ -91,3 +91,21 @@ def test_an_error_here_ends_all_at_once_whatever_they_do(tmp_path):
     assert isinstance(running.exception(), LostError)
     assert waiting.cancelled()
     assert not alive(pid)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="forks of POSIX")
+def test_a_fork_has_a_crew_of_its_own():
+    with Crew(1, at_work) as crew:
+        assert crew.submit(square, 3).result() == 9
+    process = os.fork()
+    if process == 0:
+        status = 1
+        try:
+            prepare(__name__)
+            with Crew(1, at_work) as crew:
+                status = crew.submit(square, 3).result()
+        finally:
+            os._exit(status)
+    assert os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]) == 9
+    with Crew(1, at_work) as crew:
+        assert crew.submit(square, 4).result() == 16
