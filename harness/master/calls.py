@@ -62,7 +62,7 @@ class Calls(ABC):
 
     def call(self, function: str, *arguments: object) -> int:
         """Status of one function, which is named without its prefix."""
-        messages.enter(self.name, self.prefix + function)
+        messages.note_call(self.name, self.prefix + function)
         return int(getattr(self.library, self.prefix + function)(self.handle, *arguments))
 
     def function(self, verb: str, access: str) -> Any:
@@ -72,14 +72,14 @@ class Calls(ABC):
     def put(self, variables: Sequence[Variable], values: Sequence[Scalar]) -> int:
         """Set variables of one type, in FMI 3.0 all elements of one array."""
         access = variables[0].access
-        messages.enter(self.name, f"{self.prefix}Set{access}")
+        messages.note_call(self.name, f"{self.prefix}Set{access}")
         buffer = (self.in_c[access] * len(values))(*map(_in_c, values))
         return self._transfer("Set", variables, buffer)
 
     def get(self, variables: Sequence[Variable]) -> tuple[int, list[float]]:
         """Status and values of variables of one type, in FMI 3.0 all elements of one array."""
         access = variables[0].access
-        messages.enter(self.name, f"{self.prefix}Get{access}")
+        messages.note_call(self.name, f"{self.prefix}Get{access}")
         buffer = (self.in_c[access] * len(variables))()
         return self._transfer("Get", variables, buffer), [float(value) for value in buffer]
 
@@ -153,7 +153,7 @@ class Fmi2(Calls):
 
     def listen(self, categories: Sequence[str]) -> None:
         """Let messages of these categories through, and no others, if the FMU can do that."""
-        messages.enter(self.name, "fmi2SetDebugLogging")
+        messages.note_call(self.name, "fmi2SetDebugLogging")
         with contextlib.suppress(FMICallException):
             self.slave.setDebugLogging(True, categories)
 
@@ -170,7 +170,7 @@ class Fmi2(Calls):
 
     def free(self) -> None:
         """Free the instance and unload the library."""
-        messages.enter(self.name, "fmi2FreeInstance")
+        messages.note_call(self.name, "fmi2FreeInstance")
         self.slave.freeInstance()
 
 
@@ -267,7 +267,7 @@ class Fmi3(Calls):
 
     def free(self) -> None:
         """Free the instance and unload the library."""
-        messages.enter(self.name, "fmi3FreeInstance")
+        messages.note_call(self.name, "fmi3FreeInstance")
         self.library.fmi3FreeInstance.restype = None
         self.library.fmi3FreeInstance(self.handle)
         self._unload()
@@ -287,7 +287,9 @@ def load(
     raise.
     """
     kind = Fmi3 if interface.fmi == 3 else Fmi2
-    messages.enter(name, "fmi3InstantiateCoSimulation" if interface.fmi == 3 else "fmi2Instantiate")
+    messages.note_call(
+        name, "fmi3InstantiateCoSimulation" if interface.fmi == 3 else "fmi2Instantiate"
+    )
     return kind(name, interface, folder, library, logging)
 
 

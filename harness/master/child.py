@@ -30,7 +30,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from harness.errors import HarnessError, UsageError
 from harness.files.signals import held
-from harness.master.messages import PLACE_SIZE, keep_place_in, read_place
+from harness.master.messages import NOTE_SIZE, keep_note_in, noted_call
 
 _log = logging.getLogger("harness")
 
@@ -81,8 +81,8 @@ class Child:
     """A process that calls function(send, *arguments); a context manager that ends it."""
 
     def __init__(self, function: Callable[..., Any], *arguments: Any) -> None:
-        note = block(PLACE_SIZE)
-        self._note = array(note, (PLACE_SIZE,), "uint8")
+        note = block(NOTE_SIZE)
+        self._note = array(note, (NOTE_SIZE,), "uint8")
         self._code: int | None = None
         self._messages, theirs = multiprocessing.Pipe(duplex=False)
         self._terminal, terminal = multiprocessing.Pipe(duplex=False)
@@ -165,7 +165,7 @@ class Child:
     @property
     def place(self) -> tuple[str, str]:
         """Instance and call of an FMU that was noted last."""
-        return read_place(self._note)
+        return noted_call(self._note)
 
     def last_words(self) -> str:
         """The last line that was written to its terminal; "" if there is none."""
@@ -207,7 +207,7 @@ def _work(  # noqa: PLR0913, PLR0917 - what joins the two processes
     _stand_alone()
     _redirect(terminal)
     _let_go_of_files(inherited, {messages.fileno(), terminal.fileno()})
-    keep_place_in(array(note, (PLACE_SIZE,), "uint8"))
+    keep_note_in(array(note, (NOTE_SIZE,), "uint8"))
 
     def send(kind: str, content: Any) -> None:
         messages.send((kind, content))

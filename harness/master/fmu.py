@@ -275,14 +275,14 @@ class Instance:
         """Set the inputs in initialization mode, as far as what drives them has been computed
         yet.
         """
-        messages.enter(self.name, Verb.SET.call(self.node.interface.fmi))
+        messages.note_call(self.name, Verb.SET.call(self.node.interface.fmi))
         for transfer in self.transfers[Verb.SET]:
             if np.isfinite(bus[transfer.slots]).all():
                 self.raise_if_failed(Verb.SET, transfer.write(bus), time)
 
     def propagate_outputs(self, bus: NDArray[np.float64], time: float) -> None:
         """Read the outputs in initialization mode, where they may not be finite yet."""
-        messages.enter(self.name, Verb.GET.call(self.node.interface.fmi))
+        messages.note_call(self.name, Verb.GET.call(self.node.interface.fmi))
         for transfer in self.transfers[Verb.GET]:
             self.raise_if_failed(Verb.GET, transfer.read(bus), time)
 

@@ -118,34 +118,34 @@ def note_irreversible(instances: Sequence[str]) -> None:
 # ---- the call that is being made, kept where others can read it if the process ends in it
 # (those of the macro step are marked by the executors instead, which costs less)
 
-PLACE_SIZE = 400
-"""Bytes of a place: name of the instance, a zero byte, name of the call."""
+NOTE_SIZE = 400
+"""Bytes of a note: name of the instance, a zero byte, name of the call."""
 
-Place = NDArray[np.uint8]
+Note = NDArray[np.uint8]
 
-_place: Place = np.zeros(PLACE_SIZE, dtype=np.uint8)
-
-
-def keep_place_in(place: Place) -> None:
-    """From now on keep the place there: memory that is shared with another process."""
-    global _place  # noqa: PLW0603 - one process makes one call at a time
-    _place = place
+_note: Note = np.zeros(NOTE_SIZE, dtype=np.uint8)
 
 
-def enter(instance: str, call: str) -> None:
+def keep_note_in(note: Note) -> None:
+    """From now on keep the note there: memory that is shared with another process."""
+    global _note  # noqa: PLW0603 - one process makes one call at a time
+    _note = note
+
+
+def note_call(instance: str, call: str) -> None:
     """Note that an instance is about to be called."""
-    _place[:] = _written(instance, call)
+    _note[:] = _written(instance, call)
 
 
 @lru_cache(maxsize=1024)
-def _written(instance: str, call: str) -> Place:
-    text = f"{instance[:200]}\0{call}".encode()[:PLACE_SIZE].ljust(PLACE_SIZE, b"\0")
+def _written(instance: str, call: str) -> Note:
+    text = f"{instance[:200]}\0{call}".encode()[:NOTE_SIZE].ljust(NOTE_SIZE, b"\0")
     return np.frombuffer(text, dtype=np.uint8)
 
 
-def read_place(place: Place) -> tuple[str, str]:
+def noted_call(note: Note) -> tuple[str, str]:
     """Instance and call that were noted last; ("", "") if none was."""
-    instance, _, call = place.tobytes().decode(errors="replace").partition("\0")
+    instance, _, call = note.tobytes().decode(errors="replace").partition("\0")
     return instance, call.rstrip("\0")
 
 

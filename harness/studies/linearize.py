@@ -158,7 +158,7 @@ class _Bench:
             self._do(function, start, *arguments)
         self._do("ExitInitializationMode", start)
         for k in range(steps):
-            messages.enter(self.name, f"{self._calls.prefix}DoStep")
+            messages.note_call(self.name, f"{self._calls.prefix}DoStep")
             self._check(self._calls.step(start + k * h, h, 1), "DoStep", start + k * h)
         return self._finite(self._read(start + steps * h), start + steps * h)
 
