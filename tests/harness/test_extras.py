@@ -74,5 +74,5 @@ def test_every_library_of_the_table_belongs_to_an_extra():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
     needed = {text.partition(">")[0] for text in project["dependencies"]}
-    assert needed == {"fmpy", "lxml", "netCDF4", "numpy", "rich", "tomli-w", "typer"}
+    assert needed == {"fmpy", "lxml", "msgspec", "netCDF4", "numpy", "rich", "tomli-w", "typer"}
     assert set(EXTRAS) <= set(extras)
