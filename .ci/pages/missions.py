@@ -127,7 +127,7 @@ MOST_FIGURES = 12
 
 def pages(facts: Mapping[str, Any], parts: Mapping[str, str]) -> Iterator[tuple[str, str | bytes]]:
     """Pages and diagrams."""
-    from harness.exports.draw import svg
+    from harness.exports.draw import painted
     from harness.ssp.library import load
 
     rows = []
@@ -136,7 +136,7 @@ def pages(facts: Mapping[str, Any], parts: Mapping[str, str]) -> Iterator[tuple[
         for system in sorted(systems_in(places()[name].folder), key=lambda s: (s != name, s)):
             with load(paths.systems()[system]) as found:
                 systems.append(found)
-                yield f"reference/missions/{system}.svg", svg(found)
+                yield f"reference/missions/{system}.svg", painted(found)
         rows.append((f"[`{name}`]({name}.md)", systems[0].description, str(len(systems))))
         runs = facts.get("missions", {}).get(name, ())
         yield f"reference/missions/{name}.md", page(name, systems, runs, parts)

@@ -130,7 +130,7 @@ def draw_command(
     output: DiagramOption = None,
     changes: Any,
 ) -> None:
-    """Draw the block diagram of a system."""
+    """Draw the N2 diagram of a system: components on the diagonal, signals between them."""
     from harness.exports.draw import draw
     from harness.master.changes import apply
     from harness.ssp.library import load

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A system for others: one .ssp, one container FMU, a block diagram."""
+"""A system for others: one .ssp, one container FMU, an N2 diagram."""

@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The block diagram of a system: every signal once, nothing outside the picture, nothing across a
-block.
+"""The diagram of a system: every signal in the field between its components, nothing over anything
+else.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import combinations
 
 import pytest
 from lxml import etree
 
 from harness.cli.app import main
 from harness.errors import UsageError
-from harness.exports.draw import CHARACTER, Net, draw, lay_out, nets, svg
+from harness.exports.draw import CHARACTER, LINE, draw, lay_out, painted, texts
 
 LOOP = (
     {"a": "ladder", "b": "ladder", "c": "ladder"},
@@ -21,37 +22,41 @@ LOOP = (
 )  # fmt: skip
 
 
-def test_vectors_are_one_signal_and_go_together_with_all_of_the_same_way(make):
-    assert nets(make(*LOOP)) == [
-        Net(0, (1, 2), ("w > v",)),
-        Net(1, (2,), ("w > v",)),
-        Net(1, (0,), ("w > v",)),
-        Net(2, (0, 1), ("w > v",)),
-    ]
+def test_vectors_are_one_signal_and_components_stand_on_the_diagonal(make):
+    assert texts(make(*LOOP)) == {
+        (0, 0): ["a", "ladder"],
+        (1, 1): ["b", "ladder"],
+        (2, 2): ["c", "ladder"],
+        (0, 1): ["w > v"],
+        (1, 2): ["w > v"],
+        (1, 0): ["w > v"],
+        (2, 0): ["w > v"],
+        (2, 1): ["w > v"],
+        (0, 2): ["w > v"],
+    }
 
 
-def test_everything_is_inside_the_picture_and_no_line_crosses_a_block(make):
-    drawing = lay_out(make(*LOOP))
-    for points in drawing.arrows + drawing.lines:
-        for (x1, y1), (x2, y2) in zip(points, points[1:], strict=False):
-            assert x1 == x2 or y1 == y2
-            assert 0 <= min(x1, x2) <= max(x1, x2) <= drawing.width
-            assert 0 <= min(y1, y2) <= max(y1, y2) <= drawing.height
-            for left, top, width, height in drawing.blocks:
-                beside = max(x1, x2) <= left or min(x1, x2) >= left + width
-                assert beside or max(y1, y2) <= top or min(y1, y2) >= top + height
-    for label in drawing.labels:
-        length = CHARACTER * max(map(len, label.lines))
-        start = label.x if label.anchor == "start" else label.x - length
-        assert start >= 0
-        assert start + length <= drawing.width
+def test_what_a_component_gives_to_itself_stands_in_its_block(make):
+    system = make({"a": "ladder"}, ["a.w[1] > a.v[2]"])
+    assert texts(system) == {(0, 0): ["a", "ladder", "w > v"]}
+
+
+def test_no_field_touches_another_and_every_text_is_inside_of_its_own(make):
+    fields = lay_out(make(*LOOP))
+    for field in fields.values():
+        assert min(field.x, field.y) > 0
+        assert CHARACTER * max(map(len, field.lines)) < field.width
+        assert LINE * len(field.lines) < field.height
+    for one, other in combinations(fields.values(), 2):
+        beside = one.x + one.width < other.x or other.x + other.width < one.x
+        assert beside or one.y + one.height < other.y or other.y + other.height < one.y
 
 
 def test_the_picture_names_components_and_signals_and_is_always_the_same(make, tmp_path):
     system = make({"first": "counter", "second": "gain"}, ["first.n > second.u"])
     draw(system, tmp_path / "new" / "x.svg")
     data = (tmp_path / "new" / "x.svg").read_bytes()
-    assert data == svg(system)
+    assert data == painted(system)
     words = [e.text for e in etree.fromstring(data).iter("{*}text")]
     assert words == ["test", "first", "counter", "second", "gain", "n > u"]
 
@@ -84,7 +89,7 @@ def test_another_ending_is_one_line_and_no_file(make, tmp_path, name):
 
 def test_a_long_title_goes_on_in_lines_within_the_picture(make):
     system = replace(make({"a": "counter"}), description="many words " * 20)
-    root = etree.fromstring(svg(system))
+    root = etree.fromstring(painted(system))
     width = float(root.get("viewBox").split()[2]) * 96 / 72  # points to pixels
     lines = [e.text for e in root.iter("{*}text")][:-2]
     assert " ".join(lines) == f"test: {'many words ' * 20}".strip()
