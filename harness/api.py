@@ -158,7 +158,7 @@ def campaign(
 
     definition: path of a campaign TOML, or its table; output: OUT.zarr; how: workers (processes,
     default: one per processor, 0: this process), scheduler, slurm, tls_ca, tls_cert, tls_key,
-    insecure, dashboard (as `harness campaign`), resume (continue an interrupted campaign), require
+    insecure (as `harness campaign`), resume (continue an interrupted campaign), require
     (conditions such as `lower(success) >= 99 %`), strict, progress (called after every block),
     `said` (called with each note).
 

@@ -62,9 +62,6 @@ class Cluster:
     insecure: Annotated[
         bool, option("--insecure", "Accept a scheduler without TLS, open to everybody")
     ] = False
-    dashboard: Annotated[
-        bool, option("--dashboard", "Serve Dask's pages for --scheduler and --slurm")
-    ] = False
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,7 @@ credentials, and nothing of it stays behind a kill.
 
 from __future__ import annotations
 
-import datetime
 import os
-import re
 import shutil
 import ssl
 import subprocess
@@ -18,10 +16,11 @@ from pathlib import Path
 import psutil
 import pytest
 from dask import config
+from distributed.security import Security
 
 from harness import campaign
 from harness.errors import UsageError
-from harness.studies.campaign import credentials
+from harness.studies.campaign.clusters import Workers
 from tests.harness import intruder
 from tests.harness.interrupts import LONGEST, start, until
 
@@ -73,7 +72,7 @@ def listening(pid):
 def foreign(tmp_path_factory):
     """Key and certificate of somebody else, made as those of a campaign are."""
     folder = tmp_path_factory.mktemp("foreign")
-    theirs = credentials.made()
+    theirs = Security.temporary()
     (folder / "key.pem").write_text(theirs.tls_client_key)
     (folder / "cert.pem").write_text(theirs.tls_client_cert)
     return [str(folder / "key.pem"), str(folder / "cert.pem")]
@@ -129,19 +128,12 @@ def test_nobody_can_reach_a_campaign_of_this_machine(flying):
 
 
 def test_credentials_pass_the_strictest_check_and_those_of_another_campaign_none():
-    """As Python 3.13 checks by default; a clock that is half a day behind accepts them."""
-    mine, theirs = credentials.made(), credentials.made()
+    """As Python 3.13 checks by default."""
+    mine, theirs = Security.temporary(), Security.temporary()
     assert shaken(mine, mine) == "TLSv1.3"
     for server, client in ((mine, theirs), (theirs, mine)):
         with pytest.raises(ssl.SSLCertVerificationError):
             shaken(server, client)
-    from cryptography import x509
-
-    certificate = x509.load_pem_x509_certificate(mine.tls_client_cert.encode())
-    half_a_day = datetime.timedelta(hours=12)
-    now = datetime.datetime.now(datetime.UTC)
-    assert certificate.not_valid_before_utc < now - half_a_day
-    assert certificate.not_valid_after_utc > now + 300 * 2 * half_a_day
 
 
 def shaken(server, client):
@@ -186,7 +178,7 @@ def test_a_kill_leaves_no_line_in_the_terminal_and_nothing_behind(flying):
 def ours(tmp_path_factory):
     """Files of an authority: certificate, and one certificate with its key for everybody."""
     folder = tmp_path_factory.mktemp("ours")
-    security = credentials.made()
+    security = Security.temporary()
     (folder / "ca.pem").write_text(security.tls_ca_file)
     (folder / "me.pem").write_text(security.tls_client_cert)
     (folder / "me.key").write_text(security.tls_client_key)
@@ -205,7 +197,7 @@ def scheduler():
     with ExitStack() as life:
 
         def begin(files=None):
-            security = credentials.named(credentials.Files(*map(Path, files))) if files else None
+            security = Workers(0, None, True, *files).credentials() if files else None
             cluster = LocalCluster(
                 n_workers=1,
                 threads_per_worker=1,
@@ -263,26 +255,27 @@ def test_a_scheduler_under_tls_takes_credentials_that_the_user_names(
         campaign(given, tmp_path / "c.zarr", scheduler=address, **theirs)
 
 
+PEM = "expected PEM files, the certificate of the authority, an own one, and its key if it is apart"
+
+
 @pytest.mark.parametrize(
     ("how", "line"),
     [
         (
             {"scheduler": "tcp://there:8786", "tls_ca": "ca", "tls_cert": "me", "tls_key": "key"},
-            "--scheduler tcp://there:8786: is an address without TLS, and credentials are named; "
-            "tls://there:8786",
+            "--scheduler tcp://there:8786: is an address without TLS, and credentials are named",
         ),
         (
             {"scheduler": "there:8786", "tls_ca": "ca"},
-            "--tls-ca and --tls-cert belong together, with --tls-key if it is a file",
+            f"--tls-ca ca: {PEM} (one is missing)",
         ),
         (
             {"scheduler": "there:8786", "tls_ca": "ca", "tls_cert": "none.pem"},
-            "--tls-cert none.pem: no such file",
+            f"--tls-ca ca --tls-cert none.pem: {PEM} ([Errno 2] No such file or directory)",
         ),
         (
             {"scheduler": "there:8786", "tls_ca": "ca", "tls_cert": "me", "tls_key": "odd"},
-            "--tls-ca ca --tls-cert me --tls-key odd: must be PEM certificates and the key of the "
-            "second",
+            f"--tls-ca ca --tls-cert me --tls-key odd: {PEM} ([SSL] PEM lib (_ssl.c:",
         ),
         (
             {"insecure": True},
@@ -293,20 +286,15 @@ def test_a_scheduler_under_tls_takes_credentials_that_the_user_names(
             "--tls-ca: is for --scheduler and --slurm; nobody can reach workers here",
         ),
         ({"scheduler": "there:8786", "slurm": True}, "--scheduler and --slurm: one of both"),
-        ({"dashboard": True}, "--dashboard: is for --scheduler and --slurm"),
-        ({"dashboard": True, "slurm": True}, "--dashboard: needs pip install bokeh"),
     ],
 )
-def test_what_contradicts_itself_is_refused_before_anything_starts(
-    tmp_path, ours, monkeypatch, how, line
-):
-    monkeypatch.setattr("harness.studies.campaign.clusters.find_spec", lambda _: None)
+def test_what_contradicts_itself_is_refused_before_anything_starts(tmp_path, ours, how, line):
     for name, file in zip(("ca", "me", "key"), ours.values(), strict=True):
         shutil.copy(file, name)
     Path("odd").write_text("no key")
     with pytest.raises(UsageError) as caught:
         campaign(definition(tmp_path, 3), tmp_path / "out.zarr", **how)
-    assert str(caught.value) == line
+    assert str(caught.value).startswith(line)
 
 
 # ---- SLURM
@@ -360,35 +348,12 @@ def test_jobs_of_slurm_are_handed_credentials_in_a_folder_of_ours(slurm, tmp_pat
     assert seen == {
         "mode": 0o700,
         "told": {"ca-file", "cert", "key"},
-        "files": [0, 0, 0],
+        "files": [0, 0],
         "open": [],
         "several": True,
     }
     assert list(Path.cwd().glob("harness-*")) == []
     assert "#SBATCH --mem=2G" in (slurm / "job.sh").read_text()
-
-
-def test_the_dashboard_is_for_this_machine_only_and_there_if_asked_for(
-    slurm, tmp_path, monkeypatch
-):
-    monkeypatch.setattr("harness.studies.campaign.clusters.find_spec", lambda _: True)
-    said, seen = [], []
-
-    def look(_):
-        if not seen:
-            seen.append(listening(os.getpid()))
-
-    given = definition(tmp_path, 3)
-    how = {"slurm": True, "workers": 1, "dashboard": True}
-    campaign(given, tmp_path / "o.zarr", said=said.append, progress=look, **how)
-    (line,) = said
-    link = re.fullmatch(r"dashboard: http://127.0.0.1:(\d+)/status", line)
-    assert ("127.0.0.1", int(link[1])) in seen[0]
-
-
-def test_credentials_made_for_a_campaign_allow_nothing_else(tmp_path):
-    for security in (credentials.made(), credentials.made_in(tmp_path)):
-        assert security.require_encryption
 
 
 def local(host):

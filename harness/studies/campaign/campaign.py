@@ -19,8 +19,7 @@ from harness.master.messages import said_once
 from harness.master.recorder import recorded
 from harness.ssp.library import find_system, name_of
 from harness.studies.campaign import gate, metrics
-from harness.studies.campaign.clusters import Workers, checked
-from harness.studies.campaign.credentials import Files
+from harness.studies.campaign.clusters import Workers
 from harness.studies.campaign.draft import read_plan
 from harness.studies.campaign.engine import Block, Flown, Fly, crew, get_ready
 from harness.studies.campaign.layout import fields
@@ -74,37 +73,27 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     definition: str | Path | Mapping[str, Any],
     output: str | Path,
     *,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    slurm: bool = False,
-    tls_ca: str | Path | None = None,
-    tls_cert: str | Path | None = None,
-    tls_key: str | Path | None = None,
-    insecure: bool = False,
-    dashboard: bool = False,
     resume: bool = False,
     require: Sequence[str] = (),
     strict: bool = False,
     progress: Callable[[Progress], None] | None = None,
     said: Callable[[str], None] = lambda _: None,
+    **where: Any,
 ) -> Campaign:
     """Run a campaign into a Zarr dataset.
 
-    definition: path of a .toml, or the table itself; workers: processes of this machine (default:
-    one per processor, 0: this one), or jobs of SLURM; scheduler: address of a Dask scheduler;
-    tls_ca, tls_cert, tls_key: PEM files, who may enter it (default: the configuration of Dask);
-    insecure: it may be without TLS; dashboard: with Dask's pages, for these two; resume: go on
-    with an interrupted campaign; require: conditions on it, `lower(success) >= 99 %`, see
-    harness.studies.campaign.gate; strict: it must be as it expects itself, or, if it expects
-    nothing, every run must succeed; progress: called after every block; said: called with what the
-    user should know.
+    definition: path of a .toml, or the table itself; resume: go on with an interrupted campaign;
+    require: conditions on it, `lower(success) >= 99 %`, see harness.studies.campaign.gate; strict:
+    it must be as it expects itself, or, if it expects nothing, every run must succeed; progress:
+    called after every block; said: called with what the user should know; where: where it runs,
+    see harness.studies.campaign.clusters.Workers.
 
     Raises UsageError, StructureError with all that is wrong before the first run, ResultsError, and
     RequirementError if a condition is not met or the success of a run could not be judged
     (`partial` is the campaign, which is complete). A run that fails is a row of the dataset.
     """
-    tls = Files(*(None if file is None else Path(file) for file in (tls_ca, tls_cert, tls_key)))
-    who = checked(Workers(workers, scheduler, slurm, tls, insecure, dashboard))
+    who = Workers(**where)
+    who.check()
     get_ready(who)
     with said_once():
         plan, found = read_plan(definition)

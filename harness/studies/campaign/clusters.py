@@ -2,8 +2,9 @@
 """Where a campaign runs: processes of this machine, or of Dask, by the address of a scheduler or as
 jobs of SLURM.
 
-Neither of these lets anybody in who has not got the credentials, and none opens a page that was not
-asked for.
+Whoever reaches a scheduler of Dask runs code as its user. All its connections are therefore under
+TLS with certificates on both sides, made for one campaign or named by the user, and no page is
+opened.
 """
 
 from __future__ import annotations
@@ -14,15 +15,12 @@ import shlex
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from shutil import which
 from typing import Any
-from urllib.parse import urlsplit
 
 from harness.errors import UsageError
 from harness.files.temporary import PrivateFolder
-from harness.studies.campaign import credentials
 
 SETTINGS = {
     # what dask watches itself for, by default fifty times a second, takes a tenth of a processor
@@ -35,8 +33,7 @@ SETTINGS = {
 """Of dask, for its scheduler here."""
 MEMORY_GB = 2
 """Of a job of SLURM per core, where jobqueue.yaml says nothing."""
-HERE = "127.0.0.1"
-"""What is not for other machines listens here."""
+OPEN = "without TLS anybody on the network may run code as this user"
 
 
 @dataclass(frozen=True)
@@ -44,40 +41,72 @@ class Workers:
     """Where a campaign runs: so many workers (0: this process alone; None: one per processor), or
     a scheduler by its address, or SLURM.
 
-    tls: credentials for the latter two; insecure: the scheduler may be without; dashboard: with
-    Dask's pages, for this machine.
+    tls_ca, tls_cert, tls_key: PEM files for the latter two: certificate of the authority, own
+    certificate, its key (None: with the certificate); insecure: the scheduler may be without.
     """
 
-    count: int | None = None
+    workers: int | None = None
     scheduler: str | None = None
     slurm: bool = False
-    tls: credentials.Files = credentials.NONE
+    tls_ca: str | Path | None = None
+    tls_cert: str | Path | None = None
+    tls_key: str | Path | None = None
     insecure: bool = False
-    dashboard: bool = False
 
     @property
     def elsewhere(self) -> bool:
         """Whether they are not processes of this machine that we start."""
         return self.scheduler is not None or self.slurm
 
+    @property
+    def processes(self) -> int:
+        """Of this machine."""
+        return self.workers or os.cpu_count() or 1
 
-def checked(workers: Workers) -> Workers:
-    """Workers as asked for; UsageError if they contradict themselves, or everybody may enter."""
-    if workers.scheduler is not None and workers.slurm:
-        raise UsageError("--scheduler and --slurm: one of both")
-    if not workers.elsewhere and any(workers.tls):
-        raise UsageError("--tls-ca: is for --scheduler and --slurm; nobody can reach workers here")
-    if workers.insecure and workers.scheduler is None:
-        raise UsageError("--insecure: is for --scheduler; nobody else can be reached without TLS")
-    if workers.dashboard and not workers.elsewhere:
-        raise UsageError("--dashboard: is for --scheduler and --slurm")
-    if workers.dashboard and workers.slurm and not find_spec("bokeh"):
-        raise UsageError("--dashboard: needs pip install bokeh")
-    if workers.scheduler is not None:
-        credentials.of_scheduler(workers.scheduler, workers.tls, workers.insecure)
-    elif workers.slurm:
-        credentials.named(workers.tls)
-    return workers
+    def check(self) -> None:
+        """UsageError if they contradict themselves, or everybody may enter."""
+        if self.scheduler is not None and self.slurm:
+            raise UsageError("--scheduler and --slurm: one of both")
+        if not self.elsewhere and (self.tls_ca or self.tls_cert or self.tls_key):
+            raise UsageError(
+                "--tls-ca: is for --scheduler and --slurm; nobody can reach workers here"
+            )
+        if self.insecure and self.scheduler is None:
+            raise UsageError(
+                "--insecure: is for --scheduler; nobody else can be reached without TLS"
+            )
+        known = self.credentials() if self.elsewhere else None
+        address = f"--scheduler {self.scheduler}"
+        if self.scheduler is not None and known is None and not self.insecure:
+            raise UsageError(
+                f"{address}: {OPEN}; name credentials of the cluster with --tls-ca, --tls-cert and "
+                "--tls-key (or in the configuration of Dask), or accept it with --insecure"
+            )
+        if self.scheduler is not None and known and self.scheduler.startswith(("tcp:", "ws:")):
+            raise UsageError(f"{address}: is an address without TLS, and credentials are named")
+
+    def credentials(self) -> Any:
+        """From files, else from the configuration of Dask; None if there are none. UsageError."""
+        from distributed.security import Security
+
+        files = {"ca": self.tls_ca, "cert": self.tls_cert, "key": self.tls_key}
+        ca, cert, key = (f and str(Path(f).absolute()) for f in files.values())
+        given = [f"--tls-{name} {file}" for name, file in files.items() if file]
+        everybody = ("client", "scheduler", "worker")
+        own = {f"tls_{who}_{n}": f for who in everybody for n, f in (("cert", cert), ("key", key))}
+        found: Any = Security(tls_ca_file=ca, **own) if given else Security()
+        if not given and not (found.tls_ca_file and found.tls_client_cert):
+            return None
+        found.require_encryption = True
+        try:
+            if given and not (ca and cert):
+                raise ValueError("one is missing")
+            found.get_connection_args("client")
+        except (OSError, ValueError) as error:  # ssl.SSLError is an OSError
+            place = " ".join(given) or "the configuration of Dask, distributed.comm.tls"
+            wanted = "the certificate of the authority, an own one, and its key if it is apart"
+            raise UsageError(f"{place}: expected PEM files, {wanted} ({error})") from error
+        return found
 
 
 @contextmanager
@@ -95,31 +124,24 @@ def connected(workers: Workers, said: Callable[[str], None]) -> Iterator[Any]:
         # a folder of Dask's own would be one in which others may put what workers import
         private = str(life.enter_context(PrivateFolder()))
         life.enter_context(config.set({**SETTINGS, "temporary-directory": private}))
-        target, security = _target(workers, life)
+        security, target = workers.credentials(), workers.scheduler
+        if target is None:
+            target = _jobs(workers, security, life)
+            security = target.security
+        elif security is not None and "://" not in target:
+            target = f"tls://{target}"
         try:
             client = life.enter_context(Client(target, security=security))
         except (OSError, TimeoutError) as error:
-            raise UsageError(f"--scheduler {workers.scheduler}: {_why(error)}") from error
+            refused = any(word in str(error) for word in ("TLS", "SSL", "closed"))
+            why = "refuses the credentials" if refused else "does not answer"
+            raise UsageError(f"--scheduler {workers.scheduler}: {why}") from error
         if security is None:
-            said(f"{workers.scheduler}: {credentials.OPEN}")
-        if workers.dashboard:
-            link = urlsplit(client.dashboard_link)
-            place = link if workers.scheduler else link._replace(netloc=f"{HERE}:{link.port}")
-            said(f"dashboard: {place.geturl()}")
+            said(f"{workers.scheduler}: {OPEN}")
         yield client
 
 
-def _target(workers: Workers, life: ExitStack) -> tuple[Any, Any]:
-    """Cluster or address that a client is for, and its credentials."""
-    if workers.scheduler is not None:
-        security = credentials.of_scheduler(workers.scheduler, workers.tls, workers.insecure)
-        bare = security is not None and "://" not in workers.scheduler
-        return ("tls://" if bare else "") + workers.scheduler, security
-    jobs = _jobs(workers, life)
-    return jobs, jobs.security
-
-
-def _jobs(workers: Workers, life: ExitStack) -> Any:
+def _jobs(workers: Workers, security: Any, life: ExitStack) -> Any:
     """Jobs as jobqueue.yaml says, by default of one core; every core gets a process of its own,
     for a process flies one run at a time. Credentials that nobody names are made and handed on in
     a folder that only this user may enter, beside the logs of the jobs.
@@ -132,12 +154,13 @@ def _jobs(workers: Workers, life: ExitStack) -> Any:
         from dask_jobqueue.slurm import SLURMCluster
     except ImportError as error:
         raise UsageError('--slurm: needs pip install "servicing-fmus[slurm]"') from error
+    from harness.studies.campaign import nodes
 
     def said(name: str, otherwise: Any) -> Any:
         return config.get(f"jobqueue.slurm.{name}", None) or otherwise
 
-    cores, scheduler = said("cores", 1), _scheduler(workers.dashboard)
-    shared = life.enter_context(PrivateFolder(Path.cwd()))
+    cores, shared = said("cores", 1), life.enter_context(PrivateFolder(Path.cwd()))
+    further = ["--worker-class", f"{nodes.__name__}.{nodes.Worker.__name__}"]
     try:
         jobs = SLURMCluster(
             cores=cores,
@@ -145,38 +168,26 @@ def _jobs(workers: Workers, life: ExitStack) -> Any:
             memory=said("memory", f"{cores * MEMORY_GB}GB"),
             log_directory=said("log-directory", "slurm-logs"),
             local_directory=said("local-directory", shlex.quote(str(shared))),
-            security=credentials.named(workers.tls) or credentials.made_in(shared),
-            scheduler_cls=scheduler["cls"],
-            scheduler_options={**said("scheduler-options", {}), **scheduler["options"]},
-            worker_extra_args=[
-                *said("worker-extra-args", []),
-                "--worker-class",
-                "harness.studies.campaign.nodes.Worker",
-            ],
+            security=security or _made(shared),
+            scheduler_cls=nodes.Scheduler,
+            scheduler_options={**said("scheduler-options", {}), "dashboard": False},
+            worker_extra_args=[*said("worker-extra-args", []), *further],
         )
         life.enter_context(jobs)
-        jobs.scale(jobs=workers.count or 1)
+        jobs.scale(jobs=workers.workers or 1)
     except (OSError, RuntimeError, ValueError) as error:
         raise UsageError(f"--slurm: {' '.join(str(error).split())}") from error
     return jobs
 
 
-def _why(error: BaseException) -> str:
-    """What keeps a scheduler from answering: its credentials are not ours, or it is not there."""
-    refused = "TLS" in str(error) or "SSL" in str(error) or "closed" in str(error)
-    return "refuses the credentials" if refused else "does not answer"
+def _made(folder: Path) -> Any:
+    """New credentials for one campaign, in files of a folder that only this user may enter."""
+    from distributed.security import Security
 
-
-def _scheduler(pages: bool) -> dict[str, Any]:
-    """Class and options of a scheduler, with Dask's dashboard for this machine or without."""
-    from distributed import Scheduler
-
-    from harness.studies.campaign import nodes
-
-    options = {"dashboard": pages, "dashboard_address": f"{HERE}:0" if pages else None}
-    return {"cls": Scheduler if pages else nodes.Scheduler, "options": options}
-
-
-def processes(workers: Workers) -> int:
-    """Of this machine."""
-    return workers.count or os.cpu_count() or 1
+    made: Any = Security.temporary()
+    texts = {"cert.pem": made.tls_client_cert, "key.pem": made.tls_client_key}
+    for name, text in texts.items():
+        (folder / name).touch(0o600)
+        (folder / name).write_text(text)
+    cert, key = (folder / name for name in texts)
+    return Workers(slurm=True, tls_ca=cert, tls_cert=cert, tls_key=key).credentials()

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 from harness.master.changes import Changes
 from harness.studies.campaign import worker
-from harness.studies.campaign.clusters import Workers, connected, processes
+from harness.studies.campaign.clusters import Workers, connected
 from harness.studies.campaign.worker import Row, Task
 from harness.studies.crew import CRASH, Crew, LostError, prepare
 
@@ -53,7 +53,7 @@ class Hands(NamedTuple):
 
 def get_ready(workers: Workers) -> None:
     """Let processes of this machine be near when they are needed."""
-    if workers.count != 0 and not workers.elsewhere:
+    if workers.workers != 0 and not workers.elsewhere:
         prepare(worker.__name__)
 
 
@@ -61,14 +61,14 @@ def get_ready(workers: Workers) -> None:
 def crew(workers: Workers, said: Callable[[str], None]) -> Iterator[Fly]:
     """Who runs blocks; processes of this machine are still starting when it is there.
 
-    said: receives what the user should know, as the address of the dashboard. Raises UsageError (a
+    said: receives what the user should know. Raises UsageError (a
     scheduler that does not answer, no SLURM).
     """
-    least = processes(workers)
+    least = workers.processes
     if workers.elsewhere:
         with connected(workers, said) as client:
             yield partial(_spread, of_cluster(client, least))
-    elif workers.count == 0:
+    elif workers.workers == 0:
         with worker.at_work():
             yield _here
     else:

@@ -24,7 +24,7 @@ from harness.master.messages import said_once
 from harness.results.requirements import has_slope
 from harness.spelling import did_you_mean
 from harness.studies.campaign.campaign import task_of
-from harness.studies.campaign.clusters import Workers, processes
+from harness.studies.campaign.clusters import Workers
 from harness.studies.campaign.draft import read_plan, table_of
 from harness.studies.campaign.engine import Block, Fly, crew, get_ready
 from harness.studies.campaign.factors import CHOICES, SMALLEST
@@ -100,7 +100,7 @@ class Flights:
         if self._fly is None:
             raise UsageError("Flights: use them in a with block")
         changes = [self.plan.changes(each) for each in values]
-        size = min(LARGEST, -(-len(changes) // (2 * max(1, processes(self.workers)))))
+        size = min(LARGEST, -(-len(changes) // (2 * self.workers.processes)))
         blocks = (Block(k, changes[k : k + size]) for k in range(0, len(changes), size or 1))
         flown = dict(self._fly(self.task, blocks))
         return [row for k in sorted(flown) for row in flown[k]]
