@@ -16,8 +16,6 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from harness import ssp
-
 if TYPE_CHECKING:
     from harness.api import *
     from harness.errors import HarnessError
@@ -59,11 +57,3 @@ def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(_HOMES.get(name, "harness.api")), name)
-
-
-def _started(system: Any) -> Any:
-    """`[start]` of a TOML, by the room above that reads files of other tools."""
-    return import_module("harness.exchange.start").of_system(system)
-
-
-ssp.read_starts = _started

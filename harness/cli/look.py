@@ -278,7 +278,7 @@ def convert_command(
 
     CCSDS ephemerides and CZML take N as EME2000 about the Earth.
     """
-    from harness.exchange import convert
+    from harness.mission.exchange import convert
 
     path = convert(file, output, body, epoch)
     typer.echo(f"{path}{size_of(path)}")

@@ -76,8 +76,8 @@ class Asked:
         """The changes with the epoch, and start values from files below those of --set."""
         if not self.start and self.epoch is None:
             return changes
-        from harness.exchange.start import start_values
         from harness.master.changes import pairs
+        from harness.mission.exchange import start_values
         from harness.ssp.library import load
 
         if system is None:

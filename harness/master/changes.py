@@ -13,10 +13,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypedDict
 
-from harness import ssp
 from harness.errors import HarnessError, StructureError, UsageError
 from harness.files.paths import is_file
 from harness.files.sealed import sha256
+from harness.mission.exchange import of_system
 from harness.remote.places import Place, move, read_place
 from harness.results.requirements import refused
 from harness.spelling import did_you_mean
@@ -101,7 +101,7 @@ def _elsewhere(system: System, epoch: str) -> System:
     """A system whose bodies start from files, at another UTC of t = 0."""
     moved = replace(system, experiment=replace(system.experiment, epoch=epoch))
     values = Assignments(read_interfaces(moved))
-    for name, value in ssp.read_starts(moved)[0].items():
+    for name, value in of_system(moved).values.items():
         values.set(*split(name, values.interfaces), value)
     return _with(moved, values)
 

@@ -20,11 +20,20 @@ from harness.mission.claim import (
 )
 from harness.mission.figure import Curve, Drawing, Figure, Level, Overlay, Panel, Phase
 from harness.mission.library import inherit
-from harness.mission.mission import Gauge, Limits, Measure, Mission, Plan, Scene
+from harness.mission.mission import (
+    Exchange,
+    Gauge,
+    Limits,
+    Measure,
+    Mission,
+    Plan,
+    Scene,
+    Start,
+)
 from harness.results.verdict import Verdict
 
 __all__ = [
-    "Band", "Case", "Claim", "Condition", "Curve", "Drawing", "Figure", "Gauge", "Judgement",
-    "Level", "Limits", "Measure", "Mission", "Overlay", "Panel", "Paper", "Phase", "Plan",
-    "RuleFinding", "Scene", "Verdict", "at_least", "at_most", "inherit",
+    "Band", "Case", "Claim", "Condition", "Curve", "Drawing", "Exchange", "Figure", "Gauge",
+    "Judgement", "Level", "Limits", "Measure", "Mission", "Overlay", "Panel", "Paper", "Phase",
+    "Plan", "RuleFinding", "Scene", "Start", "Verdict", "at_least", "at_most", "inherit",
 ]  # fmt: skip

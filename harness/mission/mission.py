@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
@@ -120,34 +120,30 @@ def _name(description: str, value: float) -> str:
     return names.get(f"{value:g}", "") if re.match(r"0 \w", description) else ""
 
 
-class Bodies(NamedTuple):
-    """Names of the variables of a body, `{}` standing for its letter, and of the parameters of its
-    start, all without the component.
-
-    position [m], velocity [m/s], attitude: relative to an inertial frame; components: those that
-    are bodies, in their order; start: position [m] and velocity [m/s]; semi_major_axis: 0 where
-    these two count; elements: the other five of an orbit, eccentricity, inclination, argument of
-    perigee, right ascension and true anomaly [rad]; field: of gravity [m3/s2]; beside: position and
-    velocity relative to another body in its Hill frame; sun: parameter of whatever must know where
-    the Sun is, a unit vector in the inertial frame ("": nothing does).
+class Start(NamedTuple):
+    """Values of parameters by name, for `set` of run(); what was assumed, one line each; the UTC of
+    t = 0, for `epoch`.
     """
 
-    position: str
-    velocity: str
-    attitude: str
-    components: tuple[str, ...]
-    start: tuple[str, str]
-    semi_major_axis: str
-    elements: tuple[str, str, str, str, str]
-    field: str
-    beside: tuple[str, str]
-    sun: str = ""
+    values: Mapping[str, Any]
+    notes: tuple[str, ...]
+    epoch: str
 
-    def found(self, result: Result) -> dict[str, str]:
-        """Letters of the components that have a position, in the order of the result."""
-        before, after = map(re.escape, self.position.split("{}"))
-        pattern = re.compile(rf"(\w+)\.{before}([A-Z]){after}")
-        return {match[1]: match[2] for n in result.vectors if (match := pattern.fullmatch(n))}
+
+@dataclass(frozen=True, eq=False)
+class Exchange:
+    """Files of other tools.
+
+    writers: by ending, of a result, the path, a component (None: whichever suits) and the UTC of
+    t = 0; start: start values of a system from files (or their text) by component, an epoch or None
+    and changes of run(); remarks: lines of a page about a result, besides the notes.
+    """
+
+    writers: Mapping[str, Callable[[Result, Path, str | None, str], None]] = field(
+        default_factory=dict
+    )
+    start: Callable[..., Start] | None = None
+    remarks: Callable[[Result], Iterable[str]] | None = None
 
 
 class Example(NamedTuple):
@@ -199,8 +195,9 @@ class Mission:
     `harness plan` answers, from a system and the changes of run(); bands: the limits that runs are
     held against where the user names none, definitions: lines below the table that explain its
     columns; idle: variables with the value from which on nothing is in force; validations: numbers
-    by others that the mission answers; bodies: names by which bodies in orbit are known; examples:
-    sources of what may take the place of a component.
+    by others that the mission answers; exchange: files of other tools that it reads and writes;
+    restarts: a parameter that holds a state, another one, and its value by which the state counts;
+    examples: sources of what may take the place of a component.
     """
 
     figures: tuple[Figure | Drawing, ...] = ()
@@ -217,7 +214,8 @@ class Mission:
     definitions: tuple[Callable[[Limits], Iterator[str]], ...] = ()
     idle: tuple[tuple[str, float], ...] = ()
     validations: tuple[Validation, ...] = ()
-    bodies: tuple[Bodies, ...] = ()
+    exchange: tuple[Exchange, ...] = ()
+    restarts: tuple[tuple[str, str, float], ...] = ()
     examples: tuple[Example, ...] = ()
 
     def limits(self, given: Limits, results: Mapping[str, Result]) -> Limits:

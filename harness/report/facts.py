@@ -11,8 +11,8 @@ from typing import Any
 
 from harness.claims.case import listed
 from harness.claims.report import OTHER, PaperJudged, judged, rule_findings
-from harness.exchange.bodies import eclipses
 from harness.mission import Claim, Judgement, Limits
+from harness.mission.exchange import remarks
 from harness.mission.library import missing, notes_of, of_result
 from harness.report.plots import number
 from harness.results.requirements import findings
@@ -35,7 +35,7 @@ def head(result: Result) -> Facts:
         "end": f"{time[-1]:g}" if len(time) else "",
         "complete": result.complete,
         "message": result.message or ("" if result.complete else "the run ended early"),
-        "notes": [*notes_of(result), *eclipses(result), *filter(None, (missing(result),))],
+        "notes": [*notes_of(result), *remarks(result), *filter(None, (missing(result),))],
     }
 
 

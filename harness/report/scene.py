@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A replay as data: bodies with their parts, where they are and how they stand at chosen rows,
-marks that belong to a body or to a frame, and what is far away.
+marks that belong to a body or to a frame.
 
 Positions are relative to the origin of the scene, in N axes; attitudes are quaternions of the body
 relative to N, scalar first, v_N = q v_B q*. With the quaternion of the Hill frame the page turns
@@ -13,14 +13,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from harness.errors import HarnessError, library
-from harness.exchange.bodies import instants as utc
-from harness.exchange.bodies import names_of, shadow, sun_direction
 from harness.report import bodies
 from harness.report.arrays import Arrays
 from harness.results.histories import quaternion, rotation_angle
 from harness.results.result import Array, Result, Rows
-from harness.system.instants import days_since_j2000
 
 Scene = dict[str, Any]
 
@@ -31,13 +27,6 @@ TURN = np.radians(8)
 IN_ORBIT = 1e6
 """A body farther than that [m] from the origin of N is in orbit, and has a Hill frame."""
 HILL = {"key": "H", "name": "Hill frame", "axes": ["radial", "along track", "normal"]}
-EARTH = 6378137.0
-"""Equatorial radius of the planet where no parameter says it [m]."""
-RATE = 7.292115e-5
-"""Turn of the Earth [rad/s]."""
-LIKE = 0.01
-"""A radius that differs by less, as a part, is that of the Earth."""
-UNDATED = "no date: turn of the Earth arbitrary"
 INERTIAL = {"key": "N", "name": "inertial axes", "axes": ["x N", "y N", "z N"]}
 
 
@@ -123,59 +112,3 @@ def number(  # noqa: PLR0913, PLR0917 - what is shown, and how
         "values": arrays.keep(result[name][rows]),
         **({"words": words} if words else {}),
     }
-
-
-# ---- what is far away: the planet and its turn, the Sun, the shadow
-
-
-def sky(result: Result, arrays: Arrays, rows: Rows, r: Array, radius: float = 0.0) -> Scene:
-    """Planet, Sun and shadow of a scene whose origin is at r (rows, 3) [m] from the centre of the
-    planet; radius: of that [m], 0: the Earth's.
-
-    Where the Sun stands and how far the Earth has turned follow from the date of the run. Without
-    one the Sun is where a parameter of the run has it, if one does, and the turn begins anywhere:
-    the replay says so. The coasts are drawn on a body with the radius of the Earth only: those of
-    Natural Earth at 1:110m, which is in the public domain, simplified (`page/coasts.json`).
-    """
-    turn, towards = _dated(result, rows)
-    planet = {
-        "r": arrays.keep(-r),
-        "radius": min(radius or EARTH, 0.99 * float(np.linalg.norm(r, axis=1).min())),
-        "coasts": abs((radius or EARTH) / EARTH - 1) < LIKE,
-        "turn": arrays.keep(np.unwrap(turn)),
-    }
-    if towards is not None:
-        return {"planet": planet, "sun": _sun(arrays, r, towards)}
-    if (fixed := _fixed(result)) is None:
-        return {"planet": planet, "undated": f"{UNDATED}, Sun not shown"}
-    undated = f"{UNDATED}, Sun where a parameter has it"
-    return {"planet": planet, "sun": _sun(arrays, r, fixed[None]), "undated": undated}
-
-
-def _sun(arrays: Arrays, r: Array, towards: Array) -> Scene:
-    every = np.broadcast_to(towards, r.shape)
-    return {"towards": arrays.keep(towards), "shadow": arrays.keep(shadow(r, every))}
-
-
-def _dated(result: Result, rows: Rows) -> tuple[Array, Array | None]:
-    """Turn of the Earth [rad] and direction of the Sun, None without a date or the library."""
-    epoch = result.provenance.epoch if result.provenance else ""
-    if epoch:
-        try:
-            dates = utc(result, epoch)[rows]
-            turn = library("erfa", "exchange").era00(2451545.0, days_since_j2000(dates))
-            return np.asarray(turn, dtype=np.float64), sun_direction(dates)
-        except HarnessError:
-            pass
-    return RATE * result.time[rows], None
-
-
-def _fixed(result: Result) -> Array | None:
-    """The direction of the Sun that a parameter of the run says."""
-    table = result.parameters
-    wanted = {names.sun for names in names_of(result) if names.sun}
-    for name in table.vectors if table else ():
-        if name.rpartition(".")[2] in wanted:
-            found = np.asarray(result.parameter(name), dtype=np.float64)
-            return np.asarray(found / np.linalg.norm(found))
-    return None

@@ -19,9 +19,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from harness import ssp
 from harness.errors import HarnessError, StructureError, UsageError
 from harness.files.paths import is_file
+from harness.mission.exchange import of_system
 from harness.results import requirements
 from harness.spelling import did_you_mean
 from harness.ssp.extends import MODELS, extended
@@ -93,7 +93,7 @@ def _begun(table: Mapping[str, Any], system: System) -> dict[str, Any]:
     """The tables of a system with the values of its `starts` among the parameters, and with its
     epoch; HarnessError.
     """
-    values, epoch = ssp.read_starts(system)
+    values, _, epoch = of_system(system)
     parameters = {c: dict(own) for c, own in table.get("parameters", {}).items()}
     for name, value in values.items():
         component, _, parameter = name.partition(".")

@@ -223,9 +223,7 @@ class _Differences:
 
     def _restart(self, state: Mapping[str, float]) -> dict[str, float]:
         values = {self.bench.states[name]: value for name, value in state.items()}
-        # plants with a Cartesian start use it when the semi-major axis is zero
-        cartesian = (n for n in everything().bodies if f"{n.start[0]}[1]" in values)
-        return values | {names.semi_major_axis: 0.0 for names in cartesian}
+        return values | {p: x for state, p, x in everything().restarts if state in values}
 
     def _check_restart(self) -> None:
         again = self.bench.run(self._restart(self.state), self.at, 0, self.h)

@@ -22,7 +22,7 @@ from .approach_figures import (
     WHEEL_SPEEDS,
 )
 from .approach_scene import PAIR, pair, pairs
-from .conventions import BODIES, CONTROLLER
+from .conventions import CONTROLLER, ORBITS, RESTARTS
 from .gauges import GAUGES
 from .measures import MEASURES, bands, definitions
 from .notes import notes
@@ -61,6 +61,7 @@ def approach(
         notes=(notes, flexible.notes),
         bands=(bands,),
         definitions=(definitions,),
-        bodies=(BODIES,),
+        exchange=(ORBITS,),
+        restarts=RESTARTS,
         examples=(CONTROLLER,),
     )

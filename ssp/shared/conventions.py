@@ -5,7 +5,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from harness.mission.mission import Bodies, Example
+from harness.mission.mission import Example
+
+from .exchange import orbits
+from .exchange.bodies import Bodies
 
 BODIES = Bodies(
     position="r_{}N_N",
@@ -19,6 +22,9 @@ BODIES = Bodies(
     beside=("rho_0_H", "drho_0_H"),
     sun="sun_N",
 )
+ORBITS = orbits(BODIES)
+RESTARTS = (("r_0_N[1]", "a", 0.0),)
+"""Plants start at position and velocity where the semi-major axis is 0."""
 CONTROLLER = Example(
     place="sync_approach.controller",
     inputs=frozenset(("r_TN_N", "v_TN_N", "r_SN_N", "v_SN_N", "q_SN", "rho_ref_N", "drho_ref_N")),

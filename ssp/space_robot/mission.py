@@ -6,7 +6,7 @@ from __future__ import annotations
 from harness.mission import Gauge, Mission, Phase, Scene
 from harness.mission.figure import DEGREES, scaled
 
-from ..shared.conventions import BODIES
+from ..shared.conventions import ORBITS, RESTARTS
 from .claims import PAPERS
 from .figures import FIGURES, OVERLAYS
 from .measures import MEASURES
@@ -42,6 +42,7 @@ MISSION = Mission(
         Gauge("pitch", "deg", PITCH, factor=DEGREES),
         Gauge("pitch rate", "deg/s", RATE, factor=DEGREES),
     ),
-    bodies=(BODIES,),
+    exchange=(ORBITS,),
+    restarts=RESTARTS,
     scene=(Scene(ROBOT, LINKS, robot),),
 )

@@ -16,9 +16,10 @@ from harness.report.scene import (
     joint,
     number,
     scene,
-    sky,
 )
 from harness.results.result import Result
+
+from ..shared.sky import sky
 
 ROBOT = ("robot.r_SN_N", "robot.v_SN_N", "robot.q_SN", "robot.joint_angle")
 RADIUS = "robot.R_E"

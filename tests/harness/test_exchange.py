@@ -25,16 +25,16 @@ from sgp4.api import Satrec
 from harness import read, run
 from harness.cli import main
 from harness.errors import HarnessError, ResultsError, UsageError
-from harness.exchange import convert
-from harness.exchange.bodies import AU, EARTH, SUN, shadow, sun_direction
-from harness.exchange.ccsds import write_oem
-from harness.exchange.czml import ROWS, earth
-from harness.exchange.sources import source_of
-from harness.exchange.start import start_values
+from harness.mission.exchange import convert, start_values
 from harness.report.facts import head
 from harness.results.result import Result
 from harness.ssp.library import load
 from harness.system.instants import days_since_j2000, epoch_of
+from ssp.shared.conventions import BODIES
+from ssp.shared.exchange.bodies import AU, EARTH, SUN, shadow, sun_direction
+from ssp.shared.exchange.ccsds import write_oem
+from ssp.shared.exchange.czml import ROWS, earth
+from ssp.shared.exchange.sources import source_of
 
 EPOCH = "2026-03-01T06:00:00"
 ISS = (
@@ -454,7 +454,7 @@ def test_times_that_lead_out_of_all_years_have_no_ephemeris(result, tmp_path, la
     time[-1] = last
     late = replace(result, time=time)
     with pytest.raises(ResultsError, match="times of the result lead from 2026-03-01T06:00:00 out"):
-        write_oem(late, tmp_path / "x.oem", None, EPOCH)
+        write_oem(BODIES, late, tmp_path / "x.oem", None, EPOCH)
 
 
 @pytest.mark.parametrize(
@@ -495,7 +495,7 @@ def test_a_start_that_is_not_finite_is_said_of_its_file(out, tmp_path, capsys):
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="needs /dev/zero")
 def test_a_start_without_end_is_not_read_to_its_end(monkeypatch, capsys):
-    monkeypatch.setattr("harness.exchange.sources.LONGEST", 10**6)
+    monkeypatch.setattr("ssp.shared.exchange.sources.LONGEST", 10**6)
     assert main(["run", "sync_approach", "--start", "target=/dev/zero"]) == 2
     reason = "/dev/zero: cannot be read (longer than the limit of 1000000 bytes)"
     assert capsys.readouterr().err == f"harness: --start target: {reason}\n"

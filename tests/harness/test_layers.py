@@ -21,7 +21,7 @@ LAYERS = (
     ("cli",),
     ("api",),
     ("authoring", "report"),
-    ("studies", "exchange", "exports", "figures", "claims"),
+    ("studies", "exports", "figures", "claims"),
     ("master",),
     ("ssp",),
     ("mission",),

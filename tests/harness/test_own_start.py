@@ -11,15 +11,17 @@ import pytest
 from astropy import units
 from astropy.time import Time
 
-from harness import export, run
+from harness import export, read, run
 from harness.cli import main
 from harness.errors import HarnessError, StructureError, UsageError
-from harness.exchange import convert, sources
-from harness.exchange.start import State, elements, start_values
 from harness.mission import library
+from harness.mission.exchange import convert, start_values
+from harness.report.facts import head
 from harness.results.requirements import findings
 from harness.results.verdict import Verdict
 from harness.ssp.library import load
+from ssp.shared.exchange import sources
+from ssp.shared.exchange.start import State, elements
 from tests.harness.test_exchange import ISS, by_astropy
 
 MU = 3.986004415e14
@@ -228,3 +230,40 @@ def test_a_missing_library_is_named(tmp_path):
 
 def _gone(name, extra):
     raise HarnessError(f"{name} is missing: pip install servicing-fmus[{extra}]")
+
+
+OWN = """
+from pathlib import Path
+
+from harness.mission import Exchange, Mission, Start
+
+
+def write(result, path, body, epoch):
+    path.write_text(f"{result.system} {body} {epoch}")
+
+
+def start(system, files, epoch, **changes):
+    masses = {f"{c}.mass_0": float(Path(f).read_text()) for c, f in files.items()}
+    return Start(masses, ("masses are weighed",), epoch or "2026-03-01T06:00:00")
+
+
+MISSION = Mission(exchange=(Exchange({".mine": write}, start, lambda result: ["seen"]),))
+"""
+
+
+def test_a_mission_brings_files_of_its_own(tmp_path, capsys):
+    folder, out = tmp_path / "weighed", tmp_path / "out.nc"
+    folder.mkdir()
+    (folder / "system.toml").write_text('extends = "sync_approach"\n')
+    (folder / "mission.py").write_text(OWN)
+    (tmp_path / "mass.txt").write_text("123")
+    started = ["--start", f"servicer={tmp_path / 'mass.txt'}", "--stop", "0.1", "-o", str(out)]
+    assert main(["run", str(folder), *started]) == 0
+    assert "note: masses are weighed" in capsys.readouterr().out
+    result = read(out)
+    assert result.parameter("servicer.mass_0") == 123
+    assert head(result)["notes"] == ["seen"]
+    assert main(["convert", str(out), "-o", str(tmp_path / "x.mine")]) == 0
+    assert (tmp_path / "x.mine").read_text() == "weighed None 2026-03-01T06:00:00"
+    assert main(["convert", str(out), "-o", str(tmp_path / "x.oem")]) == 2
+    assert "to .csv, .nc, .mat, .parquet, .mine, not to '.oem'" in capsys.readouterr().err

@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from harness.exchange.bodies import instants, shadow, sun_direction
+from ssp.shared.exchange.bodies import instants, shadow, sun_direction
 from ssp.shared.safety import RESTING
 from tests.harness.chromium import opened
 

@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import library
-from harness.exchange.bodies import Body, bodies, instants
 from harness.files.output import written
 from harness.results.result import Array, Result
 from harness.system.instants import days_since_j2000
+
+from .bodies import Bodies, Body, bodies, instants
 
 ROWS = 5000
 """Rows that Cesium interpolates between; more are thinned to this number."""
@@ -52,14 +53,14 @@ class _Clock(NamedTuple):
         }
 
 
-def write_czml(result: Result, path: Path, body: str | None, epoch: str) -> None:
+def write_czml(names: Bodies, result: Result, path: Path, body: str | None, epoch: str) -> None:
     """All bodies, or the named one; UsageError or ResultsError."""
     rows = slice(None, None, -(-len(result.time) // ROWS))
     times = instants(result, epoch)[rows]
     clock = _Clock(rows, times, result.time[rows] - result.time[0])
     shown = {"interval": clock.span, "currentTime": _text(times[0]), "multiplier": 10}
     head = {"id": "document", "name": result.system, "version": "1.0", "clock": shown}
-    found = zip(bodies(result, body), COLOURS, strict=False)
+    found = zip(bodies(names, result, body), COLOURS, strict=False)
     packets = [_packet(each, colour, clock) for each, colour in found]
     with written(path) as target:
         target.write_text(json.dumps([head, *packets]), encoding="utf-8")

@@ -22,11 +22,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from harness.errors import UsageError, library, reason_of
-from harness.exchange.czml import earth
 from harness.files.paths import contents
 from harness.files.temporary import PrivateFolder
 from harness.results.result import Array
 from harness.system.instants import J2000, days_since_j2000, moment
+
+from .czml import earth
 
 SAME_AXES = ("EME2000", "J2000", "GCRF", "GCRS", "ICRF")
 LONGEST = 256 * 1024**2

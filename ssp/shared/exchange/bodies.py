@@ -9,22 +9,50 @@ before a disc of the Sun of its true size, without an atmosphere.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import HarnessError, ResultsError, UsageError, library
-from harness.mission.library import everything, of_result
-from harness.mission.mission import Bodies
 from harness.results.result import Array, Result
 from harness.spelling import did_you_mean
 from harness.system.instants import after, days_since_j2000, epoch_of
 
-EPOCH = "2000-01-01T12:00:00"
-"""Instant of t = 0 of a run without a date, unless the user names one: J2000."""
 EARTH_RADIUS = 6.3e6
 """Least distance of an orbit about the Earth from N [m]."""
+
+
+class Bodies(NamedTuple):
+    """Names of the variables of a body, `{}` standing for its letter, and of the parameters of its
+    start, all without the component.
+
+    position [m], velocity [m/s], attitude: relative to an inertial frame; components: those that
+    are bodies, in their order; start: position [m] and velocity [m/s]; semi_major_axis: 0 where
+    these two count; elements: the other five of an orbit, eccentricity, inclination, argument of
+    perigee, right ascension and true anomaly [rad]; field: of gravity [m3/s2]; beside: position and
+    velocity relative to another body in its Hill frame; sun: parameter of whatever must know where
+    the Sun is, a unit vector in the inertial frame ("": nothing does).
+    """
+
+    position: str
+    velocity: str
+    attitude: str
+    components: tuple[str, ...]
+    start: tuple[str, str]
+    semi_major_axis: str
+    elements: tuple[str, str, str, str, str]
+    field: str
+    beside: tuple[str, str]
+    sun: str = ""
+
+    def found(self, result: Result) -> dict[str, str]:
+        """Letters of the components that have a position, in the order of the result."""
+        before, after = map(re.escape, self.position.split("{}"))
+        pattern = re.compile(rf"(\w+)\.{before}([A-Z]){after}")
+        return {match[1]: match[2] for n in result.vectors if (match := pattern.fullmatch(n))}
 
 
 @dataclass(frozen=True)
@@ -39,17 +67,16 @@ class Body:
     q: Array | None
 
 
-def bodies(result: Result, name: str | None = None) -> list[Body]:
+def bodies(names: Bodies, result: Result, name: str | None = None) -> list[Body]:
     """The usual bodies of a result, or the named one; ResultsError or UsageError if there is none
     that moves about the Earth.
     """
-    names = names_of(result)
-    known = {c: n for n in names for c in n.found(result)}
-    usual = [c for n in names for c in n.components if c in known]
+    known = names.found(result)
     if name is not None and name not in known:
         close = did_you_mean(name, known) or (f", only {', '.join(known)}" if known else "")
         raise UsageError(f"--body {name}: {result.system} has no such body{close}")
-    found = [_body(result, c, known[c]) for c in ([name] if name else usual)]
+    usual = [name] if name else [c for c in names.components if c in known]
+    found = [_body(result, c, known[c], names) for c in usual]
     if not found:
         raise ResultsError(f"{result.system}: the result holds no body with position and velocity")
     for body in found:
@@ -58,13 +85,7 @@ def bodies(result: Result, name: str | None = None) -> list[Body]:
     return found
 
 
-def names_of(result: Result) -> tuple[Bodies, ...]:
-    """The names of bodies in the mission of a result, else in all that are at hand."""
-    return of_result(result).bodies or everything().bodies
-
-
-def _body(result: Result, name: str, names: Bodies) -> Body:
-    letter = names.found(result)[name]
+def _body(result: Result, name: str, letter: str, names: Bodies) -> Body:
     position, velocity, attitude = (
         f"{name}.{text.format(letter)}" for text in (names.position, names.velocity, names.attitude)
     )
@@ -101,7 +122,7 @@ def sun_direction(times: NDArray[np.datetime64]) -> Array:
     return np.asarray(towards / np.linalg.norm(towards, axis=-1, keepdims=True))
 
 
-def eclipses(result: Result) -> list[str]:
+def eclipses(names: Bodies, result: Result) -> list[str]:
     """When the first body of a dated result is in the shadow, in a line; none without a date,
     bodies about the Earth, or erfa.
     """
@@ -109,7 +130,7 @@ def eclipses(result: Result) -> list[str]:
     if not epoch or not len(result.time):
         return []
     try:
-        body = bodies(result)[0]
+        body = bodies(names, result)[0]
         rows = np.unique(np.linspace(0, len(result.time) - 1, ROWS).round().astype(np.intp))
         towards = sun_direction(instants(result, epoch)[rows])
     except HarnessError:

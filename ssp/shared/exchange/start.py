@@ -8,76 +8,47 @@ the elements of the target's orbit, and stands where its position in the Hill fr
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from harness.errors import StructureError, UsageError
-from harness.exchange.bodies import sun_direction
-from harness.exchange.sources import Source, State, source_of, state_of
-from harness.master.simulation import Simulation
-from harness.mission.library import everything, mission
-from harness.mission.mission import Bodies
+from harness.errors import UsageError
+from harness.mission import Start
 from harness.results.result import Array, Result
 from harness.spelling import did_you_mean
-from harness.system.instants import epoch_of, written
+from harness.system.instants import epoch_of, told, written
 from harness.system.model import System
 
-
-@dataclass(frozen=True)
-class Start:
-    """Values of parameters by name, for `set` of run(); what was assumed, one line each; the UTC of
-    t = 0, for `epoch`.
-    """
-
-    values: Mapping[str, Any]
-    notes: tuple[str, ...]
-    epoch: str
+from .bodies import Bodies, sun_direction
+from .sources import State, source_of, state_of
 
 
 def start_values(
+    names: Bodies,
     system: System,
     files: Mapping[str, str | Path],
     epoch: str | None = None,
     **changes: Any,
 ) -> Start:
-    """Start values of components from files, for the system with these changes, see
-    harness.master.changes.Changes.
-
-    files: OEM or two-line elements by component, may be none; those of the system's own `[start]`
-    stay under them; epoch: t = 0 in UTC (default: that of the system, else the first instant that
-    all files know). What must know where the Sun is gets its direction at that instant. Raises
-    UsageError (no such component, no such file, an epoch outside), and HarnessError if a library of
-    the extra `exchange` is missing.
+    """Start values from OEM or two-line elements by component, see harness.mission.exchange. What
+    must know where the Sun is gets its direction at that instant.
     """
+    from harness.master.simulation import Simulation
+
     parameters = Simulation(system, **changes).parameters()
     files = {**system.starts, **files}
-    names = _names(system, needed=bool(files))
-    if names:
-        for component in files:
-            _check(component, system, parameters, names)
+    for component in files:
+        _check(component, system, parameters, names)
     sources = {component: source_of(component, file) for component, file in files.items()}
     date = system.experiment.epoch if epoch is None else epoch
     asked = date or epoch is not None or not files
     instant = epoch_of(date) if asked else max(s.first for s in sources.values())
     states = {component: state_of(component, s, instant) for component, s in sources.items()}
-    values = _orbits(parameters, states, names) if names else {}
-    sun, told = _sun(parameters, names.sun if names else "", instant)
-    return Start(values | sun, (*_notes(sources, instant), *told), written(instant))
-
-
-def of_system(system: System) -> tuple[Mapping[str, Any], str]:
-    """Start values and epoch of the `[start]` of a TOML; what harness.ssp.read_starts is. Raises
-    StructureError with the problem.
-    """
-    try:
-        found = start_values(system, {})
-    except UsageError as error:
-        text = str(error).replace("--start ", "[start] ").replace("--start: ", "[start] ")
-        raise StructureError(text.splitlines()) from error
-    return found.values, found.epoch
+    values = _orbits(parameters, states, names)
+    sun, known = _sun(parameters, names.sun, instant)
+    axes = [f"{component}: {Path(s.path).name}, {s.axes}" for component, s in sources.items()]
+    return Start(values | sun, (told(instant), *axes, *known), written(instant))
 
 
 def _orbits(parameters: Result, states: Mapping[str, State], names: Bodies) -> dict[str, Any]:
@@ -100,25 +71,6 @@ def _sun(parameters: Result, name: str, instant: np.datetime64) -> tuple[dict[st
     to_sun = sun_direction(np.array([instant]))[0].tolist()
     shown = ", ".join(f"{x:.6f}" for x in to_sun)
     return dict.fromkeys(needing, to_sun), [f"Sun at t = 0: {', '.join(needing)} = [{shown}]"]
-
-
-def _notes(sources: Mapping[str, Source], instant: np.datetime64) -> list[str]:
-    text = np.datetime_as_string(instant.astype("datetime64[us]"))
-    axes = [f"{component}: {Path(s.path).name}, {s.axes}" for component, s in sources.items()]
-    return [f"t = 0 is {text} UTC", *axes]
-
-
-def _names(system: System, needed: bool) -> Bodies | None:
-    """The names of bodies in the mission of a system, else in any that is at hand; UsageError if
-    they are needed and nobody has any.
-    """
-    own = mission(system.mission) if system.mission else None
-    found = (own.bodies if own else ()) or everything().bodies
-    if needed and not found:
-        raise UsageError(
-            f"--start: no mission defines start parameters for the bodies of {system.name}"
-        )
-    return found[0] if found else None
 
 
 def _check(component: str, system: System, parameters: Result, names: Bodies) -> None:

@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import ResultsError, UsageError
-from harness.exchange.bodies import bodies, instants
 from harness.files.output import written
 from harness.results.result import Array, Result
+
+from .bodies import Bodies, bodies, instants
 
 ORIGINATOR = "SERVICING-FMUS"
 ASSUMED = "N of the simulation is taken as EME2000; t = 0 is the epoch of the run, or J2000"
@@ -36,18 +37,18 @@ AEM = {
 """Centre, frames and time system of both messages."""
 
 
-def write_oem(result: Result, path: Path, body: str | None, epoch: str) -> None:
+def write_oem(names: Bodies, result: Result, path: Path, body: str | None, epoch: str) -> None:
     """Ephemeris of one body (default: the first); UsageError or ResultsError."""
-    one = bodies(result, body)[0]
+    one = bodies(names, result, body)[0]
     data = np.hstack((one.r_N, one.v_N)) / 1000
     meta = _meta(one.name, result, epoch, OEM)
     meta |= {"INTERPOLATION": "HERMITE", "INTERPOLATION_DEGREE": "3"}
     _write(path, result, "OEM_VERS = 2.0", meta, _rows(result, epoch, data))
 
 
-def write_aem(result: Result, path: Path, body: str | None, epoch: str) -> None:
+def write_aem(names: Bodies, result: Result, path: Path, body: str | None, epoch: str) -> None:
     """Attitude of one body (default: the first that has one); UsageError or ResultsError."""
-    found = bodies(result, body)
+    found = bodies(names, result, body)
     one = next((body for body in found if body.q is not None), found[0])
     if one.q is None:
         raise UsageError(f"{one.name}: the result does not hold its attitude")

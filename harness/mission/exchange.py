@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Files of other tools, which missions read and write: results become such files, and such files
+give start values. The engine knows none of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from harness.errors import StructureError, UsageError
+from harness.mission.library import everything, mission, of_result
+from harness.mission.mission import Exchange, Mission, Start
+from harness.results.result import Result
+from harness.system.instants import J2000, epoch_of, told, written
+from harness.system.model import System
+
+
+def _offered(own: Mission | None) -> tuple[Exchange, ...]:
+    """What a mission reads and writes, else all that are at hand."""
+    return (own.exchange if own else ()) or everything().exchange
+
+
+def convert(
+    source: str | Path, target: str | Path, body: str | None = None, epoch: str | None = None
+) -> Path:
+    """Write a result into another file by its ending; returns where it is.
+
+    body: component that is wanted (default: chosen by the kind of file); epoch: t = 0 in UTC
+    (default: that of the run, else J2000). Raises UsageError, ResultsError, HarnessError if a
+    library is missing.
+    """
+    from harness.results.files import WRITERS, read, save
+
+    path, result = Path(target), read(source)
+    if path.suffix in WRITERS:
+        return save(result, path)
+    writers = {k: w for each in _offered(of_result(result)) for k, w in each.writers.items()}
+    if path.suffix not in writers:
+        raise UsageError(
+            f"{path}: results are converted to {', '.join((*WRITERS, *writers))}, not to "
+            f"'{path.suffix or path.name}'"
+        )
+    own = result.provenance.epoch if result.provenance else ""
+    writers[path.suffix](result, path, body, (own or written(J2000)) if epoch is None else epoch)
+    return path
+
+
+def start_values(
+    system: System,
+    files: Mapping[str, str | Path],
+    epoch: str | None = None,
+    **changes: Any,
+) -> Start:
+    """Start values of components from files, for the system with these changes, see
+    harness.master.changes.Changes.
+
+    files: by component, may be none; those of the system's own `[start]` stay under them; epoch:
+    t = 0 in UTC (default: that of the system, else the first instant that all files know). Raises
+    UsageError (no such component, no such file, an epoch outside), and HarnessError if a library is
+    missing.
+    """
+    own = mission(system.mission) if system.mission else None
+    for each in _offered(own):
+        if each.start is not None:
+            return each.start(system, files, epoch, **changes)
+    if {**system.starts, **files}:
+        raise UsageError(f"--start: no mission reads start values for {system.name}")
+    instant = epoch_of(system.experiment.epoch if epoch is None else epoch)
+    return Start({}, (told(instant),), written(instant))
+
+
+def of_system(system: System) -> Start:
+    """Start values and epoch of the `[start]` of a TOML; StructureError with the problem."""
+    try:
+        return start_values(system, {})
+    except UsageError as error:
+        text = str(error).replace("--start ", "[start] ").replace("--start: ", "[start] ")
+        raise StructureError(text.splitlines()) from error
+
+
+def remarks(result: Result) -> Iterator[str]:
+    """What a page says of a result besides the notes of its mission."""
+    for each in _offered(of_result(result)):
+        if each.remarks is not None:
+            yield from each.remarks(result)
