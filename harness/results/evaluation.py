@@ -3,60 +3,48 @@
 
 from __future__ import annotations
 
-import ast
-from collections.abc import Callable
-from functools import lru_cache
+import operator
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import lru_cache, reduce
 from typing import Any
 
 import numpy as np
 
-from harness.results.expressions import (
-    BINARY,
-    FUNCTIONS,
-    UNARY,
-    WINDOWED,
-    Quantity,
-    index_of,
-    parsed,
-    path_of,
-    variables,
-)
+from harness.results.expressions import FUNCTIONS, Node, parsed
+from harness.results.histories import minus, plus
 from harness.results.result import Result
 from harness.system.units import convert
 
+OPERATIONS: Mapping[str, Callable[..., Any]] = {
+    "+": plus, "-": minus, "*": operator.mul, "/": operator.truediv, "**": operator.pow,
+    "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq,
+    "!=": operator.ne, "and": np.logical_and, "or": np.logical_or, "not": np.logical_not,
+    "implies": np.logical_not,
+    "negative": operator.neg, "positive": operator.pos,
+}  # fmt: skip
 
-def evaluate(node: ast.expr, look_up: Callable[[str], Any]) -> Any:  # noqa: PLR0911 - one per kind
+
+def evaluate(node: Node, look_up: Callable[[str], Any]) -> Any:
     """Value of an expression; look_up: value of `time`, `component.variable` or `parameter
     component.name`. ValueError where a number has a unit: resolved() first.
     """
-    if path := path_of(node):
-        return look_up(path)
     match node:
-        case ast.Constant(value=Quantity() as value):
-            raise ValueError(f"{value:g} {value.unit}: a unit stands in a comparison only")
-        case ast.Constant(value=bool() as value):
-            return value
-        case ast.Constant(value=int() | float() as value):
-            return np.float64(value)  # 9**9**9 is infinite and not endless
-        case ast.BinOp(left=a, op=op, right=b) | ast.Compare(left=a, ops=[op], comparators=[b]):
-            return BINARY[type(op)](evaluate(a, look_up), evaluate(b, look_up))
-        case ast.UnaryOp(op=op, operand=a):
-            return UNARY[type(op)](evaluate(a, look_up))
-        case ast.BoolOp(op=op, values=values):
-            parts = [evaluate(v, look_up) for v in values]
-            both = np.logical_and if isinstance(op, ast.And) else np.logical_or
-            return both.reduce(parts)
-        case ast.Call(func=ast.Name(id="parameter"), args=[argument]):
-            return look_up(f"parameter {path_of(argument)}")
-        case ast.Call(func=ast.Name(id="last"), args=[a]):
-            return _picked(a, -1, look_up)
-        case ast.Call(func=ast.Name(id=name)) if name in WINDOWED:
+        case Node("name", name):
+            return look_up(name)
+        case Node("number", unit=""):  # 9**9**9 is infinite and not endless
+            return node.value if isinstance(node.value, bool) else np.float64(node.value)
+        case Node("number"):
+            raise ValueError(f"{node.value:g} {node.unit}: a unit stands in a comparison only")
+        case Node("window", name):
             raise ValueError(f"{name}() is a condition of a requirement, not a number")
-        case ast.Call(func=ast.Name(id=name), args=arguments):
-            return FUNCTIONS[name].value(*(evaluate(a, look_up) for a in arguments))
-        case ast.Subscript(value=a, slice=index):
-            return _picked(a, index_of(index), look_up)
-    raise AssertionError(ast.dump(node))
+        case Node("pick", parts=[a]) | Node("call", "last", [a]):
+            return _picked(a, -1 if node.kind == "call" else node.value, look_up)
+    values = [evaluate(part, look_up) for part in node.parts]
+    if node.kind == "join":
+        return reduce(OPERATIONS[node.name], values)
+    function = FUNCTIONS[node.name].value if node.kind == "call" else OPERATIONS[node.name]
+    return function(*values)
 
 
 # ---- one row of what is computed row by row
@@ -65,7 +53,7 @@ ROWWISE = ("abs", "cos", "degrees", "exp", "log", "sin", "sqrt")
 """Functions of every element; norm and total are of every row."""
 
 
-def _picked(node: ast.expr, place: Any, look_up: Callable[[str], Any]) -> Any:
+def _picked(node: Node, place: Any, look_up: Callable[[str], Any]) -> Any:
     """Some of an expression; of one row only that row is computed, if it knows nothing of the
     others.
     """
@@ -79,34 +67,26 @@ def _picked(node: ast.expr, place: Any, look_up: Callable[[str], Any]) -> Any:
     return evaluate(node, one)[0]
 
 
-def _axes(node: ast.expr, look_up: Callable[[str], Any]) -> int:
+def _axes(node: Node, look_up: Callable[[str], Any]) -> int:
     """Axes of the value of an expression whose first one is that of the rows, and whose rows know
     nothing of each other; 0 where that is not so or is not known.
     """
-    if path := path_of(node):
-        return int(np.ndim(look_up(path)))
+    axes = [_axes(part, look_up) for part in node.parts if not _is_scalar(part, look_up)]
     match node:
-        case ast.UnaryOp(operand=a):
-            return _axes(a, look_up)
-        case ast.BinOp(left=a, right=b) | ast.Compare(left=a, comparators=[b]):
-            return _axes_of_both(a, b, look_up)
-        case ast.Call(func=ast.Name(id=name), args=[a]) if name in ROWWISE:
-            return _axes(a, look_up)
-        case ast.Call(func=ast.Name(id="norm" | "total"), args=[a]):
-            return max(0, _axes(a, look_up) - 1)
-    return 0
+        case Node("name", name) if not name.startswith("parameter "):
+            return int(np.ndim(look_up(name)))
+        case Node("call", "norm" | "total"):
+            return max(0, sum(axes) - 1)
+        case Node("call", name) if name not in ROWWISE:
+            return 0
+    elementwise = node.kind in ("call", "negative", "positive", "not", "operator", "compare")
+    return axes[0] if elementwise and len(set(axes)) == 1 else 0
 
 
-def _axes_of_both(a: ast.expr, b: ast.expr, look_up: Callable[[str], Any]) -> int:
-    """The same for two operands, which have as many, or one is a number or parameter with fewer."""
-    fixed = [np.ndim(evaluate(part, look_up)) for part in (a, b) if _is_fixed(part)]
-    axes = {_axes(part, look_up) for part in (a, b) if not _is_fixed(part)}
-    most = max(axes, default=0)
-    return most if len(axes) == 1 and all(each < most for each in fixed) else 0
-
-
-def _is_fixed(node: ast.expr) -> bool:
-    return all(name.startswith("parameter ") for name in variables(node))
+def _is_scalar(node: Node, look_up: Callable[[str], Any]) -> bool:
+    """Whether a part is a number, or a parameter that is one."""
+    fixed = node.kind == "name" and node.name.startswith("parameter ")
+    return node.kind == "number" or (fixed and not np.ndim(look_up(node.name)))
 
 
 def history(result: Result, path: str) -> Any:
@@ -119,76 +99,47 @@ def history(result: Result, path: str) -> Any:
 
 # ---- units
 
-KEEPING = {
-    "abs", "first", "last", "max", "mean", "min", "norm", "percentile", "rms", "std", "total",
-}  # fmt: skip
-"""Functions whose value has the unit of their first argument."""
 
-
-UNITS = {"degrees": "deg", "angle": "rad", "settling_time": "s"}
-"""Functions whose value has a unit of its own."""
-
-
-def unit_of(node: ast.expr, unit: Callable[[str], str]) -> str:  # noqa: PLR0911 - one per kind
+def unit_of(node: Node, unit: Callable[[str], str]) -> str:
     """Unit of the value of an expression, "" if it is not known; unit: that of a name."""
-    if path := path_of(node):
-        return unit(path)
     match node:
-        case ast.UnaryOp(operand=a) | ast.Subscript(value=a):
+        case Node("name", name):
+            return unit(name)
+        case Node("negative" | "positive" | "pick", parts=[a]):
             return unit_of(a, unit)
-        case ast.BinOp(left=a, op=ast.Add() | ast.Sub(), right=b):
+        case Node("operator", "+" | "-", [a, b]):
             return unit_of(a, unit) or unit_of(b, unit)
-        case (
-            ast.BinOp(left=ast.Constant(), op=ast.Mult(), right=a)
-            | ast.BinOp(left=a, op=ast.Mult() | ast.Div(), right=ast.Constant())
+        case Node("operator", "*", [Node("number"), a]) | Node(
+            "operator", "*" | "/", [a, Node("number")]
         ):
             return unit_of(a, unit)
-        case ast.Call(func=ast.Name(id="parameter"), args=[argument]):
-            return unit(f"parameter {path_of(argument)}")
-        case ast.Call(func=ast.Name(id=name)) if name in UNITS:
-            return UNITS[name]
-        case ast.Call(func=ast.Name(id="steady"), args=[_, a]):
-            return unit_of(a, unit)
-        case ast.Call(func=ast.Name(id=name), args=[a, *_]) if name in KEEPING:
-            return unit_of(a, unit)
+        case Node("call", name, parts):
+            own = FUNCTIONS[name].unit
+            return own if isinstance(own, str) else unit_of(parts[own], unit)
     return ""
 
 
-def resolved(tree: ast.expr, unit: Callable[[str], str]) -> ast.expr:
-    """The tree with every number with a unit in the unit of the other side of its comparison, its
-    own unit as the `kind` of the constant; ValueError if they do not fit, or that unit is not
-    known.
+def resolved(node: Node, unit: Callable[[str], str]) -> Node:
+    """The tree with every number with a unit in the unit of the other side of its comparison, which
+    then has the unit as it was written; ValueError if they do not fit, or that unit is not known.
     """
-    found: ast.expr = _Resolving(unit).visit(tree)
-    return found
+    parts = [resolved(part, unit) for part in node.parts]
+    if node.kind != "compare":
+        return replace(node, parts=tuple(parts))
+    given = [part.unit for part in node.parts]
+    for k in (0, 1):
+        if given[k]:
+            parts[k] = _fitting(parts[k], node.parts[1 - k], unit)
+    return replace(node, parts=tuple(parts), unit=given[0] or given[1])
 
 
-class _Resolving(ast.NodeTransformer):
-    """Not a class of each call: a class would keep the unit, and its result, until the garbage is
-    collected.
-    """
-
-    def __init__(self, unit: Callable[[str], str]) -> None:
-        self.unit = unit
-
-    def visit_Compare(self, node: ast.Compare) -> ast.AST:
-        a, b = node.left, node.comparators[0]
-        return ast.Compare(_plain(a, b, self.unit), node.ops, [_plain(b, a, self.unit)])
-
-
-def _plain(node: ast.expr, other: ast.expr, unit: Callable[[str], str]) -> ast.expr:
-    sign = 1.0
-    inner = node
-    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
-        sign, inner = -1.0, node.operand
-    if not (isinstance(inner, ast.Constant) and isinstance(inner.value, Quantity)):
-        return node
-    value = inner.value
+def _fitting(number: Node, other: Node, unit: Callable[[str], str]) -> Node:
+    """A number with a unit in the unit of what it is compared with."""
     if not (wanted := unit_of(other, unit)):
         raise ValueError(
-            f"{value:g} {value.unit}: the unit of `{ast.unparse(other)}` is not known, leave it out"
+            f"{number.value:g} {number.unit}: the unit of `{other.text}` is not known, leave it out"
         )
-    return ast.Constant(sign * convert(float(value), value.unit, wanted), kind=value.unit)
+    return replace(number, value=convert(number.value, number.unit, wanted), unit="")
 
 
 def unit_in(result: Result, path: str) -> str:
@@ -206,18 +157,14 @@ Units = tuple[tuple[str, str], ...]
 
 def units_in(result: Result, text: str) -> Units:
     """Of everything that an expression names; ValueError if the text is none."""
-    return tuple((path, unit_in(result, path)) for path in _named(text))
+    return tuple((path, unit_in(result, path)) for path in _parsed(text).variables)
+
+
+_parsed = lru_cache(maxsize=256)(parsed)
 
 
 @lru_cache(maxsize=256)
-def _named(text: str) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(variables(parsed(text))))
-
-
-@lru_cache(maxsize=256)
-def fitted(text: str, units: Units) -> ast.expr:
-    """The resolved() tree of a text, made once for all results with these units: nobody may change
-    it.
-    """
+def fitted(text: str, units: Units) -> Node:
+    """The resolved() tree of a text, made once for all results with these units."""
     known = dict(units)
     return resolved(parsed(text), lambda path: known.get(path, ""))

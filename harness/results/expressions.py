@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import ast
 import math
-import operator
 import re
 import warnings
-from collections.abc import Callable, Sequence
-from itertools import count
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -64,33 +64,36 @@ def _angle(q: Array, p: Array) -> Array:
 
 
 class Function(NamedTuple):
-    """What a function of an expression computes, and the names of its arguments."""
+    """What a function of an expression computes, the names of its arguments, and the unit of its
+    value: that of an argument by its place, or one of its own.
+    """
 
     value: Callable[..., Any]
     arguments: tuple[str, ...] = ("x",)
+    unit: int | str = ""
 
 
 FUNCTIONS: dict[str, Function] = {
-    "abs": Function(np.abs),
-    "angle": Function(_angle, ("q", "p")),
+    "abs": Function(np.abs, unit=0),
+    "angle": Function(_angle, ("q", "p"), "rad"),
     "cos": Function(np.cos),
-    "degrees": Function(np.degrees),
+    "degrees": Function(np.degrees, unit="deg"),
     "exp": Function(np.exp),
-    "first": Function(lambda x: x[0]),
-    "last": Function(lambda x: x[-1]),
+    "first": Function(lambda x: x[0], unit=0),
+    "last": Function(lambda x: x[-1], unit=0),
     "log": Function(np.log),
-    "max": Function(np.max),
-    "mean": Function(np.mean),
-    "min": Function(np.min),
-    "norm": Function(norm),
-    "percentile": Function(np.percentile, ("x", "percent")),
-    "rms": Function(lambda x: np.sqrt(np.mean(np.square(x)))),
-    "settling_time": Function(settling_time, ("time", "error", "band")),
+    "max": Function(np.max, unit=0),
+    "mean": Function(np.mean, unit=0),
+    "min": Function(np.min, unit=0),
+    "norm": Function(norm, unit=0),
+    "percentile": Function(np.percentile, ("x", "percent"), 0),
+    "rms": Function(lambda x: np.sqrt(np.mean(np.square(x))), unit=0),
+    "settling_time": Function(settling_time, ("time", "error", "band"), "s"),
     "sin": Function(np.sin),
     "sqrt": Function(np.sqrt),
-    "std": Function(np.std),
-    "steady": Function(steady_error, ("time", "error")),
-    "total": Function(total),
+    "std": Function(np.std, unit=0),
+    "steady": Function(steady_error, ("time", "error"), 1),
+    "total": Function(total, unit=0),
 }
 """Functions of an expression: a further argument of one of numpy may be where it writes to."""
 WINDOWED = {"always": ("x",), "eventually": ("x",), "until": ("x", "y")}
@@ -99,62 +102,99 @@ WINDOWED = {"always": ("x",), "eventually": ("x",), "until": ("x", "y")}
 IMPLIES = "implies"
 """implies(x, y): y counts in the rows in which x holds."""
 
-BINARY: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
-    ast.Add: plus,
-    ast.Sub: minus,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.Pow: operator.pow,
-    ast.BitAnd: np.logical_and,
-    ast.BitOr: np.logical_or,
-    ast.Lt: operator.lt,
-    ast.LtE: operator.le,
-    ast.Gt: operator.gt,
-    ast.GtE: operator.ge,
-    ast.Eq: operator.eq,
-    ast.NotEq: operator.ne,
-}
-UNARY: dict[type[ast.AST], Callable[[Any], Any]] = {
-    ast.USub: operator.neg,
-    ast.UAdd: operator.pos,
-    ast.Invert: np.logical_not,
-    ast.Not: np.logical_not,
-}
+OPERATORS: dict[type[ast.AST], tuple[str, str]] = {
+    ast.Add: ("operator", "+"), ast.Sub: ("operator", "-"), ast.Mult: ("operator", "*"),
+    ast.Div: ("operator", "/"), ast.Pow: ("operator", "**"), ast.Lt: ("compare", "<"),
+    ast.LtE: ("compare", "<="), ast.Gt: ("compare", ">"), ast.GtE: ("compare", ">="),
+    ast.Eq: ("compare", "=="), ast.NotEq: ("compare", "!="), ast.And: ("join", "and"),
+    ast.BitAnd: ("join", "and"), ast.Or: ("join", "or"), ast.BitOr: ("join", "or"),
+    ast.Not: ("not", "not"), ast.Invert: ("not", "not"), ast.USub: ("negative", "negative"),
+    ast.UAdd: ("positive", "positive"),
+}  # fmt: skip
+"""Kind and name of the operators that an expression may hold."""
 
 
-def parsed(text: str, others: Sequence[str] = (), kind: str = "") -> ast.expr:
+@dataclass(frozen=True, eq=False)
+class Node:
+    """A part of an expression, which is made of further parts.
+
+    kind: `name` (of a variable, `time`, or `parameter component.name`), `number`, `operator`,
+    `compare`, `negative`, `positive`, `not`, `join` (and, or), `window`, `call` or `pick`; name: of
+    what is looked up, called or done; value: of a number, index of a pick, begin and end [s] of a
+    window; unit: of a number as it was written; source: what it was made of.
+    """
+
+    kind: str
+    name: str = ""
+    parts: tuple[Node, ...] = ()
+    value: Any = None
+    unit: str = ""
+    source: ast.expr | None = None
+
+    @property
+    def text(self) -> str:
+        """The part as it was written."""
+        written = ast.unparse(self.source) if self.source else self.name
+        return re.sub(r"quantity\((\S+), '(\S+)'\)", r"\1 \2", written)
+
+    def walk(self) -> Iterator[Node]:
+        """The part itself and all that it is made of."""
+        yield self
+        for part in self.parts:
+            yield from part.walk()
+
+    @cached_property
+    def variables(self) -> tuple[str, ...]:
+        """What it looks up: variables, `time` and `parameter component.name`."""
+        return tuple(dict.fromkeys(n.name for n in self.walk() if n.kind == "name"))
+
+    # ---- of conditions
+
+    @property
+    def conditions(self) -> tuple[Node, ...]:
+        """Those that a condition joins, negates or looks at over a window; none of a leaf."""
+        return self.parts if self.kind in ("not", "join", "window") else ()
+
+    @property
+    def shown(self) -> Node:
+        """Of a comparison what is named as the worst value: the side that is not a number."""
+        if self.kind != "compare":
+            return self
+        return self.parts[1 if self.parts[0].kind == "number" else 0]
+
+    @cached_property
+    def has_window(self) -> bool:
+        """Whether it holds at the start of the run, not in every row."""
+        return any(node.kind == "window" for node in self.walk())
+
+    @cached_property
+    def is_timing(self) -> bool:
+        """Whether it says when others count: a condition on time alone, beside parameters, or what
+        implies() begins with.
+        """
+        others = [name for name in self.variables if not name.startswith("parameter ")]
+        return self.name == IMPLIES or others == ["time"]
+
+
+def parsed(text: str, others: Sequence[str] = (), kind: str = "") -> Node:
     """The tree of a text; ValueError if it is not an expression, or longer, deeper or with more
     digits than the limits. others: names, of such a `kind`, that the user may have meant.
     """
-    _limit(text)
-    units = [match["unit"] for match in QUANTITY.finditer(text)]
-    try:
-        marked = _marked(text)
-    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        names = did_you_mean(text, others)
-        what = f"there is no such {kind}, and " if kind else ""
-        raise ValueError(f"{what}it is not an expression{names}") from error
-    if _depth(marked) > DEEPEST:
-        raise ValueError(f"it has more than {DEEPEST} levels, of which each term is one")
-    tree: ast.expr = _Quantities(units).visit(marked)
-    _walk(tree, [], others, kind)
-    return tree
-
-
-def _marked(text: str) -> ast.expr:
-    """The tree of a text with every number with a unit as quantity(number, place of the unit)."""
-    places = count()
-    marks = QUANTITY.sub(lambda match: f"quantity({match['number']}, {next(places)})", text)
-    with warnings.catch_warnings(action="error"):  # 1if: "invalid decimal literal"
-        return ast.parse(marks, mode="eval").body
-
-
-def _limit(text: str) -> None:
-    """ValueError at a text that is not worth reading."""
     if len(text) > LONGEST:
         raise ValueError(f"it is longer than {LONGEST} characters")
     if re.search(rf"[\d_]{{{DIGITS + 1}}}", text):
         raise ValueError(f"a number has more than {DIGITS} digits")
+    try:
+        with warnings.catch_warnings(action="error"):  # 1if: "invalid decimal literal"
+            marked = QUANTITY.sub(r"quantity(\g<number>, '\g<unit>')", text)
+            tree = ast.parse(marked, mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        names = did_you_mean(text, others)
+        what = f"there is no such {kind}, and " if kind else ""
+        raise ValueError(f"{what}it is not an expression{names}") from error
+    if _depth(tree) > DEEPEST:
+        raise ValueError(f"it has more than {DEEPEST} levels, of which each term is one")
+    return _Reader(others, kind).node(tree)
 
 
 def _depth(tree: ast.AST) -> int:
@@ -166,123 +206,100 @@ def _depth(tree: ast.AST) -> int:
     return levels - 1
 
 
-class Quantity(float):
-    """A number with its unit, as it was written."""
-
-    unit: str = ""
+Make = Callable[..., Node]
+"""Node, of what was read."""
 
 
-class _Quantities(ast.NodeTransformer):
-    """Numbers with units in the place of their marks."""
+class _Reader:
+    """Makes nodes of what Python has read; ValueError at whatever an expression may not hold."""
 
-    def __init__(self, units: Sequence[str]) -> None:
-        self.units = units
+    def __init__(self, others: Sequence[str], kind: str) -> None:
+        self.others, self.kind = others, kind
 
-    def visit_Call(self, node: ast.Call) -> ast.AST:
-        if isinstance(node.func, ast.Name) and node.func.id == IMPLIES:
-            return _implication(self.generic_visit(node))
-        if not (isinstance(node.func, ast.Name) and node.func.id == "quantity"):
-            return self.generic_visit(node)
-        match node.args:
-            case [ast.Constant(value=int() | float() as number), ast.Constant(value=int(place))]:
-                if place < len(self.units):
-                    quantity = Quantity(number)
-                    quantity.unit = self.units[place]
-                    return ast.Constant(quantity)
-        raise ValueError("there is no function quantity")
+    def node(self, given: ast.expr) -> Node:  # noqa: PLR0911 - one per kind
+        """The node of an expression."""
+        node = partial(Node, source=given)
+        if path := _path_of(given):
+            return node("name", self._known(path))
+        match given:
+            case ast.Constant(value=int() | float() as number):
+                return node("number", value=_within(number))
+            case ast.BoolOp(op=op, values=parts):
+                return self._operation(op, parts, node)
+            case ast.UnaryOp(op=op, operand=a):
+                return self._operation(op, [a], node)
+            case (
+                ast.BinOp(left=a, op=op, right=b) | ast.Compare(left=a, ops=[op], comparators=[b])
+            ) if type(op) in OPERATORS:
+                return self._operation(op, [a, b], node)
+            case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
+                return self._called(name, arguments, node)
+            case ast.Subscript(value=a, slice=index):
+                return node("pick", parts=self._all([a]), value=_index_of(index))
+        raise ValueError(f"an expression cannot hold `{ast.unparse(given)}`")
 
+    def _operation(self, op: ast.AST, given: Sequence[ast.expr], node: Make) -> Node:
+        parts = self._all(given)
+        if isinstance(op, ast.USub) and parts[0].unit:  # -2 deg
+            return replace(parts[0], value=-parts[0].value)
+        return node(*OPERATORS[type(op)], parts)
 
-class Guard(ast.UnaryOp):
-    """The `not` of what says in which rows another condition counts, in implies()."""
+    def _all(self, given: Sequence[ast.expr]) -> tuple[Node, ...]:
+        return tuple(map(self.node, given))
 
+    def _known(self, path: str) -> str:
+        if "." in path or path == "time":
+            return path
+        either = f"{self.kind} or variable" if self.kind else "variable"
+        names = did_you_mean(path, [*self.others, "time"])
+        raise ValueError(f"there is no such {either}: {path}{names}")
 
-def _implication(node: ast.AST) -> ast.expr:
-    """implies(A, B) as `not A or B`; ValueError unless it has two conditions."""
-    match node:
-        case ast.Call(args=[when, then], keywords=[]):
-            return ast.BoolOp(ast.Or(), [Guard(ast.Not(), when), then])
-    raise ValueError(f"{IMPLIES}(x, y): expected 2 conditions")
-
-
-def variables(tree: ast.expr) -> list[str]:
-    """Variables that an expression names, `time` too, and `parameter NAME`."""
-    found: list[str] = []
-    _walk(tree, found, (), "")
-    return found
-
-
-def _walk(node: ast.expr, found: list[str], others: Sequence[str], kind: str) -> None:
-    """Collect variables; ValueError at whatever an expression may not hold."""
-    if path := path_of(node):
-        if "." not in path and path != "time":
-            either = f"{kind} or variable" if kind else "variable"
-            raise ValueError(
-                f"there is no such {either}: {path}{did_you_mean(path, [*others, 'time'])}"
-            )
-        found.append(path)
-        return
-    if isinstance(node, ast.Call) and (inner := _parameter(node)):
-        found.append(f"parameter {inner}")
-    for part in _parts(node):
-        _walk(part, found, others, kind)
-
-
-def _parameter(node: ast.Call) -> str:
-    called = isinstance(node.func, ast.Name) and node.func.id == "parameter"
-    return path_of(node.args[0]) if called and len(node.args) == 1 else ""
-
-
-def _parts(node: ast.expr) -> list[ast.expr]:  # noqa: PLR0911 - one per kind
-    """What an expression is made of, if it may be made of that."""
-    match node:
-        case ast.Constant(value=int() as number) if number > 10**DIGITS:
-            raise ValueError(f"there is no number beyond 1e{DIGITS}")
-        case ast.Constant(value=int() | float() | bool()):
-            return []
-        case ast.BinOp(left=a, op=op, right=b) | ast.Compare(left=a, ops=[op], comparators=[b]) if (
-            type(op) in BINARY
-        ):
-            return [a, b]
-        case ast.UnaryOp(op=op, operand=a) if type(op) in UNARY:
-            return [a]
-        case ast.BoolOp(values=values):
-            return values
-        case ast.Call(func=ast.Name(id="parameter"), args=[argument], keywords=[]):
-            if not path_of(argument):
-                raise ValueError("parameter() expects component.name")
-            return []
-        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in WINDOWED:
-            window_of(node)
-            return arguments[: len(WINDOWED[name])]
-        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
-            _check_call(name, arguments)
-            return arguments
-        case ast.Subscript(value=a, slice=index):
-            index_of(index)
-            return [a]
-    raise ValueError(f"an expression cannot hold `{ast.unparse(node)}`")
+    def _called(self, name: str, given: Sequence[ast.expr], node: Make) -> Node:
+        match name, given:
+            case "quantity", [
+                ast.Constant(value=int() | float() as x),
+                ast.Constant(value=str(unit)),
+            ]:
+                return node("number", value=float(x), unit=unit)
+            case "parameter", [argument]:
+                if not (path := _path_of(argument)):
+                    raise ValueError("parameter() expects component.name")
+                return node("name", f"parameter {path}")
+        if name not in WINDOWED:
+            _check_call(name, len(given))
+        parts = self._all(given)
+        if name in WINDOWED:
+            count = len(WINDOWED[name])
+            return node("window", name, parts[:count], _window(name, parts))
+        if name == IMPLIES:
+            return node("join", "or", (node("not", IMPLIES, parts[:1]), parts[1]))
+        return node("call", name, parts)
 
 
-def _check_call(name: str, given: Sequence[ast.expr]) -> None:
+def _within(number: float) -> float:
+    if isinstance(number, int) and number > 10**DIGITS:
+        raise ValueError(f"there is no number beyond 1e{DIGITS}")
+    return number
+
+
+def _check_call(name: str, given: int) -> None:
     """ValueError if there is no such function, or with another number of arguments."""
-    if name not in FUNCTIONS:
-        known = (*FUNCTIONS, *WINDOWED, IMPLIES)
-        raise ValueError(f"there is no function {name}{did_you_mean(name, known)}")
-    wanted = FUNCTIONS[name].arguments
-    if len(given) != len(wanted):
-        arguments = "1 argument" if len(wanted) == 1 else f"{len(wanted)} arguments"
-        raise ValueError(f"{name}({', '.join(wanted)}): expected {arguments}, got {len(given)}")
+    known = {name: each.arguments for name, each in FUNCTIONS.items()} | {IMPLIES: ("x", "y")}
+    if name not in known:
+        raise ValueError(f"there is no function {name}{did_you_mean(name, (*known, *WINDOWED))}")
+    if given != len(known[name]):
+        wanted = "1 argument" if len(known[name]) == 1 else f"{len(known[name])} arguments"
+        raise ValueError(f"{name}({', '.join(known[name])}): expected {wanted}, got {given}")
 
 
-def window_of(node: ast.Call) -> tuple[float, float]:
+def _window(name: str, parts: Sequence[Node]) -> tuple[float, float]:
     """Begin and end [s] of the window of always(), eventually() or until(), counted from the row;
     ValueError. `60 s` alone is its end; without times it goes on to the end of the run.
     """
-    assert isinstance(node.func, ast.Name)
-    conditions = WINDOWED[node.func.id]
-    head = f"{node.func.id}({', '.join(conditions)}, ...)"
-    times = [_seconds(each, head) for each in node.args[len(conditions) :]]
-    if len(node.args) < len(conditions) or len(times) > 2:
+    conditions = WINDOWED[name]
+    head = f"{name}({', '.join(conditions)}, ...)"
+    times = [_seconds(each, head) for each in parts[len(conditions) :]]
+    if len(parts) < len(conditions) or len(times) > 2:
         raise ValueError(f"{head}: expected {' and '.join(conditions)}, then at most two times")
     begin, end = (0.0, *times)[-2:] if times else (0.0, math.inf)
     if not 0 <= begin <= end:
@@ -290,32 +307,29 @@ def window_of(node: ast.Call) -> tuple[float, float]:
     return begin, end
 
 
-def _seconds(node: ast.expr, head: str) -> float:
-    match node:
-        case ast.Constant(value=Quantity() as time):
-            return convert(float(time), time.unit, "s")
-        case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
-            return float(number)
-    raise ValueError(f"{head}: expected a time as `60 s`, got `{ast.unparse(node)}`")
+def _seconds(node: Node, head: str) -> float:
+    if node.kind != "number" or isinstance(node.value, bool):
+        raise ValueError(f"{head}: expected a time as `60 s`, got `{node.text}`")
+    return convert(float(node.value), node.unit or "s", "s")
 
 
-def path_of(node: ast.expr) -> str:
+def _path_of(node: ast.expr) -> str:
     """`guidance.los.elevation` of nested attributes, "" of anything else."""
     if isinstance(node, ast.Name):
         return node.id
     if isinstance(node, ast.Attribute):
-        inner = path_of(node.value)
+        inner = _path_of(node.value)
         return f"{inner}.{node.attr}" if inner else ""
     return ""
 
 
-def index_of(node: ast.expr) -> Any:
+def _index_of(node: ast.expr) -> Any:
     """Indices and slices of numbers, counted from 0 as in numpy."""
     match node:
         case ast.Tuple(elts=elements):
-            return tuple(index_of(e) for e in elements)
+            return tuple(_index_of(e) for e in elements)
         case ast.Slice(lower=a, upper=b, step=c):
-            return slice(*(None if x is None else index_of(x) for x in (a, b, c)))
+            return slice(*(None if x is None else _index_of(x) for x in (a, b, c)))
         case ast.Constant(value=int(number)) if not isinstance(number, bool):
             return number
         case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=int(number))):

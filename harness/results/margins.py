@@ -17,17 +17,16 @@ Least and largest values of all windows come from tables of blocks of 1, 2, 4, .
 
 from __future__ import annotations
 
-import ast
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import lru_cache, partial
+from functools import partial, reduce
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.results.evaluation import evaluate, history, unit_in, unit_of
-from harness.results.expressions import BINARY, WINDOWED, Guard, variables, window_of
+from harness.results.evaluation import OPERATIONS, evaluate, history, unit_in, unit_of
+from harness.results.expressions import Node
 from harness.results.result import Array, Result, Rows
 from harness.system.units import convert
 
@@ -121,31 +120,29 @@ class Margins:
         self.result = result
         self.guarded = guarded
         self.look_up = partial(history, result)
-        self._known: dict[ast.expr, Any] = {}
-        self._truths: dict[ast.expr, Array] = {}
-        self._margins: dict[ast.expr, Array] = {}
+        self._known: dict[Node, Any] = {}
+        self._truths: dict[Node, Array] = {}
+        self._margins: dict[Node, Array] = {}
         self.undecided = False
         """Whether some condition of a window hangs on what is no number."""
 
-    def over_windows(self, node: ast.expr) -> tuple[Array, Array]:
+    def over_windows(self, node: Node) -> tuple[Array, Array]:
         """Margin (rows,) of every row, and 1 where it holds, -1 where not; NaN: no evidence."""
-        match node:
-            case ast.UnaryOp(op=ast.Not() | ast.Invert(), operand=a) if has_window(a):
-                margin, sign = self.over_windows(a)
-                return -margin, -sign
-            case ast.BoolOp() | ast.BinOp(op=ast.BitAnd() | ast.BitOr()) if has_window(node):
-                pairs = [self.over_windows(part) for part in _joined(node)]
-                return _combined(pairs, largest=_extreme(node) is np.max)
-            case ast.Call(func=ast.Name(id=name)) if name in WINDOWED:
-                pairs = [self.over_windows(part) for part in parts_of(node)]
-                within = windows(self.result.time, *window_of(node), self.result.complete)
-                margin, sign = (STL[name](*parts, within) for parts in zip(*pairs, strict=True))
-                return margin, sign
+        if node.has_window:
+            pairs = [self.over_windows(part) for part in node.parts]
+            if node.kind == "not":
+                return -pairs[0][0], -pairs[0][1]
+            if node.kind == "join":
+                return _combined(pairs, node)
+            begin, end = node.value
+            within = windows(self.result.time, begin, end, self.result.complete)
+            margin, sign = (STL[node.name](*parts, within) for parts in zip(*pairs, strict=True))
+            return margin, sign
         truth, rows = self.rows_of(self.truth(node)), np.ones(len(self.result.time))
         self.undecided |= bool(np.isnan(truth).any())
         return self.of(node) * rows, np.where((truth == 1).all(axis=1), 1.0, -1.0) * rows
 
-    def truth(self, node: ast.expr) -> Array:
+    def truth(self, node: Node) -> Array:
         """1 where a condition holds, 0 where it does not, NaN where that hangs on what is no
         number, with the rows and elements of its parts.
         """
@@ -153,98 +150,90 @@ class Margins:
             self._truths[node] = self._truth(node)
         return self._truths[node]
 
-    def _truth(self, node: ast.expr) -> Array:
-        match node:
-            case ast.Compare(left=a, ops=[op], comparators=[b]):
-                sides = [self._evaluated(side) for side in (a, b)]
-                known = ~(np.isnan(sides[0]) | np.isnan(sides[1]))
-                return np.where(known, BINARY[type(op)](*sides), np.nan)
-            case ast.UnaryOp(op=ast.Not() | ast.Invert(), operand=a):
-                return 1 - self.truth(a)
-            case ast.BoolOp() | ast.BinOp(op=ast.BitAnd() | ast.BitOr()):
-                parts = np.array(np.broadcast_arrays(*map(self.truth, _joined(node))))
-                extreme, decides = _extreme(node), _decides(node)
-                return np.where((parts == decides).any(axis=0), decides, extreme(parts, axis=0))
+    def _truth(self, node: Node) -> Array:
+        match node.kind:
+            case "compare":
+                a, b = map(self._evaluated, node.parts)
+                return np.where(np.isnan(a) | np.isnan(b), np.nan, OPERATIONS[node.name](a, b))
+            case "not":
+                return 1 - self.truth(node.parts[0])
+            case "join":
+                parts = np.array(np.broadcast_arrays(*map(self.truth, node.parts)))
+                decides = _decides(node)
+                some = (parts == decides).any(axis=0)
+                return np.where(some, decides, _extreme(node).reduce(parts))
         value = np.asarray(evaluate(node, self.look_up), dtype=np.float64)
         return np.where(np.isnan(value), np.nan, value != 0)
 
-    def of(self, node: ast.expr) -> Array:
+    def of(self, node: Node) -> Array:
         """Margin of every row, or (1,) if the rows do not matter; -inf where it is not a number."""
         if node not in self._margins:
-            self._margins[node] = self._margin(node)
+            margin = self._margin(node)
+            self._margins[node] = np.where(np.isnan(margin), -np.inf, margin)
         return self._margins[node]
 
-    def _margin(self, node: ast.expr) -> Array:
-        match node:
-            case _ if self.guarded and is_timing(node):  # says when, not how well
-                margin = np.where(self._holds(node), np.inf, -np.inf)
-            case ast.Compare():
-                margin = by_row(np.min, self._elements(node))
-            case ast.UnaryOp(op=ast.Not() | ast.Invert(), operand=a):
-                margin = -self.of(a)
-            case ast.BoolOp() | ast.BinOp(op=ast.BitAnd() | ast.BitOr()):
-                parts = np.broadcast_arrays(*map(self.of, _joined(node)))
-                margin = _extreme(node)(parts, axis=0)
-            case _:
-                margin = np.where(self._holds(node), 1.0, -1.0)
-        return np.where(np.isnan(margin), -np.inf, margin)
+    def _margin(self, node: Node) -> Array:
+        if self.guarded and node.is_timing:  # says when, not how well
+            return np.where(self._holds(node), np.inf, -np.inf)
+        match node.kind:
+            case "compare":
+                return by_row(np.min, self._elements(node))
+            case "not":
+                return -self.of(node.parts[0])
+            case "join":
+                return reduce(_extreme(node), map(self.of, node.parts))
+        return np.where(self._holds(node), 1.0, -1.0)
 
-    def exercised(self, node: ast.expr, looked: Any = True, negated: bool = False) -> bool:
+    def exercised(self, node: Node, looked: Any = True, negated: bool = False) -> bool:
         """Whether every part that must hold was looked at in some row: where time alone, or what
         implies() begins with, does not decide on the whole. looked: rows (rows,) that matter;
         negated: below a `not`.
         """
-        if is_timing(node):
+        if node.is_timing:
             return not self.guarded
-        match node:
-            case ast.UnaryOp(op=ast.Not() | ast.Invert(), operand=a):
-                return self.exercised(a, looked, not negated)
-            case ast.BoolOp() | ast.BinOp(op=ast.BitAnd() | ast.BitOr()):
-                when = [part for part in _joined(node) if is_timing(part)]
-                further = [part for part in _joined(node) if not is_timing(part)]
-                if bool(_decides(node)) is negated:  # all must hold
-                    return all(self.exercised(part, looked, negated) for part in further)
-                for part in when:
-                    decided = self.rows_of(self.truth(part)) == _decides(node)
-                    looked = looked & ~decided.all(axis=1)
-                return any(self.exercised(part, looked, negated) for part in further)
-        return bool(np.any(looked))
+        if node.kind == "not":
+            return self.exercised(node.parts[0], looked, not negated)
+        if node.kind != "join":
+            return bool(np.any(looked))
+        further = [part for part in node.parts if not part.is_timing]
+        if bool(_decides(node)) is negated:  # all must hold
+            return all(self.exercised(part, looked, negated) for part in further)
+        for part in node.parts:
+            if part.is_timing:
+                decided = self.rows_of(self.truth(part)) == _decides(node)
+                looked = looked & ~decided.all(axis=1)
+        return any(self.exercised(part, looked, negated) for part in further)
 
-    def decisive(self, node: ast.expr, row: int) -> ast.expr:
+    def decisive(self, node: Node, row: int) -> Node:
         """The part of a condition that has its margin in a row."""
-        match node:
-            case ast.UnaryOp(op=ast.Not() | ast.Invert(), operand=a):
-                return self.decisive(a, row)
-            case ast.BoolOp() | ast.BinOp(op=ast.BitAnd() | ast.BitOr()):
-                parts = _joined(node)
-                margins = [_at(self.of(part), row) for part in parts]
-                which = int(np.argmax(margins) if _extreme(node) is np.max else np.argmin(margins))
-                return self.decisive(parts[which], row)
-        return node
+        if node.kind not in ("not", "join"):
+            return node
+        margins = [_at(self.of(part), row) for part in node.parts]
+        which = int(np.argmin(margins) if node.name == "and" else np.argmax(margins))
+        return self.decisive(node.parts[which], row)
 
-    def value(self, node: ast.expr, row: int) -> tuple[float, str]:
+    def value(self, node: Node, row: int) -> tuple[float, str]:
         """What is compared in a row, the element with the least margin, and its unit."""
-        shown, element = node, 0
-        if isinstance(node, ast.Compare):
-            shown = node.comparators[0] if isinstance(node.left, ast.Constant) else node.left
+        shown, element = node.shown, 0
+        if shown is not node:
             element = int(np.argmin(_at(self._elements(node), row)))
         values = _at(self.rows_of(self._evaluated(shown)), row)
         value = float(values[min(element, len(values) - 1)])
-        return _as_written(node, value, unit_of(shown, partial(unit_in, self.result)))
+        given = unit_of(shown, partial(unit_in, self.result))
+        return (convert(value, given, node.unit), node.unit) if node.unit else (value, given)
 
-    def _elements(self, node: ast.Compare) -> Array:
+    def _elements(self, node: Node) -> Array:
         """Margins of a comparison by row and element."""
-        a, b = (self._evaluated(side) for side in (node.left, node.comparators[0]))
-        difference = np.asarray(a, dtype=np.float64) - np.asarray(b, dtype=np.float64)
-        return self.rows_of(SIGNED[type(node.ops[0])](difference))
+        a, b = (np.asarray(self._evaluated(side), dtype=np.float64) for side in node.parts)
+        return self.rows_of(SIGNED[node.name](a - b))
 
-    def _evaluated(self, side: ast.expr) -> Any:
+    def _evaluated(self, side: Node) -> Any:
         """One side of a comparison, which truth, margin and worst value all look at."""
         if side not in self._known:
             self._known[side] = evaluate(side, self.look_up)
         return self._known[side]
 
-    def _holds(self, node: ast.expr) -> NDArray[np.bool_]:
+    def _holds(self, node: Node) -> NDArray[np.bool_]:
         return by_row(np.all, self.rows_of(self.truth(node)) == 1)
 
     def rows_of(self, values: Any) -> Array:
@@ -267,60 +256,34 @@ STL: Mapping[str, Callable[..., Array]] = {
 }
 
 
-def _combined(pairs: Sequence[tuple[Array, Array]], largest: bool) -> tuple[Array, Array]:
+def _combined(pairs: Sequence[tuple[Array, Array]], node: Node) -> tuple[Array, Array]:
     """Margins and signs of joined conditions; no evidence of one leaves the others to decide."""
-    extreme, decides = (np.fmax, 1) if largest else (np.fmin, -1)
+    extreme, decides = (np.fmax, 1) if node.name == "or" else (np.fmin, -1)
     margins, signs = (np.array(each) for each in zip(*pairs, strict=True))
     sign = extreme.reduce(signs)
     open_ = np.isnan(signs).any(axis=0) & (sign != decides)
     return np.where(open_, np.nan, extreme.reduce(margins)), np.where(open_, np.nan, sign)
 
 
-SIGNED: Mapping[type[ast.cmpop], Callable[[Array], Array]] = {
-    ast.Lt: np.negative,
-    ast.LtE: np.negative,
-    ast.Gt: np.positive,
-    ast.GtE: np.positive,
-    ast.Eq: lambda difference: -np.abs(difference),
-    ast.NotEq: np.abs,
+SIGNED: Mapping[str, Callable[[Array], Array]] = {
+    "<": np.negative,
+    "<=": np.negative,
+    ">": np.positive,
+    ">=": np.positive,
+    "==": lambda difference: -np.abs(difference),
+    "!=": np.abs,
 }
 """Margin of a comparison by the difference of its sides."""
 
 
-@lru_cache(maxsize=1024)
-def is_timing(node: ast.expr) -> bool:
-    """Whether a condition says when others count: one on time alone, beside parameters, or what
-    implies() begins with.
-    """
-    if isinstance(node, Guard):
-        return True
-    named = variables(node)
-    return "time" in named and all(n == "time" or n.startswith("parameter ") for n in named)
-
-
-def _joined(node: ast.expr) -> list[ast.expr]:
-    if isinstance(node, ast.BoolOp):
-        return node.values
-    assert isinstance(node, ast.BinOp)
-    return [node.left, node.right]
-
-
-def _extreme(node: ast.expr) -> Callable[..., Array]:
+def _extreme(node: Node) -> np.ufunc:
     """The least margin of all counts, or the largest of any."""
-    assert isinstance(node, ast.BoolOp | ast.BinOp)
-    return np.max if isinstance(node.op, ast.Or | ast.BitOr) else np.min
+    return np.maximum if node.name == "or" else np.minimum
 
 
-def _decides(node: ast.expr) -> float:
+def _decides(node: Node) -> float:
     """The truth of one part that decides on the whole, whatever the other parts are."""
-    return 1.0 if _extreme(node) is np.max else 0.0
-
-
-def _as_written(node: ast.expr, value: float, given: str) -> tuple[float, str]:
-    """A value in the unit that the user has compared it with."""
-    sides = [node.left, *node.comparators] if isinstance(node, ast.Compare) else []
-    units = [side.kind for side in sides if isinstance(side, ast.Constant) and side.kind]
-    return (convert(value, given, units[0]), units[0]) if units else (value, given)
+    return 1.0 if node.name == "or" else 0.0
 
 
 def _at(rows: Array, row: int) -> Any:
@@ -330,52 +293,25 @@ def _at(rows: Array, row: int) -> Any:
 # ---- what a condition is made of
 
 
-def _is_windowed(node: ast.expr) -> bool:
-    """Whether a condition is always(), eventually() or until()."""
-    return (
-        isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in WINDOWED
-    )
-
-
-@lru_cache(maxsize=1024)
-def has_window(tree: ast.expr) -> bool:
-    """Whether a condition holds at the start of the run, not in every row."""
-    return any(_is_windowed(node) for node in ast.walk(tree) if isinstance(node, ast.Call))
-
-
-def parts_of(node: ast.expr) -> list[ast.expr]:
-    """Conditions that a condition joins, negates or looks at over a window; none of a leaf."""
-    match node:
-        case ast.UnaryOp(op=ast.Not() | ast.Invert(), operand=a):
-            return [a]
-        case ast.BoolOp() | ast.BinOp(op=ast.BitAnd() | ast.BitOr()):
-            return _joined(node)
-        case ast.Call(func=ast.Name(id=name), args=arguments) if name in WINDOWED:
-            return arguments[: len(WINDOWED[name])]
-    return []
-
-
-def leaves(node: ast.expr, inside: bool = False) -> Iterator[tuple[ast.expr, bool]]:
+def leaves(node: Node, inside: bool = False) -> Iterator[tuple[Node, bool]]:
     """Conditions that are not made of others, and whether they stand in a window."""
-    if not (parts := parts_of(node)):
+    if not node.conditions:
         yield node, inside
-    for part in parts:
-        yield from leaves(part, inside or _is_windowed(node))
+    for part in node.conditions:
+        yield from leaves(part, inside or node.kind == "window")
 
 
-def compared(tree: ast.expr) -> list[ast.expr]:
+def compared(node: Node) -> Iterator[Node]:
     """Conditions that are not made of others, without those that say when the others count."""
-    if is_timing(tree):
-        return []
-    parts = parts_of(tree)
-    return [leaf for part in parts for leaf in compared(part)] if parts else [tree]
+    if not node.is_timing:
+        for part in node.conditions:
+            yield from compared(part)
+        if not node.conditions:
+            yield node
 
 
-def unit_of_margin(tree: ast.expr, unit: Callable[[str], str]) -> str:
+def unit_of_margin(node: Node, unit: Callable[[str], str]) -> str:
     """Unit of the margin of a condition, "" if it is not known or there are several."""
-    units = {
-        unit_of(x.left, unit) or unit_of(x.comparators[0], unit)
-        for x in compared(tree)
-        if isinstance(x, ast.Compare)
-    }
+    sides = [leaf.parts for leaf in compared(node) if leaf.kind == "compare"]
+    units = {unit_of(a, unit) or unit_of(b, unit) for a, b in sides}
     return units.pop() if len(units) == 1 else ""

@@ -9,10 +9,9 @@ run. Its margin says how far it is from failing, in the unit of what it compares
 
 from __future__ import annotations
 
-import ast
 import logging
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -20,17 +19,8 @@ from typing import Any
 import numpy as np
 
 from harness.results.evaluation import Units, resolved, units_in
-from harness.results.expressions import Quantity, parsed, variables
-from harness.results.margins import (
-    Margins,
-    by_row,
-    compared,
-    has_window,
-    is_timing,
-    leaves,
-    parts_of,
-    unit_of_margin,
-)
+from harness.results.expressions import Node, parsed
+from harness.results.margins import Margins, by_row, compared, leaves, unit_of_margin
 from harness.results.provenance import Provenance
 from harness.results.result import Result
 from harness.results.verdict import Judged, Kind, Verdict
@@ -127,7 +117,7 @@ def _inconsistencies(system: System, graph: Graph) -> Iterator[str]:
     result = Result(system.name, np.zeros(1), (), (), nothing, parameters=table)
     for name, text in system.consistency.items():
         if finding(result, name, text).verdict is Verdict.NOT_MET:
-            paths = dict.fromkeys(path.rpartition(" ")[2] for path in variables(condition(text)))
+            paths = [path.rpartition(" ")[2] for path in condition(text).variables]
             shown = (f"{path} = {_written(table, path)}" for path in paths)
             yield f"{name}: {', '.join(shown)}; expected {text}"
 
@@ -149,7 +139,7 @@ def _units(system: System) -> dict[str, dict[str, str]]:
     return tables
 
 
-def condition(text: str) -> ast.expr:
+def condition(text: str) -> Node:
     """The tree of a requirement; ValueError if it is none."""
     tree = parsed(text)
     _check(tree)
@@ -162,7 +152,7 @@ def _problems(text: Any, known: Mapping[str, str]) -> Iterator[str]:
         return
     try:
         tree = condition(text)
-        unknown = [path for path in variables(tree) if path not in known]
+        unknown = [path for path in tree.variables if path not in known]
         if not unknown:
             resolved(tree, lambda path: known[path])
     except ValueError as error:
@@ -177,40 +167,28 @@ def _unknown(path: str, known: Iterable[str]) -> str:
     return f"there is no {kind or 'variable'} {name}{did_you_mean(name, names)}"
 
 
-def _check(tree: ast.expr) -> None:
+def _check(tree: Node) -> None:
     """ValueError if a text is no condition, or a unit of it none."""
-    if not (isinstance(tree, ast.Compare) or parts_of(tree)):
+    if not (tree.kind == "compare" or tree.conditions):
         raise ValueError("is not a condition; write one like `component.variable >= 4 m`")
     for leaf, inside in leaves(tree):
-        if has_window(leaf):
-            raise ValueError(f"`{ast.unparse(leaf)}`: a window is a condition, not a number")
-        if has_window(tree) and not inside:
-            plain = ast.unparse(leaf)
+        if leaf.has_window:
+            raise ValueError(f"`{leaf.text}`: a window is a condition, not a number")
+        if tree.has_window and not inside:
             raise ValueError(
-                f"`{plain}` beside a window is evaluated at the start of the run only; "
-                f"write always({plain})"
+                f"`{leaf.text}` beside a window is evaluated at the start of the run only; "
+                f"write always({leaf.text})"
             )
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, Quantity):
-            unit(node.value.unit)
+    for node in tree.walk():
+        unit(node.unit or "1")
 
 
 def has_slope(text: str) -> bool:
     """Whether the margin of a requirement changes steadily, as a search needs it: not that of an
     equation or of a flag, which is met or not.
     """
-    found = compared(parsed(text))
-    return bool(found) and all(
-        isinstance(leaf, ast.Compare) and not isinstance(leaf.ops[0], ast.Eq | ast.NotEq)
-        for leaf in found
-    )
-
-
-def margin_unit(text: str, unit: Callable[[str], str]) -> str:
-    """Unit of the margin of a requirement, "" if it is not known or there are several; unit: that
-    of a name, as harness.results.evaluation.unit_in.
-    """
-    return unit_of_margin(parsed(text), unit)
+    found = list(compared(parsed(text)))
+    return bool(found) and all(leaf.name in ("<", "<=", ">", ">=") for leaf in found)
 
 
 def margin(result: Result, text: str) -> float:
@@ -242,7 +220,7 @@ def finding(result: Result, name: str, text: str) -> Finding:
         tree, unit = _stated(text, units_in(result, text))
         found = Finding(name, text, Verdict.NOT_JUDGED, margin_unit=unit)
         with np.errstate(all="ignore"):
-            if has_window(tree):
+            if tree.has_window:
                 return _judged_at_start(result, found, tree)
             return _lasting(result, _judged(result, found, tree))
     except (KeyError, ValueError, IndexError, TypeError, ZeroDivisionError, OverflowError) as error:
@@ -251,7 +229,7 @@ def finding(result: Result, name: str, text: str) -> Finding:
 
 
 @lru_cache(maxsize=256)
-def _stated(text: str, units: Units) -> tuple[ast.expr, str]:
+def _stated(text: str, units: Units) -> tuple[Node, str]:
     """The tree of a requirement with its numbers in these units of its variables, and the unit of
     its margin: made once for all runs, so nobody may change it.
     """
@@ -275,9 +253,9 @@ def _ended_early(result: Result, found: Finding) -> Finding:
     return replace(nothing, verdict=Verdict.NOT_MET, reason=reason, margin=-math.inf)
 
 
-def _judged_at_start(result: Result, found: Finding, tree: ast.expr) -> Finding:
+def _judged_at_start(result: Result, found: Finding, tree: Node) -> Finding:
     """Of a requirement with windows."""
-    margins = Margins(result, guarded=not is_timing(tree))
+    margins = Margins(result, guarded=not tree.is_timing)
     margin, sign = (float(each[0]) for each in margins.over_windows(tree))
     if margins.undecided:
         return replace(found, verdict=Verdict.NOT_MET, value=math.nan, margin=-math.inf)
@@ -291,8 +269,8 @@ def _judged_at_start(result: Result, found: Finding, tree: ast.expr) -> Finding:
     return replace(found, verdict=verdict, margin=margin, reason=reason)
 
 
-def _judged(result: Result, found: Finding, tree: ast.expr) -> Finding:
-    margins = Margins(result, guarded=not is_timing(tree))
+def _judged(result: Result, found: Finding, tree: Node) -> Finding:
+    margins = Margins(result, guarded=not tree.is_timing)
     truth = margins.truth(tree)
     met = bool(np.all(truth == 1))
     if met and not margins.exercised(tree):

@@ -9,7 +9,6 @@ its values in all runs, `percentile(miss, 95) <= 10 cm`, and alone must hold in 
 
 from __future__ import annotations
 
-import ast
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import partial
@@ -18,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from harness.results.evaluation import evaluate, resolved, unit_of
-from harness.results.expressions import QUANTITY, parsed, variables
+from harness.results.expressions import QUANTITY, Node, parsed
 from harness.results.verdict import Judged, Kind, Verdict, missed
 from harness.spelling import did_you_mean
 from harness.studies.campaign.store import Store
@@ -75,7 +74,7 @@ def _held(store: Store, texts: Sequence[str]) -> Iterator[Judged]:
     complete = store.array("status") == 1
     for text in texts:
         tree = _tree(text, shares, units)
-        asked = [shares[name] for kind, name in map(_split, variables(tree)) if kind != METRIC]
+        asked = [shares[name] for kind, name in map(_split, tree.variables) if kind != METRIC]
 
         def value(path: str) -> Any:
             kind, name = _split(path)
@@ -98,20 +97,19 @@ def _judged(text: str, verdict: Verdict, detail: str) -> Judged:
     return Judged(Kind.REQUIREMENT, text, verdict, line)
 
 
-def _compared(tree: ast.expr, value: Any, units: Mapping[str, str]) -> Iterator[str]:
+def _compared(tree: Node, value: Any, units: Mapping[str, str]) -> Iterator[str]:
     """Numbers that come of metrics."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Compare) and any(
-            _split(path)[0] == METRIC for path in variables(node.left)
-        ):
-            number = evaluate(node.left, value)
+    for node in tree.walk():
+        side = node.parts[0] if node.kind == "compare" else node
+        if side is not node and any(_split(path)[0] == METRIC for path in side.variables):
+            number = evaluate(side, value)
             if np.ndim(number) == 0:
-                text = ast.unparse(node.left).replace(f"{METRIC}.", "")
-                unit = unit_of(node.left, partial(_unit, units)).removeprefix("1")
+                text = side.text.replace(f"{METRIC}.", "")
+                unit = unit_of(side, partial(_unit, units)).removeprefix("1")
                 yield f"{text} is {number:.5g} {unit}".rstrip()
 
 
-def _tree(text: str, shares: Collection[str], units: Mapping[str, str]) -> ast.expr:
+def _tree(text: str, shares: Collection[str], units: Mapping[str, str]) -> Node:
     """The expression of a condition, with `met.success`, `lower.success` and `metric.miss` in it;
     ValueError.
     """
@@ -128,9 +126,9 @@ def _tree(text: str, shares: Collection[str], units: Mapping[str, str]) -> ast.e
         return f"{METRIC}.{match['name']}" if match["name"] in units else match[0]
 
     tree = parsed(TOKEN.sub(dotted, text), [*units, SUCCESS], "metric")
-    if not isinstance(tree, ast.Compare | ast.BoolOp | ast.UnaryOp):
+    if not (tree.kind == "compare" or tree.conditions):
         raise ValueError("is not a condition; write one like `success >= 99 %`")
-    for path in variables(tree):
+    for path in tree.variables:
         if _split(path)[0] not in (MET, LOWER, METRIC):
             raise ValueError(
                 f"{path} varies within a run: what looks at it is a requirement or a metric"

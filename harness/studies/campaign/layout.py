@@ -7,11 +7,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from harness.results.requirements import margin_unit
+from harness.results.evaluation import unit_in
+from harness.results.expressions import parsed
+from harness.results.margins import unit_of_margin
 from harness.results.result import Result
 from harness.studies.campaign import metrics
 from harness.studies.campaign.plan import Layout, Plan
@@ -66,13 +69,7 @@ def of_metric(name: str, plan: Plan, kinds: Result) -> Labels:
 
 def of_margin(text: str, kinds: Result) -> str:
     """Unit of the margin of a requirement, "" if it is not known."""
-
-    def unit(name: str) -> str:
-        table = kinds.parameters if name.startswith("parameter ") else kinds
-        plain = name.removeprefix("parameter ")
-        return table.unit(plain) if table is not None and plain in table else ""
-
-    return margin_unit(text, unit)
+    return unit_of_margin(parsed(text), partial(unit_in, kinds))
 
 
 def _known(labels: Mapping[str, str]) -> Labels:

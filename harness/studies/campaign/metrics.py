@@ -22,7 +22,6 @@ from harness.mission import Limits, Measure
 from harness.mission.library import everything, of_result
 from harness.results.evaluation import evaluate, fitted, history, unit_in, unit_of, units_in
 from harness.results.expressions import parsed
-from harness.results.expressions import variables as named
 from harness.results.requirements import condition, finding
 from harness.results.result import Result
 from harness.results.verdict import OPEN, Verdict
@@ -87,7 +86,7 @@ def variables(text: str) -> Iterator[str]:
     """Variables that an expression names; none for a measure or a function."""
     if text in (known := _measures()) or _is_function(text):
         return
-    names = named(parsed(text, list(known), "measure"))
+    names = parsed(text, list(known), "measure").variables
     yield from (name for name in names if name != "time" and not name.startswith("parameter "))
 
 
