@@ -39,7 +39,7 @@ $(TOOLS): pyproject.toml
 	@echo "Setting up $(VENV), once: Python packages from PyPI (1 GB on disk), then all FMUs from C;"
 	@echo "2 to 5 minutes on two cores."
 	$(PYTHON) -m venv $(VENV)
-	$(PIP) "scikit-build-core>=0.10" cmake ninja "fmpy>=0.3.28" lxml "pillow>=10.1" \
+	$(PIP) "scikit-build-core>=0.10" cmake ninja "fmpy>=0.3.28" lxml "msgspec>=0.19" "pillow>=10.1" \
 	  "setuptools>=70.1" # of dependencies without a wheel; from Python 3.12 on venv brings none
 	@touch $@
 

@@ -20,7 +20,7 @@ from harness.files import paths
 from harness.mission.library import SYSTEM, systems
 from harness.report.arrays import Arrays
 from harness.results.result import Array, Result
-from harness.ssp.extends import MODELS, extended
+from harness.ssp.extends import extended
 
 Scene = dict[str, Any]
 
@@ -47,7 +47,7 @@ def named(result: Result) -> dict[str, Path]:
     if source is None:
         return {}
     scene = extended(source).get("scene", {})
-    return {body: Path(file) for body, file in scene.get(MODELS, {}).items()}
+    return {body: Path(file) for body, file in scene.get("models", {}).items()}
 
 
 def _source(result: Result) -> Path | None:

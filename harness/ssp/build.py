@@ -11,22 +11,23 @@ units, ill-shaped values.
 from __future__ import annotations
 
 import argparse
-import math
 import sys
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from msgspec import Meta, Struct, convert, structs
 
 from harness.errors import HarnessError, StructureError, UsageError
 from harness.files.paths import is_file
 from harness.mission.exchange import of_system
 from harness.results import requirements
 from harness.spelling import did_you_mean
-from harness.ssp.extends import MODELS, extended
+from harness.ssp.extends import extended
 from harness.ssp.writer import write_ssp
-from harness.system import graph, problems, sliders
+from harness.system import graph, problems, schema, sliders
 from harness.system.instants import moment, written
 from harness.system.interface import Interface
 from harness.system.model import (
@@ -36,123 +37,138 @@ from harness.system.model import (
     Parameters,
     ParameterSet,
     Port,
-    Range,
     System,
 )
 from harness.system.schedule import macro_steps
+from harness.system.schema import Count, Number, Text, Whole
 from harness.system.swap import exchange
 from harness.system.tables import Assignments
 from harness.system.wiring import Wiring, split, wire
 
-SHAPES = {
-    "name": "text",
-    "mission": "",
-    "extends": "",
-    "description": "text",
-    "experiment": "table",
-    "components": "texts",
-    "schedule": "tables",
-    "connections": "texts",
-    "open": "table",
-    "parameters": "tables",
-    "start": "texts",
-    "sets": "tables",
-    "alternatives": "tables",
-    "requirements": "texts",
-    "consistency": "texts",
-    "compare": "texts",
-    "fly": "tables",
-    "scene": "tables",
-}
-"""What a system may have: a text, a table of anything, of texts, or of tables; "": not judged."""
+# ---- what a file may hold
 
-KEYS = {
-    "": tuple(SHAPES),
-    "experiment": ("start", "stop", "step", "algorithm", "every", "epoch"),
-    "schedule": ("every", "latency"),
-    "set": ("description", "experiment"),
-    "compare": ("set",),
-    "fly": ("sliders",),
-    "scene": (MODELS,),
-    "set experiment": ("stop", "step"),
-}
-"""Keys that the tables of a system may have."""
+
+class Time(Struct, frozen=True):
+    """Time of a run, `[experiment]`; epoch: a date or its text."""
+
+    start: Number = 0.0
+    stop: Number | None = None
+    step: Number | None = None
+    algorithm: Text = "gauss-seidel"
+    every: Count = 1
+    epoch: Any = ""
+
+
+class Timing(Struct, frozen=True):
+    """How often a component steps, `[schedule.COMPONENT]`."""
+
+    every: Count = 1
+    latency: Whole = 0
+
+
+class SetTime(Struct, frozen=True):
+    """Time of a set, `[sets.NAME.experiment]`."""
+
+    stop: Number | None = None
+    step: Number | None = None
+
+
+class Set(Struct, frozen=True):
+    """A set beside its tables of parameters, `[sets.NAME]`."""
+
+    description: Text = ""
+    experiment: SetTime = SetTime()
+
+
+class Replacement(Struct, frozen=True):
+    """Another FMU beside its tables of parameters, `[alternatives.FMU]`."""
+
+    replaces: Text
+
+
+class Compared(Struct, frozen=True):
+    """What `harness compare` takes, `[compare]`."""
+
+    set: Text = ""
+
+
+class Flown(Struct, frozen=True):
+    """What the reader of a page that flies may change, `[fly]`."""
+
+    sliders: dict[
+        str, Annotated[list[Number], Meta(max_length=2, description="[least, largest] or []")]
+    ] = {}
+
+
+class Scene(Struct, frozen=True):
+    """What a replay shows, `[scene]`; models: glTF files by body."""
+
+    models: dict[str, Text] = {}
+
+
+class Source(Struct, frozen=True):
+    """A system."""
+
+    name: Annotated[str, Meta(min_length=1, description="a name")]
+    experiment: Time
+    components: dict[str, Text]
+    description: Text = ""
+    mission: Text = ""
+    extends: Text = ""
+    schedule: dict[str, Timing] = {}
+    connections: dict[str, Text] = {}
+    open: dict[str, Any] = {}
+    parameters: dict[str, Any] = {}
+    start: dict[str, Text] = {}
+    sets: dict[str, dict[str, Any]] = {}
+    alternatives: dict[str, dict[str, Any]] = {}
+    requirements: dict[str, Text] = {}
+    consistency: dict[str, Text] = {}
+    compare: Compared = Compared()
+    fly: Flown = Flown()
+    scene: Scene = Scene()
+
+
+def _parted(table: Mapping[str, Any], kind: type[Struct]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The entries of a kind in a table, and the parameters beside them."""
+    head = {key: value for key, value in table.items() if key in kind.__struct_fields__}
+    return head, {key: value for key, value in table.items() if key not in head}
 
 
 def system_of(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> System:
     """The system that a TOML describes; fmus: paths by name. Raises FmuError or StructureError with
     all problems.
     """
-    if found := list(_misshapen(source)) or list(_ill_formed(source, fmus)):
+    if found := list(schema.problems(source, Source)) or list(_ill_formed(source, fmus)):
         raise StructureError(found)
-    system = _Builder(source, fmus).system()
-    return _Builder(_begun(source, system), fmus).system() if system.starts else system
-
-
-def _begun(table: Mapping[str, Any], system: System) -> dict[str, Any]:
-    """The tables of a system with the values of its `starts` among the parameters, and with its
-    epoch; HarnessError.
-    """
-    values, _, epoch = of_system(system)
-    parameters = {c: dict(own) for c, own in table.get("parameters", {}).items()}
-    for name, value in values.items():
-        component, _, parameter = name.partition(".")
-        parameters.setdefault(component, {})[parameter] = value
-    experiment = {**table["experiment"], "epoch": epoch}
-    return {**table, "parameters": parameters, "experiment": experiment}
-
-
-def _misshapen(source: Mapping[str, Any]) -> Iterator[str]:
-    """What is a table and should be a value, or the other way round."""
-    for key, shape in SHAPES.items():
-        value = source.get(key, "" if shape == "text" else {})
-        if shape == "text" and not isinstance(value, str):
-            yield f"{key}: must be a text"
-        elif shape not in ("", "text") and not isinstance(value, Mapping):
-            yield f"[{key}]: must be a table"
-        elif shape in ("texts", "tables"):
-            for entry, inner in value.items():
-                yield from _misshapen_entry(key, entry, inner)
-
-
-def _misshapen_entry(key: str, entry: str, value: Any) -> Iterator[str]:
-    """The same for what stands in a table of texts or tables."""
-    kind: Any = str if SHAPES[key] == "texts" else Mapping
-    if not isinstance(value, kind):
-        yield f"[{key}] {entry}: must be a {SHAPES[key].removesuffix('s')}"
-    elif key in ("sets", "alternatives"):
-        if not isinstance(value.get("experiment", {}), Mapping):
-            yield f"[{key}.{entry}] experiment: must be a table"
-        for text in ("description", "replaces"):
-            if not isinstance(value.get(text, ""), str):
-                yield f"[{key}.{entry}] {text}: must be a text"
+    tables = convert(source, Source)
+    system = _Builder(tables, fmus).system()
+    return _Builder(_begun(tables, system), fmus).system() if system.starts else system
 
 
 def _ill_formed(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> Iterator[str]:
     """Problems that make it pointless to look further."""
-    for key in ("name", "experiment", "components"):
-        if not source.get(key):
-            yield f"there is no [{key}] table or value"
-    yield from _unknown_keys("", source, KEYS[""])
-    for name, fmu in source.get("components", {}).items():
+    for name, fmu in source["components"].items():
         if not (name.isidentifier() and name.isascii()):
             yield f"{name}: the name of a component must be a C identifier"
         if fmu not in fmus:
             yield f"{name}: there is no FMU {fmu}{did_you_mean(fmu, fmus)}"
+    for tables, kind in (("sets", Set), ("alternatives", Replacement)):
+        for name, table in source.get(tables, {}).items():
+            yield from schema.problems(_parted(table, kind)[0], kind, f"{tables}.{name}")
 
 
-def _unknown_keys(place: str, table: Mapping[str, Any], known: Collection[str]) -> Iterator[str]:
-    for key in (key for key in table if key not in known):
-        yield f"{place}unknown key {key}{did_you_mean(key, known)}"
-
-
-def _is_number(value: Any) -> bool:
-    """Whether a value is a number that a double can hold."""
-    try:
-        is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        return is_number and math.isfinite(value)
-    except OverflowError:  # an integer beyond all doubles
-        return False
+def _begun(tables: Source, system: System) -> Source:
+    """The tables of a system with the values of its `starts` among the parameters, and with its
+    epoch; HarnessError.
+    """
+    values, _, epoch = of_system(system)
+    parameters = {c: dict(own) for c, own in tables.parameters.items()}
+    for name, value in values.items():
+        component, _, parameter = name.partition(".")
+        parameters.setdefault(component, {})[parameter] = value
+    experiment = structs.replace(tables.experiment, epoch=epoch)
+    return structs.replace(tables, parameters=parameters, experiment=experiment)
 
 
 class _Builder:
@@ -160,149 +176,90 @@ class _Builder:
     first.
     """
 
-    def __init__(self, source: Mapping[str, Any], fmus: Mapping[str, Path]) -> None:
+    def __init__(self, source: Source, fmus: Mapping[str, Path]) -> None:
         self.source = source
         self.fmus = fmus
         self.problems: list[str] = []
+        timing = {name: source.schedule.get(name, Timing()) for name in source.components}
         self.bare = tuple(
-            self._component(name, fmus[fmu]) for name, fmu in source["components"].items()
+            Component(name, fmus[fmu], every=timing[name].every, latency=timing[name].latency)
+            for name, fmu in source.components.items()
         )
         self.interfaces: Mapping[str, Interface] = graph.read_interfaces(
-            System(source["name"], self.bare, (), Experiment())
+            System(source.name, self.bare, (), Experiment())
         )
 
-    # ---- tables and numbers
-
-    def _table(self, *place: str, known: Collection[str] = ()) -> Mapping[str, Any]:
-        """The table at a place; known: its keys, by default those of KEYS, others are problems."""
-        table = self.source
-        for key in place:
-            table = table.get(key, {})
-        known = known or KEYS[place[0]]
-        self.problems += _unknown_keys(f"[{'.'.join(place)}]: ", table, known)
-        return table
-
-    def _numbers(self, place: str, table: Mapping[str, Any], *keys: str) -> list[float | None]:
-        """Numbers by their keys, None where there is none."""
-        for key in keys:
-            if table.get(key) is not None and not _is_number(table[key]):
-                self.problems.append(f"[{place}] {key}: {table[key]!r} is not a number")
-        return [float(table[key]) if _is_number(table.get(key)) else None for key in keys]
-
-    def _assignments(self, tables: Mapping[str, Any], place: str) -> Assignments:
-        values = Assignments(self.interfaces)
-        values.tables(tables)
-        self.problems += [f"[{place}] {problem}" for problem in values.problems]
-        return values
-
-    # ---- the system
-
     def system(self) -> System:
-        left_open = self._open()
+        source, left_open = self.source, self._open()
         ports = [Port(c, name) for c, given in left_open.parameters.items() for name in given]
-        explicit = list(self.source.get("connections", {}).items())
-        wiring = wire(self.interfaces, explicit, ports)
-        components = self._components(left_open)
+        wiring = wire(self.interfaces, list(source.connections.items()), ports)
+        given = self._assignments(source.parameters, "parameters")
+        components = tuple(
+            replace(c, parameters=given.over(c.name, left_open.parameters[c.name]))
+            for c in self.bare
+        )
         system = System(
-            name=self.source["name"],
-            description=self.source.get("description", ""),
+            name=source.name,
+            description=source.description,
             components=components,
             connections=tuple(wiring.connections),
-            experiment=self._experiment(),
-            sets=tuple(self._set(name, components) for name in self.source.get("sets", {})),
+            experiment=Experiment(**{**structs.asdict(source.experiment), "epoch": self._epoch()}),
+            sets=tuple(self._set(name, components) for name in source.sets),
             strict=True,
-            requirements=self.source.get("requirements", {}),
-            consistency=self.source.get("consistency", {}),
-            compared=self._compared(),
-            sliders=self._sliders(),
-            starts=self.source.get("start", {}),
-            mission=self.source.get("mission", ""),
+            requirements=source.requirements,
+            consistency=source.consistency,
+            compared=source.compare.set,
+            sliders={
+                name: (r[0], r[-1]) if r else (None, None) for name, r in source.fly.sliders.items()
+            },
+            starts=source.start,
+            mission=source.mission,
         )
         self._judge(system, wiring)
         return replace(system, alternatives=tuple(self._alternatives(system)))
 
-    def _component(self, name: str, fmu: Path) -> Component:
-        table = self._table("schedule", name)
-        every, latency = self._numbers(f"schedule.{name}", table, "every", "latency")
-        every = 1 if every is None else every
-        return Component(name, fmu, every=round(every), latency=round(latency or 0))
-
-    def _components(self, left_open: Assignments) -> tuple[Component, ...]:
-        """The components with their parameters."""
-        given = self._assignments(self.source.get("parameters", {}), "parameters")
-        return tuple(
-            replace(c, parameters=given.over(c.name, left_open.parameters[c.name]))
-            for c in self.bare
-        )
-
     def _open(self) -> Assignments:
         """Values of the inputs that nobody drives."""
         values = Assignments(self.interfaces)
-        for name, value in self.source.get("open", {}).items():
+        for name, value in self.source.open.items():
             try:
                 component, variable = split(name, self.interfaces)
             except ValueError as error:
-                self.problems.append(f"[open] {error}")
+                values.problems.append(str(error))
                 continue
             values.set(component, variable, value, known=self.interfaces[component].named("input"))
-        self.problems += [f"[open] {problem}" for problem in values.problems]
+        self._note("open", values.problems)
         return values
 
-    def _experiment(self) -> Experiment:
-        table = self._table("experiment")
-        self._table("schedule", known=self.interfaces)
-        start, stop, step, every = self._numbers(
-            "experiment", table, "start", "stop", "step", "every"
-        )
-        if every is not None and (every < 1 or every != round(every)):
-            self.problems.append(f"[experiment] every: {every:g} is not a whole number from 1 on")
-        algorithm, epoch = str(table.get("algorithm", "gauss-seidel")), self._epoch(table)
-        return Experiment(start or 0.0, stop, step, algorithm, round(every or 1), epoch)
+    def _assignments(self, tables: Mapping[str, Any], place: str) -> Assignments:
+        values = Assignments(self.interfaces)
+        values.tables(tables)
+        self._note(place, values.problems)
+        return values
 
-    def _epoch(self, table: Mapping[str, Any]) -> str:
+    def _note(self, place: str, problems: Iterable[str]) -> None:
+        self.problems += [f"{place}.{problem}" for problem in problems]
+
+    def _epoch(self) -> str:
         """UTC of t = 0, a text or a date of TOML, which may have an offset."""
-        given = table.get("epoch", "")
+        given = self.source.experiment.epoch
         if isinstance(given, datetime):
             given = (given.astimezone(UTC) if given.tzinfo else given).isoformat().partition("+")[0]
         try:
             return written(moment(str(given))) if given else ""
         except ValueError as error:
-            self.problems.append(f"[experiment] epoch: {given!r}: {error}")
+            self.problems.append(f"experiment.epoch: {error}, not {given!r}")
             return ""
 
     def _set(self, name: str, components: Sequence[Component]) -> ParameterSet:
         """A named set: the default parameters with the tables of the set put over them."""
-        table, place = self.source["sets"][name], f"sets.{name}"
-        values = {key: value for key, value in table.items() if key not in KEYS["set"]}
-        overrides = self._assignments(values, place)
-        experiment = self._table("sets", name, "experiment", known=KEYS["set experiment"])
-        stop, step = self._numbers(f"{place}.experiment", experiment, "stop", "step")
+        head, tables = _parted(self.source.sets[name], Set)
+        about, overrides = convert(head, Set), self._assignments(tables, f"sets.{name}")
         parameters: dict[str, Parameters] = {
             c.name: given for c in components if (given := overrides.over(c.name, c.parameters))
         }
-        return ParameterSet(name, table.get("description", ""), parameters, stop, step)
-
-    def _compared(self) -> str:
-        """The set that a comparison takes."""
-        name, sets = str(self._table("compare").get("set", "")), self.source.get("sets", {})
-        if name and name not in sets:
-            self.problems.append(f"[compare] set: there is no set {name}{did_you_mean(name, sets)}")
-        return name
-
-    def _sliders(self) -> dict[str, Range]:
-        """What `[fly] sliders` names, with a range each; [] takes that of the FMU."""
-        found: dict[str, Range] = {}
-        refused = []
-        for name, given in self._table("fly").get("sliders", {}).items():
-            if given == []:
-                found[name] = (None, None)
-            elif isinstance(given, list) and len(given) == 2 and all(map(_is_number, given)):
-                found[name] = (float(given[0]), float(given[1]))
-            else:
-                refused.append(f"{name}: expected [least, largest], got {given}")
-        refused += sliders.problems(found, self.interfaces)
-        self.problems += [f"[fly] sliders {problem}" for problem in refused]
-        return found
+        stop, step = about.experiment.stop, about.experiment.step
+        return ParameterSet(name, about.description, parameters, stop, step)
 
     # ---- what is wrong with it
 
@@ -310,13 +267,12 @@ class _Builder:
         """Raise everything that was found; open inputs that the wiring has already spoken of are
         not repeated.
         """
-        for place, texts in (
-            ("requirements", system.requirements),
-            ("consistency", system.consistency),
-        ):
-            refused = requirements.refused(system, texts, fixed=place == "consistency")
-            self.problems += [f"[{place}] {problem}" for problem in refused]
-        self.problems += [f"[scene.{MODELS}] {problem}" for problem in self._odd_models()]
+        self._note("schedule", _unknown(self.source.schedule, self.interfaces))
+        self._note("compare", _unknown(filter(None, [system.compared]), self.source.sets))
+        self._note("fly.sliders", sliders.problems(system.sliders, self.interfaces))
+        self._note("requirements", requirements.refused(system, system.requirements))
+        self._note("consistency", requirements.refused(system, system.consistency, fixed=True))
+        self._note("scene.models", self._odd_models())
         further = problems.problems(replace(system, strict=not wiring.problems), self.interfaces)
         unequal = problems.unequal_units(system, self.interfaces)
         if found := [*wiring.problems, *self.problems, *further, *unequal]:
@@ -325,26 +281,31 @@ class _Builder:
 
     def _odd_models(self) -> Iterator[str]:
         """Models of bodies: files beside the TOML, which only a report reads."""
-        for name, given in self._table("scene").get(MODELS, {}).items():
-            if name not in self.interfaces:
-                yield f"{name}: there is no such component{did_you_mean(name, self.interfaces)}"
-            elif not (isinstance(given, str) and given.endswith((".glb", ".gltf"))):
-                yield f"{name}: expected a file .glb or .gltf"
-            elif not is_file(given):
-                yield f"{name}: {given}: no such file"
+        models = self.source.scene.models
+        yield from _unknown(models, self.interfaces)
+        for name, given in models.items():
+            if not (given.endswith((".glb", ".gltf")) and is_file(given)):
+                yield f"{name}: {given}: there is no such file .glb or .gltf"
 
     def _alternatives(self, system: System) -> Iterator[Alternative]:
         """Parameters for other FMUs, each tried in its place; StructureError with what does not
         fit.
         """
         problems = []
-        for fmu, table in self.source.get("alternatives", {}).items():
+        for fmu, table in self.source.alternatives.items():
             try:
                 yield alternative(system, fmu, table, self.fmus)
             except (StructureError, UsageError) as error:
-                problems += [f"[alternatives.{fmu}] {line}" for line in str(error).splitlines()]
+                problems += [f"alternatives.{fmu}: {line}" for line in str(error).splitlines()]
         if problems:
             raise StructureError(problems)
+
+
+def _unknown(names: Iterable[str], known: Collection[str]) -> Iterator[str]:
+    """A line for every name that is none of those known."""
+    for name in names:
+        if name not in known:
+            yield f"{name}: there is none of this name{did_you_mean(name, known)}"
 
 
 def alternative(
@@ -355,11 +316,11 @@ def alternative(
     """
     if fmu not in fmus:
         raise StructureError([f"there is no such FMU{did_you_mean(fmu, fmus)}"])
-    if not (place := table.get("replaces")):
-        raise StructureError(["replaces: it does not say which component"])
+    head, tables = _parted(table, Replacement)
+    place = head["replaces"]
     changed = exchange(replace(system, alternatives=(Alternative(place, fmu),)), place, fmus[fmu])
     values = Assignments(graph.read_interfaces(changed))
-    values.tables({key: value for key, value in table.items() if key != "replaces"})
+    values.tables(tables)
     if values.problems:
         raise StructureError(values.problems)
     found = Alternative(

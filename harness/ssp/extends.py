@@ -12,9 +12,6 @@ from harness.mission.library import FILE, SYSTEM, systems, systems_in
 from harness.spelling import did_you_mean
 from harness.system.tables import read_toml
 
-MODELS = "models"
-"""Key of the table of glTF files by body."""
-
 
 def extended(source: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
     """Content of a TOML; one that `extends` another system is put over it. The mission of a system

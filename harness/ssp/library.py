@@ -15,7 +15,7 @@ from harness.files import paths
 from harness.files.sealed import sha256
 from harness.mission.library import FILE, SYSTEM, systems, use
 from harness.spelling import did_you_mean
-from harness.ssp import build, reader
+from harness.ssp import reader
 from harness.system.model import Origin, System
 
 
@@ -57,6 +57,8 @@ def name_of(path: Path) -> str:
 
 def _built(path: Path) -> System:
     """The system of a TOML, with the mission of its folder."""
+    from harness.ssp import build  # with msgspec, which an .ssp does not need
+
     take_mission(path)
     return build.read(path, paths.fmus())
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from sys import float_info
+from types import NoneType
 from typing import Annotated, Any, get_args, get_origin
 
 import msgspec
@@ -33,9 +34,9 @@ def problems(given: Any, kind: Any, place: str = "") -> Iterator[str]:
 
     place: how the entry is called, "" for the whole file.
     """
+    if NoneType in get_args(kind):  # TOML knows no None
+        (kind,) = (each for each in get_args(kind) if each is not NoneType)
     table = get_origin(kind) is dict
-    if not table:  # of `Table | None` the table: TOML knows no None
-        kind = next(filter(_is_struct, get_args(kind)), kind)
     if not table and not _is_struct(kind):
         try:
             msgspec.convert(given, kind)

@@ -82,7 +82,7 @@ def test_another_number_of_thrusters_or_wheels_is_one_line_before_the_first_step
         f'extends = "{base}"\nname = "mine"\n[parameters.{component}]\n{name} = {values}\n'
     )
     line = (
-        f"harness: mine.toml: [parameters] {place}: expected {sizes[0]} elements, got {sizes[1]} "
+        f"harness: mine.toml: parameters.{place}: expected {sizes[0]} elements, got {sizes[1]} "
         "elements; the FMU has so many and no other number"
     )
     for command in (["check"], ["run", "-o", tmp_path / "x.nc"]):

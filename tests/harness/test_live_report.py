@@ -152,11 +152,11 @@ def test_sliders_without_parameter_or_range_are_named():
 def test_a_range_of_a_slider_is_two_numbers_or_that_of_the_fmu():
     toml = paths.PACKAGE.parent / "ssp" / "sync_approach" / "system.toml"
     source = tomllib.loads(toml.read_text(encoding="utf-8"))
-    wrong = {"servicer.mass_0": [1.0], "servicer.Isp": ["a", 2], "servicer.rho_0_H": 3.0}
+    wrong = {"servicer.mass_0": [1.0, 2.0, 3.0], "servicer.Isp": ["a", 2], "servicer.rho_0_H": 3.0}
     source["fly"] = {"sliders": {"controller.use_wheels": [], **wrong}}
     with pytest.raises(StructureError) as refused:
         system_of(source, paths.fmus())
-    line = "[fly] sliders {}: expected [least, largest], got {}"
+    line = "fly.sliders.{}: must be [least, largest] or [], not {}"
     assert list(refused.value.problems) == [line.format(*each) for each in wrong.items()]
 
 

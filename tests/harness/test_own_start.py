@@ -122,7 +122,7 @@ def test_the_command_line_starts_another_body_beside_it(inline, tmp_path, capsys
         ('tarqet = "x"', r"\[start\] tarqet: mine has no such component \(close: target\)"),
         ('target = "none.oem"', r"\[start\] target: .*none\.oem: cannot be read"),
         ('guidance = "x"', r"\[start\] guidance: it has no parameter"),
-        ("target = 3", r"\[start\] target: must be a text"),
+        ("target = 3", r"start\.target: must be a text, not 3"),
         (f'target = """{ISS.replace("9992", "9993")}"""', r"\[start\] target: .*checksum"),
     ],
 )

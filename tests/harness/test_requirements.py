@@ -440,7 +440,7 @@ def test_the_build_reports_senseless_requirements():
     with pytest.raises(StructureError) as refused:
         system_of(source, paths.fmus())
     places = [line.partition(":")[0] for line in refused.value.problems]
-    assert places == ["[requirements] a", "[requirements] b"]
+    assert places == ["requirements.a", "requirements.b"]
 
 
 # ---- parameters that contradict each other
@@ -488,5 +488,5 @@ def test_no_set_contradicts_itself_and_a_law_without_an_estimate_says_nothing(tm
 
 def test_a_condition_on_what_varies_is_no_consistency(fmus):
     text = TOML + '\n[consistency]\nodd = "twice.y > 1"\n'
-    with pytest.raises(StructureError, match=r"\[consistency\] odd: there is no variable twice.y"):
+    with pytest.raises(StructureError, match=r"consistency\.odd: there is no variable twice.y"):
         system_of(tomllib.loads(text), fmus)

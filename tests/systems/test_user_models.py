@@ -109,10 +109,10 @@ def test_the_page_needs_no_file_any_more(mine, tmp_path):
 @pytest.mark.parametrize(
     ("models_", "problem"),
     [
-        ('targe = "sat.glb"', r"[scene.models] targe: there is no such component (close: target"),
-        ('target = "none.glb"', "none.glb: no such file"),
-        ('target = "sat.obj"', "[scene.models] target: expected a file .glb or .gltf"),
-        ("target = 3", "[scene.models] target: expected a file .glb or .gltf"),
+        ('targe = "sat.glb"', "scene.models.targe: there is none of this name (close: target"),
+        ('target = "none.glb"', "none.glb: there is no such file .glb or .gltf"),
+        ('target = "sat.obj"', "sat.obj: there is no such file .glb or .gltf"),
+        ("target = 3", "scene.models.target: must be a text, not 3"),
     ],
 )
 def test_what_is_wrong_is_a_line_of_check(mine, capsys, models_, problem):
