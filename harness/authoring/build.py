@@ -55,12 +55,8 @@ def build(
 
 def _source(path: Path) -> Path:
     """The file that is meant."""
-    if path.suffix in ENDINGS and paths.is_file(path):
-        return path
-    if paths.is_file(path):
-        raise UsageError(f"{path}: an FMU is built from a .c or .py file")
     inside = [path / f"{path.resolve().name}{ending}" for ending in ENDINGS]
-    there = [file for file in inside if paths.is_file(file)]
+    there = [file for file in (path, *inside) if file.suffix in ENDINGS and paths.is_file(file)]
     if len(there) == 1:
         return there[0]
     if there:

@@ -1,35 +1,57 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A new controller: a folder with a source that flies as it is, and the two commands for it.
+"""New controllers and missions: folders that work as they are, filled from `templates/`.
 
-In the place of a controller that commands a wrench it is the example of the project under another
-name; anywhere else it has all the ports of the component that it replaces, and its outputs stay at
-the start values of the inputs that read them until its law is written.
+In the place of a controller that commands a wrench a new one is the example of the project under
+another name; anywhere else it has all the ports of the component that it replaces, and its outputs
+stay at the start values of the inputs that read them until its law is written. A new mission
+extends a system and has a figure, a measure and a claim of its own.
 """
 
 from __future__ import annotations
 
 import keyword
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from harness.authoring import skeleton
+from harness.authoring.skeleton import filled
 from harness.errors import UsageError
 from harness.files import paths
 from harness.files.output import written
-from harness.mission.library import everything
+from harness.mission.library import FILE, SYSTEM, everything, places
 from harness.mission.mission import Example
 from harness.ssp.library import load, of_component
 from harness.studies.show import Signal, show
+from harness.system.graph import read_interfaces
+from harness.system.model import System
 
 LANGUAGES = {"c": ".c", "python": ".py"}
 
 NAME = re.compile(r"[\w.]+(\[\d+\])?", re.ASCII)
 
-C_WORDS = """auto break case char const continue default do double else enum extern float for goto
-if inline int long register restrict return short signed sizeof static struct switch typedef
-union unsigned void volatile while main"""
+
+def _new_folder(kind: str, name: str, folder: str | Path, taken: Collection[str]) -> Path:
+    """Where something new goes; UsageError if it cannot be called so, or is there."""
+    if not re.fullmatch(r"[A-Za-z]\w{0,59}", name, re.ASCII) or keyword.iskeyword(name):
+        raise UsageError(
+            f"{name}: a {kind} is named by a letter, then letters, digits and _, as in my_{kind}"
+        )
+    if name in taken:
+        raise UsageError(f"{name}: the name is taken; choose another one")
+    target = Path(folder) / name
+    if target.exists() or target.is_symlink():
+        raise UsageError(f"{target}: already exists; choose another name")
+    return target
+
+
+def _write(path: Path, text: str) -> None:
+    with written(path) as file:
+        file.write_text(text, encoding="utf-8")
+
+
+# ---- controllers
 
 
 class Created(NamedTuple):
@@ -48,45 +70,33 @@ def new_controller(
     language: c or python; place: None: that of the first example. Nothing that exists is
     overwritten. Raises UsageError, and what show() raises for the place.
     """
-    _refuse_name(name)
+    target = _new_folder("controller", name, folder, paths.fmus())
     if language not in LANGUAGES:
         raise UsageError(f"--language {language}: expected {' or '.join(LANGUAGES)}")
     place = place or next((e.place for e in everything().examples), "")
     system, component = _split(place)
     ports = _ports(place)
-    target = Path(folder) / name
-    if target.exists() or target.is_symlink():
-        raise UsageError(f"{target}: already exists; choose another name")
     fitting = next((e for e in everything().examples if _fits(e, ports)), None)
-    text = (
-        _skeleton(name, language, place, ports)
-        if fitting is None
-        else _example(name, language, fitting)
-    )
     source = target / f"{name}{LANGUAGES[language]}"
-    commands = (
-        f"harness build {target}",
-        f"harness run {system} --swap {component}={target} -o {target / name}.nc",
-    )
-    _write(source, text)
+    text = skeleton.made(name, LANGUAGES[language], place, ports)
+    _write(source, _example(name, source.suffix, fitting) if fitting else text)
+    swap = f"{system} --swap {component}={target}"
+    commands = f"harness build {target}", f"harness run {swap} -o {target / name}.nc"
     with load(system) as found:
         present = found.component(component).fmu.stem
-    compare = f"harness compare {system} --swap {component}={target},{present}"
-    note = f"\n{fitting.note}" if fitting and fitting.note else ""
-    _write(target / "README.md", _readme(name, source.name, place, (*commands, compare), note))
+    readme = filled(
+        "controller.md",
+        name=name,
+        place=place,
+        source=source.name,
+        folder=target,
+        build=commands[0],
+        run=commands[1],
+        compare=f"harness compare {swap},{present}",
+        note=f"\n{fitting.note}" if fitting and fitting.note else "",
+    )
+    _write(target / "README.md", readme)
     return Created(target, source, commands)
-
-
-def _refuse_name(name: str) -> None:
-    """UsageError for names that are no identifiers in C or Python, or taken."""
-    if not re.fullmatch(r"[A-Za-z]\w{0,59}", name, re.ASCII) or keyword.iskeyword(name):
-        raise UsageError(
-            f"{name}: a controller is named by a letter, then letters, digits and _, as in my_pd"
-        )
-    if name in C_WORDS.split():
-        raise UsageError(f"{name}: is a keyword of C; choose another name")
-    if name in paths.fmus():
-        raise UsageError(f"{name}: the project has an FMU of this name; choose another one")
 
 
 def _split(place: str) -> tuple[str, str]:
@@ -124,44 +134,46 @@ def _fits(example: Example, ports: Sequence[Signal]) -> bool:
     return inputs >= example.inputs and {s.name for s in ports} - inputs <= example.outputs
 
 
-def _example(name: str, language: str, example: Example) -> str:
+def _example(name: str, ending: str, example: Example) -> str:
     folder = paths.examples()
     if folder is None:
         raise UsageError("the examples of the project are missing: reinstall servicing-fmus")
-    file = folder / example.file.with_suffix(LANGUAGES[language])
     stem = example.file.name
+    file = folder / example.file.with_suffix(ending)
     text = file.read_text(encoding="utf-8").replace(stem, name)
     return text.replace(skeleton.class_name(stem), skeleton.class_name(name))
 
 
-def _skeleton(name: str, language: str, place: str, ports: Sequence[Signal]) -> str:
-    make = {"c": skeleton.in_c, "python": skeleton.in_python}[language]
-    return make(name, place, ports)
+# ---- missions
 
 
-def _readme(name: str, source: str, place: str, commands: tuple[str, str, str], note: str) -> str:
-    results = commands[1].rpartition(" ")[2]
-    fmu = commands[0].rpartition(" ")[2] + f"/{name}.fmu"
-    return f"""# {name}
+def new_mission(name: str, base: str | None = None, folder: str | Path = ".") -> Path:
+    """Create `folder`/NAME, a mission that extends a system; returns its folder.
 
-A controller in the place of `{place}`. The law is `control` in `{source}`.
-
-    {commands[0]}
-    {commands[1]}
-
-The first command builds `{name}.fmu` here, again after every edit; the second one runs it.
-
-    harness show {place}
-    harness check {fmu} --strict
-    harness report {results} -o {results.removesuffix(".nc")}.html
-    {commands[2]}
-
-The first command lists ports and units. The second one checks the FMU against the rules of FMI. The
-third one writes a page with plots, replay and verdicts. The last one compares the controller with
-the component that it replaces, both with the actuators of the set that the system compares with.
-{note}"""
+    base: name of the system (None: that of the first example of the missions at hand). Nothing that
+    exists is overwritten. Raises UsageError, and what load() raises for the base.
+    """
+    target = _new_folder("mission", name, folder, {**paths.systems(), **places()})
+    chosen = base or next((e.place.partition(".")[0] for e in everything().examples), "")
+    with load(chosen) as system:
+        words = _words(system) | {"name": name, "base": chosen}
+    for file in (SYSTEM, FILE, "README.md"):
+        _write(target / file, filled(f"mission{Path(file).suffix}", **words))
+    return target
 
 
-def _write(path: Path, text: str) -> None:
-    with written(path) as file:
-        file.write_text(text, encoding="utf-8")
+def _words(system: System) -> dict[str, str]:
+    """What the templates name of the base: its mission, and a variable of its last component."""
+    component = system.components[-1].name
+    interface = read_interfaces(system)[component]
+    output = next(iter(interface.outputs()))
+    unit = (interface.variables[output].unit or "").removeprefix("1")
+    variable = f"{component}.{output.partition('[')[0]}"
+    return {
+        "component": component,
+        "variable": variable,
+        "unit": unit,
+        "axis": f"{variable} [{unit}]" if unit else variable,
+        "stop": repr(float(system.experiment.stop or 0.0)),
+        "mission": system.mission,
+    }

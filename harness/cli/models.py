@@ -43,8 +43,7 @@ def new_command(
 
     Write a folder NAME that works as it is, and print the commands for it.
     """
-    from harness.authoring.mission import new_mission
-    from harness.authoring.new import new_controller
+    from harness.authoring.new import new_controller, new_mission
 
     if kind not in ("controller", "mission") or name is None:
         raise UsageError(f"new {kind}: write harness new controller NAME, or new mission NAME")

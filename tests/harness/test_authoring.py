@@ -139,8 +139,7 @@ def test_a_compiler_may_have_arguments_and_an_fmu_another_file_name(twins, tmp_p
         (["new", "controller", "2nd"], "2nd: a controller is named by a letter, then"),
         (["new", "controller", "ünder"], "ünder: a controller is named by a letter, then"),
         (["new", "controller", "lambda"], "lambda: a controller is named by a letter, then"),
-        (["new", "controller", "double"], "double: is a keyword of C"),
-        (["new", "controller", "target"], "target: the project has an FMU of this name"),
+        (["new", "controller", "target"], "target: the name is taken"),
         (
             ["new", "controller", "a", "--for", "controller"],
             "--for controller: expected SYSTEM.comp",
