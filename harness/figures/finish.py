@@ -99,7 +99,8 @@ def _decades(axes: Any) -> None:
     """A logarithmic axis does not go down to rounding."""
     if axes.get_yscale() == "log":
         low, high = axes.get_ylim()
-        axes.set_ylim(max(low, DECADES * high), high)
+        if low < DECADES * high:
+            axes.set_ylim(DECADES * high, high)
 
 
 def cut_spikes(axes: Any, histories: Sequence[Array]) -> None:

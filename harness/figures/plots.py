@@ -161,7 +161,7 @@ def _draw_panel(axes: Any, panel: Panel, result: Result, seconds: float) -> None
         _draw_curve(axes, result, panel, curve, seconds)
     _shade(axes, panel, [result], seconds)
     for time, value in panel.minima(result):
-        text = f"least {value:.4g} {unit_of(panel.ylabel)}".strip()
+        text = f"least {value:.4g} {unit_of(panel.ylabel)} at {time:g} s"
         axes.plot(time / seconds, value, "kv", markersize=5, label=text)
 
 
@@ -312,8 +312,10 @@ def _draw_runs(axes: Any, panel: Panel, curve: Curve, runs: _Runs) -> list[Array
     for label, history in histories.items():
         look = {"linewidth": 0.5, "alpha": 0.5} if many else {"linestyle": styles[label]}
         look |= {"linestyle": curve.style} if curve.style else {}
-        time = runs.results[label].time / runs.seconds
-        axes.plot(*curve.broken(time, history), color=runs.colours[label], **look)
+        look |= {"color": runs.colours[label], "gid": label}
+        time, broken = curve.broken(runs.results[label].time / runs.seconds, history)
+        for values, name in curve.lines(broken):
+            axes.plot(time, values, label=f"_{name}", **look)
     if many:
         _draw_band(axes, list(histories.values()), runs)
     return list(histories.values())

@@ -37,26 +37,20 @@ MANY = 10
 class Style:
     """Width of a figure in one column and across the page [in], None: the size of the screen;
     stretch: how much higher a column is than the same figure on the screen; titled: whether
-    figures bear titles (in a paper captions do); serif: in the letters of STIX, as most papers.
+    figures bear titles (in a paper captions do); sheets: one on top of the other.
     """
 
     name: str
+    sheets: tuple[str, ...] = ("screen.mplstyle",)
     column: float | None = None
     page: float | None = None
     stretch: float = 1.0
     titled: bool = True
-    serif: bool = False
 
     @property
     def printed(self) -> bool:
         """Whether figures go into a paper."""
         return self.column is not None
-
-    @property
-    def sheets(self) -> tuple[str, ...]:
-        """Style sheets, one on top of the other."""
-        letters = ("serif.mplstyle",) if self.serif else ()
-        return ("paper.mplstyle" if self.printed else "screen.mplstyle", *letters)
 
     def size(self, size: tuple[float, float]) -> tuple[float, float]:
         """Of a figure that has this size on the screen [in]."""
@@ -80,8 +74,8 @@ class Style:
 
 
 SCREEN = Style("screen")
-PAPER = Style("paper", column=3.5, page=7.0, stretch=1.15, titled=False)
-SERIF = replace(PAPER, name="serif", serif=True)
+PAPER = Style("paper", ("paper.mplstyle",), column=3.5, page=7.0, stretch=1.15, titled=False)
+SERIF = replace(PAPER, name="serif", sheets=("paper.mplstyle", "serif.mplstyle"))
 STYLES = {style.name: style for style in (SCREEN, PAPER, SERIF)}
 
 

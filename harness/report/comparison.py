@@ -10,12 +10,13 @@ from typing import Any
 
 from harness.errors import ResultsError
 from harness.figures.choice import compared, overlays_of
-from harness.figures.style import SCREEN
-from harness.mission import Figure, Overlay
+from harness.figures.plots import paint_overlay
+from harness.mission import Figure
 from harness.mission.library import of_result
 from harness.mission.mission import together
-from harness.report import facts, painted, plots
+from harness.report import facts
 from harness.report.arrays import Arrays, Canvas, points_of
+from harness.report.plots import PAGE, painted
 from harness.report.story import replay_several
 from harness.report.template import render
 from harness.results.files import read
@@ -111,23 +112,14 @@ def _cell(value: float, words: Sequence[str] | None) -> str:
 
 def figures(canvas: Canvas, results: Mapping[str, Result]) -> list[dict[str, Any]]:
     """The overlaid figures that fit at least one run and show something."""
-    found = [
-        {"name": figure.name, "title": figure.title, "plots": _drawn(canvas, figure, results, runs)}
-        for figure, runs in compared(results)[0]
-    ]
-    return [each for each in found if each["plots"]]
-
-
-def _drawn(
-    canvas: Canvas,
-    figure: Figure | Overlay,
-    results: Mapping[str, Result],
-    fitting: Mapping[str, Result],
-) -> list[plots.Plot]:
-    if isinstance(figure, Figure):
-        return plots.overlay(canvas, figure, results)
-    from harness.figures.plots import paint_overlay
-
     colours = {label: f"C{k}" for k, label in enumerate(results)}
-    with SCREEN.used():
-        return painted.plots(canvas, paint_overlay(figure, fitting, colours))
+    with PAGE.used():
+        found = [
+            {
+                "name": figure.name,
+                "title": figure.title,
+                "plots": painted(canvas, paint_overlay(figure, runs, colours, PAGE)),
+            }
+            for figure, runs in compared(results)[0]
+        ]
+    return [each for each in found if each["plots"]]

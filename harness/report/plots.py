@@ -1,23 +1,25 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Plots as data: the tables of harness/figures and all variables of a result, thinned, as the page
-draws them.
+"""Plots as data, thinned, as the page draws them: figures, read back from the axes of matplotlib so
+that each is described once, phase plots and all variables. Views in space are left to the replay.
 
 A plot is a dictionary: `title`, `x` and `y` (labels of the axes), `time` (whether x is the time of
 the run: then its zoom is linked), `log`, `levels` (height and text), `shade` ([begin, end, text])
 and `curves`. A curve names its arrays and says how it looks: `colour` is a number of the palette,
-or "ink"; `dash` a style of the page; `group` the run it belongs to.
+or "ink"; `dash` a style of Plotly; `group` the run it belongs to.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from harness.figures.finish import ROUNDING
-from harness.mission.figure import AXES, IDLE, Curve, Figure, Panel, Phase, unit_of
+from harness.figures.captions import untexed
+from harness.figures.finish import plane
+from harness.figures.style import Style
+from harness.mission.figure import AXES, Phase
 from harness.mission.library import of_result
 from harness.report.arrays import Canvas
 from harness.results.result import Array, Result
@@ -25,46 +27,163 @@ from harness.system.values import base
 
 Plot = dict[str, Any]
 
+PAGE = Style("page", sheets=("screen.mplstyle", "page.mplstyle"))
+"""How figures are drawn that a page reads back."""
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
 """Styles of the elements of a vector, so that no curve is told by its colour alone."""
-STYLES = {"--": "dash", ":": "dot", "-.": "dashdot", "-": "solid"}
-"""Line styles of matplotlib."""
 DECADES = 3.0
 """Positive histories that span so many powers of ten are drawn on a logarithmic axis."""
 QUATERNION = ("q0", "q1", "q2", "q3")
+SECONDS = {"time [s]": 1.0, "time [h]": 3600.0}
+"""Labels of the time axis and their seconds."""
+INK = ("k", "black", "#000000", (0.0, 0.0, 0.0, 1.0))
 
 
-# ---- the figures of one run
+# ---- what matplotlib was told to draw
 
 
-def figure(canvas: Canvas, table: Figure, result: Result) -> list[Plot]:
-    """The panels of a figure of one run that are not zero throughout."""
-    return calmed(
-        [_panel(canvas, panel, result) for panel in table.panels if not panel.is_silent(result)]
-    )
+def painted(canvas: Canvas, drawing: Any) -> list[Plot]:
+    """The plane axes of a figure of matplotlib, from top to bottom."""
+    return [_plot(canvas, axes) | _scales(axes) for axes in plane(drawing)]
 
 
-def _panel(canvas: Canvas, panel: Panel, result: Result) -> Plot:
-    shown = panel.rows(result)
-    curves: list[Plot] = []
-    size, first = 0.0, 0
-    for curve in panel.held(result):
-        time, history = curve.broken(result.time[shown], curve.history(result)[shown])
-        first, count = (first if curve.anew else len(curves)), len(curves)
-        size = max(size, float(np.abs(np.nan_to_num(history)).max()))
-        for values, name, dash in _lines(curve, history):
-            colour = "ink" if "k" in curve.style else first + len(curves) - count
-            curves.append(canvas.curve(time, values, name, colour=colour, dash=dash))
-    curves += _least(canvas, panel, result)
-    return plot(panel.ylabel, curves, size=size, log=panel.log, **_marks(panel, result))
+def _plot(canvas: Canvas, axes: Any) -> Plot:
+    seconds = _seconds(axes)
+    return {
+        "title": axes.get_title(),
+        "x": "time [s]" if seconds else axes.get_xlabel(),
+        "y": " ".join(axes.get_ylabel().split()),
+        "time": seconds > 0,
+        "log": axes.get_yscale() == "log",
+        "equal": axes.get_aspect() == 1.0,
+        "levels": _levels(axes),
+        "shade": _shade(axes, seconds or 1.0),
+        "notes": [
+            t.get_text() for t in axes.texts if getattr(t, "xycoords", "") == "axes fraction"
+        ],
+        "curves": list(_curves(canvas, axes, seconds)),
+    }
 
 
-def _least(canvas: Canvas, panel: Panel, result: Result) -> Iterator[Plot]:
-    """A mark where the least value of a curve matters."""
-    look = {"colour": "ink", "dash": "solid", "marker": "circle"}
-    for time, value in panel.minima(result):
-        text = f"least {value:.4g} {unit_of(panel.ylabel)} at {time:g} s"
-        yield canvas.curve(np.array([time]), np.array([value]), text, **look)
+def _seconds(axes: Any) -> float:
+    """Seconds of the unit of an axis of time, 0 of another one."""
+    shared = axes.get_shared_x_axes().get_siblings(axes)
+    return max((SECONDS.get(each.get_xlabel(), 0.0) for each in shared), default=0.0)
+
+
+def _scales(axes: Any) -> Plot:
+    """Limits of axes that were set, and ticks that are words."""
+    found: Plot = {}
+    if not axes.get_autoscaley_on():
+        found["range"] = [float(limit) for limit in axes.get_ylim()]
+    if not axes.get_autoscalex_on() and not _seconds(axes):
+        found["range_x"] = [float(limit) for limit in axes.get_xlim()]
+    texts = [untexed(label.get_text()) for label in axes.get_yticklabels()]
+    if any(re.search("[A-Za-z]", text) for text in texts):
+        found["ticks"] = [[float(place) for place in axes.get_yticks()], texts]
+    return found
+
+
+def _levels(axes: Any) -> list[Plot]:
+    """Lines that are horizontal through all of the axes."""
+    other = [line for line in axes.get_lines() if line.get_transform() != axes.transData]
+    flat = [line for line in other if np.ptp(np.asarray(line.get_ydata(), dtype=float)) == 0]
+    return [{"y": float(line.get_ydata()[0]), "text": _named(line)} for line in flat]
+
+
+def _shade(axes: Any, seconds: float) -> list[Any]:
+    """Begin, end and name of what spans all of the axes from top to bottom."""
+    spans = (bar for bar in axes.patches if bar.get_data_transform() != axes.transData)
+    return [
+        [seconds * bar.get_x(), seconds * (bar.get_x() + bar.get_width()), _named(bar)]
+        for bar in spans
+    ]
+
+
+def _named(drawn: Any) -> str:
+    """The label of what is drawn, if it was given one; that of a line of a run is hidden."""
+    label, run = str(drawn.get_label()), drawn.get_gid()
+    if run is not None:
+        return f"{run} {label.removeprefix('_')}".strip()
+    return "" if label.startswith("_") else label
+
+
+def _curves(canvas: Canvas, axes: Any, seconds: float) -> Iterator[Plot]:
+    """Everything that is drawn; seconds: of the unit of time, 0: x is something else."""
+    palette: dict[Any, int] = {}
+    unit = seconds or 1.0
+    for line in axes.get_lines():
+        if line.get_transform() == axes.transData:
+            yield _line(canvas, line, palette, seconds)
+    for image in axes.images:
+        yield _image(canvas, image, unit)
+    for area in axes.collections:
+        for path in area.get_paths():
+            corners = _corners(np.asarray(path.vertices, dtype=float)) * (unit, 1)
+            yield _filled(canvas, corners, len(palette))
+    for bar in axes.patches:
+        if bar.get_data_transform() == axes.transData:
+            yield _filled(canvas, _outline(bar), 0)
+
+
+def _outline(bar: Any) -> Any:
+    left, bottom, width, height = bar.get_bbox().bounds
+    right, top = left + width, bottom + height
+    return np.array([[left, bottom], [left, top], [right, top], [right, bottom], [left, bottom]])
+
+
+def _filled(canvas: Canvas, corners: Any, colour: int) -> Plot:
+    return _curve(canvas, *corners.T, name="", fill=True, colour=colour, dash="solid")
+
+
+def _line(canvas: Canvas, line: Any, palette: dict[Any, int], seconds: float) -> Plot:
+    x, y = (np.asarray(data, dtype=float).ravel() for data in (line.get_xdata(), line.get_ydata()))
+    look = {"colour": _colour(line.get_color(), palette), "dash": _dash(line)}
+    if line.get_linestyle() in ("None", " ", ""):
+        look["marker"] = "circle" if len(x) < 3 else "point"
+    if line.get_gid() is not None:
+        look["group"] = line.get_gid()
+    if seconds:
+        return canvas.curve(seconds * x, y, _named(line), **look)
+    return _curve(canvas, x, y, name=_named(line), **look)
+
+
+def _dash(line: Any) -> str:
+    """Lengths of dashes and gaps, or solid."""
+    _, lengths = line._unscaled_dash_pattern
+    return ",".join(f"{length:g}px" for length in lengths) if lengths else "solid"
+
+
+def _curve(canvas: Canvas, x: Any, y: Any, **look: Any) -> Plot:
+    return (canvas.plane if len(x) > canvas.points else canvas.line)(x, y, **look)
+
+
+def _colour(colour: Any, palette: dict[Any, int]) -> Any:
+    """A place of the palette: that of a colour `C3`, else in the order of appearance."""
+    if isinstance(colour, str) and re.fullmatch(r"C\d+", colour):
+        palette.setdefault(colour, int(colour[1:]))
+        return palette[colour]
+    if colour in INK:
+        return "ink"
+    return palette.setdefault(colour, len(palette))
+
+
+def _corners(outline: Any) -> Any:
+    """An outline without the points between two of the same height."""
+    y = outline[:, 1]
+    inner = (np.roll(y, 1) == y) & (np.roll(y, -1) == y)
+    inner[[0, -1]] = False
+    return outline[~inner]
+
+
+def _image(canvas: Canvas, image: Any, unit: float) -> Plot:
+    """A field of colours with the edges left, right, bottom, top."""
+    left, right, bottom, top = (float(edge) for edge in image.get_extent())
+    edges = [unit * left, unit * right, bottom, top]
+    return {"image": canvas.arrays.keep(np.asarray(image.get_array())), "edges": edges, "name": ""}
+
+
+# ---- plots of the page alone
 
 
 def diagram(title: str, x: str, y: str, curves: list[Plot]) -> Plot:
@@ -75,36 +194,6 @@ def diagram(title: str, x: str, y: str, curves: list[Plot]) -> Plot:
 def plot(y: str, curves: list[Plot], **about: Any) -> Plot:
     """A plot over time."""
     return {"x": "time [s]", "y": y, "time": True, "curves": curves, **about}
-
-
-def calmed(plots: list[Plot]) -> list[Plot]:
-    """The same with the axes of plots that show rounding as wide as those beside them in the same
-    unit.
-    """
-    for each in plots:
-        beside = [p["size"] for p in plots if unit_of(p["y"]) == unit_of(each["y"])]
-        if each["size"] < ROUNDING * max(beside):
-            each["range"] = [-max(beside), max(beside)]
-    return plots
-
-
-def _lines(curve: Curve, history: Array) -> Iterator[tuple[Array, str, str]]:
-    """Values, name and style of every line of a curve."""
-    style = STYLES[re.sub(r"[a-z]", "", curve.style) or "-"]
-    for k, (values, name) in enumerate(curve.lines(history)):
-        yield values, name, DASHES[k % len(DASHES)] if style == "solid" else style
-
-
-def _marks(panel: Panel, *results: Result) -> dict[str, Any]:
-    """The level of the first result, and the time in which what is drawn acts in none."""
-    line, idle = panel.line(results[0]), panel.idle(results)
-    return {
-        "levels": [{"y": line[0], "text": line[1]}] if line else [],
-        "shade": [[*idle, IDLE]] if idle else [],
-    }
-
-
-# ---- all variables of one run
 
 
 def signals(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
@@ -161,34 +250,6 @@ def number(value: Any) -> str:
     return f"{float(array):.6g}"
 
 
-# ---- several runs
-
-
-def overlay(canvas: Canvas, table: Figure, results: Mapping[str, Result]) -> list[Plot]:
-    """The panels of a figure of several runs: a colour for each run."""
-    fitting = {label: r for label, r in results.items() if table.fits(r)}
-    return [
-        _overlaid(canvas, panel, fitting, list(results))
-        for panel in table.panels
-        if not panel.is_silent(*fitting.values())
-    ]
-
-
-def _overlaid(
-    canvas: Canvas, panel: Panel, results: Mapping[str, Result], labels: list[str]
-) -> Plot:
-    curves = []
-    for label, result in results.items():
-        colour = labels.index(label)
-        for curve in panel.held(result):
-            time, history = curve.broken(result.time, curve.history(result))
-            for values, name, style in _lines(curve, history):
-                dash = style if curve.style else DASHES[colour % len(DASHES)]
-                look = {"colour": colour, "dash": dash, "group": label}
-                curves.append(canvas.curve(time, values, f"{label} {name}".strip(), **look))
-    return plot(panel.ylabel, curves, log=panel.log, **_marks(panel, *results.values()))
-
-
 # ---- a quantity against its rate, for every result that holds both
 
 
@@ -203,10 +264,10 @@ def phases(canvas: Canvas, result: Result) -> Iterator[Plot]:
             for values in (phase.value(result), phase.rate(result))
         ]
         if all(c.size and np.nanmax(c) > np.nanmin(c) for c in columns):
-            yield _plot(canvas, phase, *columns)
+            yield _phase(canvas, phase, *columns)
 
 
-def _plot(canvas: Canvas, phase: Phase, x: Array, y: Array) -> Plot:
+def _phase(canvas: Canvas, phase: Phase, x: Array, y: Array) -> Plot:
     names = {1: ("",), 3: AXES}.get(x.shape[1], tuple(str(k + 1) for k in range(x.shape[1])))
     curves = []
     for k, name in enumerate(names):

@@ -6,10 +6,10 @@ from __future__ import annotations
 from typing import Any
 
 from harness.figures.choice import figures_of
-from harness.figures.style import SCREEN
-from harness.mission import Drawing, Figure
-from harness.report import facts, models, painted, plots
+from harness.figures.plots import paint
+from harness.report import facts, models, plots
 from harness.report.arrays import Arrays, Canvas, points_of
+from harness.report.plots import PAGE, painted
 from harness.report.story import replay
 from harness.report.template import render
 from harness.results.result import Result
@@ -63,12 +63,13 @@ def texts(result: Result) -> dict[str, Any]:
 def _figures(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
     """The figures of the result in their sections, the first of a name."""
     sections: dict[str, list[dict[str, Any]]] = {name: [] for name in SECTIONS}
-    for figure in figures_of(result):
-        found = [] if figure.is_empty(result) else _drawn(canvas, figure, result)
-        if found:
-            sections[_section(figure.name)].append(
-                {"name": figure.name, "title": figure.title, "plots": found}
-            )
+    with PAGE.used():
+        for figure in figures_of(result):
+            found = () if figure.is_empty(result) else painted(canvas, paint(figure, result, PAGE))
+            if found:
+                sections[_section(figure.name)].append(
+                    {"name": figure.name, "title": figure.title, "plots": found}
+                )
     if found := list(plots.phases(canvas, result)):
         sections["phases"].insert(0, {"name": "phases", "title": "", "plots": found})
     return [{"name": name, "figures": drawn} for name, drawn in sections.items() if drawn]
@@ -76,12 +77,3 @@ def _figures(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
 
 def _section(name: str) -> str:
     return next((section for section, names in SECTIONS.items() if name in names), "figures")
-
-
-def _drawn(canvas: Canvas, figure: Figure | Drawing, result: Result) -> list[plots.Plot]:
-    if isinstance(figure, Figure):
-        return plots.figure(canvas, figure, result)
-    from harness.figures.plots import paint
-
-    with SCREEN.used():
-        return painted.plots(canvas, paint(figure, result))

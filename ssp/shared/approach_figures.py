@@ -51,7 +51,7 @@ def _inertias(what: str, first: int, elements: tuple[int, ...], parameter: str) 
         matrix = result.parameter(parameter)
         return np.tile([matrix[places[k]] for k in elements], (len(result.time), 1))
 
-    estimates = Curve(ETA, "", lambda x: np.asarray(x[:, chosen]), labels, "-")
+    estimates = Curve(ETA, "", lambda x: np.asarray(x[:, chosen]), labels)
     values = Curve(true, "", None, ("true", "", ""), "--", anew=True, parameters=(parameter,))
     return Panel(f"{what} [kg m2]", (estimates, values), after=release_time)
 

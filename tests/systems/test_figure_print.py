@@ -142,7 +142,7 @@ def test_the_least_value_is_marked_where_it_matters():
     time = np.linspace(0, 10, 101)
     result = table(time, a__x=4 + (time - 7) ** 2)
     axes = one_panel(result, least=True, level=Level("to be held:", 4.0))
-    (mark,) = (line for line in axes.get_lines() if line.get_label() == "least 4 m")
+    (mark,) = (line for line in axes.get_lines() if line.get_label() == "least 4 m at 7 s")
     assert (mark.get_xdata()[0], mark.get_ydata()[0]) == pytest.approx((7, 4))
     assert not [x for x in one_panel(result).get_lines() if str(x.get_label()).startswith("least")]
 

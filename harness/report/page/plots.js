@@ -236,6 +236,8 @@ function layout(entry) {
   for (const { y: height, text } of plot.levels || [])
     annotations.push({ x: 1, xref: "paper", xanchor: "right", yanchor: "bottom", text, showarrow: false,
       y: entry.log ? Math.log10(height) : height });
+  for (const text of plot.notes || [])
+    annotations.push({ x: 1, y: 1, xref: "paper", yref: "paper", xanchor: "right", yanchor: "top", text, showarrow: false });
   const few = plot.curves.length < 9;
   return {
     xaxis: x, yaxis: y, shapes, annotations, paper_bgcolor: "transparent",
