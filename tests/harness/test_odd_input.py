@@ -345,4 +345,4 @@ def test_a_value_that_is_nested_too_deep_is_a_text(folder):
 def test_a_text_for_a_number_of_a_linear_model_is_called_one(folder, fmus, capsys):
     (folder / "gain.fmu").write_bytes(fmus["gain"].read_bytes())
     assert main(["linearize", "gain.fmu", "-o", "x.npz", "--set", "k=[1,2"]) == 2
-    assert capsys.readouterr().err == "harness: k: '[1,2' is not a number\n"
+    assert capsys.readouterr().err == "harness: --set k: '[1,2' is not a number\n"
