@@ -205,6 +205,8 @@ def _roles(d: Description, v: Declared) -> Iterator[str]:
     for clock in filter(None, map(d.numbered, v.clocks)):
         if clock.type != "Clock":
             yield f"its clock is {clock.name}, which is {clock.written}"
+    if "previous" in v.own and d.numbered(int(v.own["previous"])) is None:
+        yield f"its previous value is variable {v.own['previous']}, which does not exist"
     exchange = bool(d.every("ModelExchange"))
     if v.own.get("reinit", "false") in ("true", "1") and not exchange:
         yield "reinit means nothing in co-simulation"

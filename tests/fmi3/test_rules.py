@@ -107,6 +107,7 @@ ERRORS = {
 }  # fmt: skip
 WARNINGS = {
     "clock is none": (M, 'clocks="9"', 'clocks="7"', "its clock is x, which is Float64"),
+    "unknown previous": (M, 'clocks="9"', 'clocks="9" previous="77"', "previous value is variable"),
     "clock as unknown": (M, '<InitialUnknown valueReference="8"/>',
                          '<InitialUnknown valueReference="8"/><InitialUnknown valueReference="9"/>',
                          "tick is a clock"),
