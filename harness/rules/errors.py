@@ -69,7 +69,7 @@ def _array(d: Description, v: Declared) -> Iterator[str]:
             yield "a Dimension has either a start or a valueReference"
     count, given = d.count(v), len(v.starts)
     if count is None:
-        yield "its size is that of a variable which is no structural parameter"
+        yield "its size is a variable which is no structural parameter"
     elif not 0 < count <= MOST:
         yield f"has {count} elements"
     elif given not in (0, 1, count) and v.type != "Clock":
