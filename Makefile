@@ -116,7 +116,7 @@ targets: build
 
 # numbers by others through the FMUs; writes the page docs/validation.md from the run
 validation: build
-	$(BIN)/harness validate --write docs/validation.md
+	$(BIN)/python .ci/validation.py docs/validation.md
 
 # flies the systems; writes docs/gallery.md and its pictures from the runs
 gallery: build

@@ -136,3 +136,13 @@ def is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def columns(rows: Iterable[Sequence[str]]) -> list[str]:
+    """Lines of a table as text, every column as wide as its longest cell."""
+    cells = list(rows)
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    return [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in cells
+    ]

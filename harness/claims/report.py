@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a paper claims, what a result shows, and the verdict as plain text: a table of 120 columns,
-or claim by claim where there is less room.
+"""What a paper claims, what a result shows, and the verdict as plain text, claim by claim.
 
 The mission of a result lists the papers; which of them belongs to it is decided by the variables
 that it holds. Below stands what the safety monitor of the run has found.
@@ -9,8 +8,7 @@ that it holds. Below stands what the safety monitor of the run has found.
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Iterator
-from itertools import zip_longest
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from harness.claims.case import listed, unlike
@@ -20,44 +18,70 @@ from harness.mission.library import missing, notes_of, of_result
 from harness.results.requirements import findings
 from harness.results.result import Result
 from harness.results.verdict import OPEN, Judged, Kind, Verdict, missed
+from harness.spelling import columns
 
-COLUMNS = (
-    ("claim of the paper", 38),
-    ("our figure", 38),
-    ("reproduced", 11),
-    ("partly", 11),
-    ("verdict", 14),
-)
-GAP = "  "
-WIDTH = sum(width for _, width in COLUMNS) + len(GAP) * (len(COLUMNS) - 1)
-
-
+WIDTH = 120
 OTHER = "not the case of the paper"
-FLOWN = "Flown: "
-
-
-INDENT = "    "
-NAMED = 12
-"""Width of the names before the cells of a claim, where it has lines of its own."""
+CELL = "    {:12}"
+"""Begin of a line about a claim: what it says."""
+CELLS = len(CELL.format(""))
 
 
 class Line(NamedTuple):
-    """A line of a report; from column `begin` on it says this verdict on the paper, if any."""
+    """A line or a paragraph of a report, which begins below `start`; verdict: on the paper, if it
+    is one.
+    """
 
     text: str
     verdict: Verdict | None = None
-    begin: int = 0
+    start: str = ""
 
 
 def report(result: Result, width: int = WIDTH) -> tuple[str, bool]:
-    """What was flown, notes, requirements and the table of the claims behind a result; whether the
-    run is complete and every claim could be judged.
+    """What was flown, notes, requirements and the claims behind a result; whether the run is
+    complete and every claim could be judged.
 
     width: of the text. An honest "not reproduced" is no failure. Raises ResultsError if no paper
     belongs to a result without requirements.
     """
     text = "\n".join(line.text for line in lines(result, width))
     return text, result.complete and not missed(outcomes(result))
+
+
+def lines(result: Result, width: int = WIDTH) -> Iterator[Line]:
+    """The report line by line, no line wider than asked for."""
+    for text, verdict, start in _paragraphs(result):
+        wrapped = textwrap.wrap(
+            text, width, initial_indent=start, subsequent_indent=" " * len(start)
+        )
+        yield from (Line(line, verdict) for line in wrapped or [""])
+
+
+def _paragraphs(result: Result) -> Iterator[Line]:
+    found, wanted = judged(result), findings(result)
+    offered, known = of_result(result), result.provenance
+    if not found and not wanted:
+        raise ResultsError(_without_claims(result))
+    flown = known.lines() if known else ["the file does not say"]
+    yield from (Line(text, start="       " if k else "Flown: ") for k, text in enumerate(flown))
+    if gone := missing(result):
+        yield from (Line(""), Line(gone))
+    for head, texts in (("Notes:", notes_of(result)), ("Requirements:", map(str, wanted))):
+        if below := [Line(text, start="  ") for text in texts]:
+            yield from (Line(""), Line(head), *below)
+    for each in found:
+        yield from _section(result, each)
+    if not found and offered.claims:
+        yield from (Line(""), Line(_without_claims(result)))
+    if safe := safety(offered, result):
+        yield from (Line(""), *map(Line, safe.splitlines()))
+
+
+def _without_claims(result: Result) -> str:
+    """That no paper belongs to a result, and why perhaps."""
+    text = f"{result.system}: there are no claims of a paper about such a result"
+    hint = " (the file does not hold the parameters by which some are known)"
+    return text if result.parameters else text + hint
 
 
 def outcomes(result: Result) -> list[Judged]:
@@ -72,43 +96,6 @@ def outcomes(result: Result) -> list[Judged]:
 
 def _said(found: Judgement) -> str:
     return f"{Kind.CLAIM.word(found.verdict)}; {found.figure}"
-
-
-def lines(result: Result, width: int = WIDTH) -> list[Line]:
-    """The report line by line."""
-    text = _flown(result, width)
-    for part in filter(None, _parts(result, width)):
-        text += [Line(""), *part]
-    return text
-
-
-def _parts(result: Result, width: int) -> Iterator[list[Line]]:
-    """Paragraphs below what was flown, some of them empty."""
-    found, wanted = judged(result), findings(result)
-    if not found and not wanted:
-        raise ResultsError(_without_claims(result))
-    yield _wrapped(missing(result), width)
-    yield _paragraph("Notes:", notes_of(result), width)
-    yield _paragraph("Requirements:", map(str, wanted), width)
-    for each in found:
-        yield _section(result, each, width)
-    if not found and of_result(result).claims:
-        yield _wrapped(_without_claims(result), width)
-    safe = safety(of_result(result), result).splitlines()
-    yield [line for text in safe for line in (_wrapped(text, width) or [Line("")])]
-
-
-def _without_claims(result: Result) -> str:
-    """That no paper belongs to a result, and why perhaps."""
-    text = f"{result.system}: there are no claims of a paper about such a result"
-    hint = " (the file does not hold the parameters by which some are known)"
-    return text if result.parameters else text + hint
-
-
-def _paragraph(head: str, texts: Iterable[str], width: int) -> list[Line]:
-    """Texts below a heading, if there are any."""
-    each = [line for text in texts for line in _wrapped(text, width, "  ")]
-    return [Line(head), *each] if each else []
 
 
 class PaperJudged(NamedTuple):
@@ -132,33 +119,31 @@ def judged(result: Result) -> list[PaperJudged]:
     ]
 
 
-def _flown(result: Result, width: int) -> list[Line]:
-    """What was flown, at the head of everything."""
-    known = result.provenance
-    first, *further = ["the file does not say"] if known is None else known.lines()
-    below = [line for text in further for line in _wrapped(text, width, " " * len(FLOWN))]
-    return [*_wrapped(first, width, FLOWN), *below]
+def _section(result: Result, paper: PaperJudged) -> Iterator[Line]:
+    """The claims of a paper."""
+    yield from (Line(""), Line(paper.paper.title), Line(""), Line(_about(result)))
+    if paper.deviations:
+        yield Line(f"Not the case of the paper: {listed(paper.deviations)}")
+    for claim, judgement in paper.claims:
+        yield from (Line(""), Line(f"{claim.text} [{claim.where}]"))
+        yield from _judgement(claim, judgement, bool(paper.deviations))
+    found = Kind.CLAIM.tally(judgement.verdict for _, judgement in paper.claims)
+    parts = ", ".join(f"{count} {word}" for _, word, count in found)
+    other = f"; {OTHER}" if paper.deviations else ""
+    yield from (Line(""), Line(f"{len(paper.claims)} claims: {parts}{other}"))
 
 
-def _section(result: Result, paper: PaperJudged, width: int) -> list[Line]:
-    differences = f"Not the case of the paper: {listed(paper.deviations)}"
-    return [
-        *_wrapped(paper.paper.title, width),
-        Line(""),
-        *_wrapped(_about(result), width),
-        *(_wrapped(differences, width) if paper.deviations else ()),
-        Line(""),
-        *(_table(paper) if width >= WIDTH else _blocks(paper, width)),
-        Line(""),
-        *_wrapped(_summary(paper), width),
-    ]
-
-
-def _wrapped(text: str, width: int, start: str = "") -> list[Line]:
-    """Lines of that width; those after the first begin below the text of the first."""
-    below = " " * len(start)
-    wrapped = textwrap.wrap(text, width, initial_indent=start, subsequent_indent=below)
-    return [Line(line) for line in wrapped]
+def _judgement(claim: Claim, found: Judgement, other: bool) -> Iterator[Line]:
+    """What became of a claim; of another case a verdict is none on the paper."""
+    cells = {
+        "our figure": found.figure,
+        "reproduced": claim.criterion(claim.reproduced),
+        "partly": claim.criterion(claim.partly),
+    }
+    yield from (Line(cell, start=CELL.format(name)) for name, cell in cells.items() if cell)
+    mark = f", {OTHER}" if other and found.verdict not in OPEN else ""
+    verdict = None if other else found.verdict
+    yield Line(Kind.CLAIM.word(found.verdict) + mark, verdict, CELL.format("verdict"))
 
 
 def _about(result: Result) -> str:
@@ -169,58 +154,6 @@ def _about(result: Result) -> str:
         "complete" if result.complete else f"incomplete: {result.message or 'the run ended early'}"
     )
     return f"Run {result.system}: {span}, {len(result.time)} rows, {state}"
-
-
-def _table(paper: PaperJudged) -> Iterator[Line]:
-    """A row for each claim, an empty line after it."""
-    for text in _row(title for title, _ in COLUMNS):
-        yield Line(text)
-    yield Line(GAP.join("-" * width for _, width in COLUMNS))
-    for claim, judgement in paper.claims:
-        for text in _row(_cells(claim, judgement, paper)):
-            yield Line(text, _shown(judgement, paper), WIDTH - COLUMNS[-1][1])
-        yield Line("")
-
-
-def _blocks(paper: PaperJudged, width: int) -> Iterator[Line]:
-    """Some lines for each claim, an empty line after them."""
-    for claim, judgement in paper.claims:
-        text, *cells, verdict = _cells(claim, judgement, paper)
-        yield from _wrapped(text, width)
-        for (name, _), cell in zip(COLUMNS[1:-1], cells, strict=True):
-            yield from _wrapped(cell, width, f"{INDENT}{name:{NAMED}}") if cell else ()
-        for line in _wrapped(verdict, width, f"{INDENT}{'verdict':{NAMED}}"):
-            yield Line(line.text, _shown(judgement, paper), len(INDENT) + NAMED)
-        yield Line("")
-
-
-def _shown(judgement: Judgement, paper: PaperJudged) -> Verdict | None:
-    """Of another case a verdict is none on the paper."""
-    return None if paper.deviations else judgement.verdict
-
-
-def _cells(claim: Claim, judgement: Judgement, paper: PaperJudged) -> list[str]:
-    bands = [claim.criterion(band) for band in (claim.reproduced, claim.partly)]
-    mark = f", {OTHER}" if paper.deviations and judgement.verdict not in OPEN else ""
-    verdict = Kind.CLAIM.word(judgement.verdict) + mark
-    return [f"{claim.text} [{claim.where}]", judgement.figure, *bands, verdict]
-
-
-def _row(cells: Iterable[str]) -> list[str]:
-    """Lines of one row of the table, wrapped within their columns."""
-    wrapped = [textwrap.wrap(cell, width) for cell, (_, width) in zip(cells, COLUMNS, strict=True)]
-    return [
-        GAP.join(
-            part.ljust(width) for part, (_, width) in zip(parts, COLUMNS, strict=True)
-        ).rstrip()
-        for parts in zip_longest(*wrapped, fillvalue="")
-    ]
-
-
-def _summary(paper: PaperJudged) -> str:
-    found = Kind.CLAIM.tally(judgement.verdict for _, judgement in paper.claims)
-    parts = ", ".join(f"{count} {word}" for _, word, count in found)
-    return f"{len(paper.claims)} claims: {parts}{f'; {OTHER}' if paper.deviations else ''}"
 
 
 HEADING = "Safety: least margin of every rule in force, between samples too"
@@ -234,15 +167,8 @@ def rule_findings(mission: Mission, result: Result) -> list[RuleFinding]:
 def safety(mission: Mission, result: Result) -> str:
     """One line per rule in force; "" if no monitor has watched the run, or no rule was in force."""
     rows = [
-        ("rule", "least margin", "verdict", "limit"),
-        *(
-            (each.name, f"{each.margin:.4g} {each.unit}", each.state, each.limit)
-            for each in rule_findings(mission, result)
-        ),
+        (each.name, f"{each.margin:.4g} {each.unit}", each.state, each.limit)
+        for each in rule_findings(mission, result)
     ]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = (
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    )
-    return "\n".join([HEADING, "", *lines]) if len(rows) > 1 else ""
+    head = ("rule", "least margin", "verdict", "limit")
+    return "\n".join([HEADING, "", *columns([head, *rows])]) if rows else ""

@@ -287,16 +287,11 @@ def convert_command(
 @app.command("validate")
 def validate_command(
     names: Annotated[list[str] | None, argument("[CASE]...", "Cases to run (default: all)")] = None,
-    write: Annotated[Path | None, option("", "Write the page to this Markdown file")] = None,
 ) -> None:
     """Run the FMUs against published numbers."""
-    from harness.claims.case import markdown, table, validate
-    from harness.files.output import written
+    from harness.claims.case import table, validate
 
     rows = validate(names or None)
     typer.echo(table(rows))
-    if write is not None:
-        with written(write) as page:
-            page.write_text(markdown(rows), encoding="utf-8")
     if not all(row.within for row in rows):
         raise typer.Exit(1)

@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterator, Mapping
 
 import typer
 
-from harness.claims.report import WIDTH, outcomes, rule_findings
+from harness.claims.report import CELLS, WIDTH, outcomes, rule_findings
 from harness.claims.report import lines as report_lines
 from harness.errors import RequirementError
 from harness.mission.library import of_result
@@ -44,7 +44,7 @@ def show(result: Result) -> None:
     for line in found:
         text = Text(printable(line.text))
         if line.verdict:
-            text.stylize(COLOURS[line.verdict], line.begin)
+            text.stylize(COLOURS[line.verdict], CELLS)
         console.print(text)
 
 

@@ -303,6 +303,11 @@ class Row:
         """Whether we agree; a difference that is not a number does not."""
         return self.difference <= self.tolerance
 
+    @property
+    def verdict(self) -> str:
+        """The same as a word."""
+        return "agrees" if self.within else "DIFFERS"
+
 
 class Validation(NamedTuple):
     """Cases: names: of all; answer: rows of the case of a name."""

@@ -8,20 +8,22 @@ is compared with that of another run.
 from __future__ import annotations
 
 import json
-import math
 import os
 import platform
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
 from importlib.metadata import version
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_origin, get_type_hints
+
+import msgspec
 
 from harness.errors import UsageError
 from harness.files.output import command_line
 from harness.system.model import Swap, System
+from harness.system.schema import Count, Number, problems
 from harness.system.values import parse, too_deep
 
 SCHEMA = 1
@@ -67,18 +69,18 @@ class Provenance:
     maps: tuple[tuple[str, str], ...] = ()
     latency: tuple[tuple[str, int], ...] = ()
     algorithm: str = ""
-    step: float | None = None
-    stop: float | None = None
+    step: Number | None = None
+    stop: Number | None = None
     epoch: str = ""
     schedule: tuple[Slot, ...] = ()
     requirements: tuple[tuple[str, str], ...] = ()
     executor: str = ""
-    every: int = 1
+    every: Count = 1
     timing: str = ""
     command: str | None = None
     date: str = ""
     platform: str = ""
-    schema: int = SCHEMA
+    schema: Count = SCHEMA
 
     def changes(self) -> dict[str, Any]:
         """The changes that make the same run of the same source, for run()."""
@@ -161,15 +163,15 @@ def now() -> str:
 # ---- as a table
 
 
-PLAIN = {f.name for f in fields(Provenance) if not str(f.type).startswith("tuple")}
+KINDS = get_type_hints(Provenance, include_extras=True)
+"""Fields with what stands in them."""
+PLAIN = {name for name, kind in KINDS.items() if get_origin(kind) is not tuple}
 """Fields that are a text or a number; the others are lists."""
-ROWS: Mapping[str, Any] = {"swaps": Swap, "schedule": Slot}
-"""Lists of more than pairs, with the type of their rows."""
 
 
 def table(provenance: Provenance) -> dict[str, Any]:
     """Fields by name with texts, numbers and lists of lists; what is None is left out."""
-    found = {f.name: getattr(provenance, f.name) for f in fields(provenance)}
+    found = {name: getattr(provenance, name) for name in KINDS}
     return {
         name: value if name in PLAIN else [list(row) for row in value]
         for name, value in found.items()
@@ -181,51 +183,21 @@ def from_table(given: Mapping[str, Any]) -> Provenance:
     """The inverse of table(); ValueError for a schema that is newer than ours. A schema stays the
     same if fields are added: those that are not known are passed over.
     """
-    if _field("schema", given.get("schema", 1)) > SCHEMA:
+    if _field("schema", given.get("schema", SCHEMA)) > SCHEMA:
         raise ValueError(
             f"schema {given['schema']} is newer than {SCHEMA}, the newest that servicing-fmus "
             f"{_version()} reads: install a newer version"
         )
-    known = {f.name for f in fields(Provenance)} & given.keys()
-    return Provenance(**{name: _field(name, given[name]) for name in known})
-
-
-NUMBERS = ("step", "stop", "every", "schema")
-WHOLE = ("every", "schema")
-KINDS: Mapping[str, tuple[type, ...]] = {
-    "set": (str, object),
-    "swaps": (str, str, str),
-    "latency": (str, int),
-    "schedule": (str, str, int, int),
-}
-"""What stands in a row of a list; in others two texts."""
+    return Provenance(**{name: _field(name, given[name]) for name in KINDS.keys() & given.keys()})
 
 
 def _field(name: str, value: Any) -> Any:
     """A field of a file; ValueError if it is not what a run has there."""
-    return _single(name, value) if name in PLAIN else _listing(name, value)
-
-
-def _single(name: str, value: Any) -> Any:
-    number = name in NUMBERS
-    kind: Any = int | float if number else str
-    if not isinstance(value, kind) or isinstance(value, bool):
-        word = "number" if number else "text"
-        raise ValueError(f"{name}: expected a {word}, got {value!r:.40}")
-    if number and not (math.isfinite(value) and (name not in WHOLE or value >= 1)):
-        raise ValueError(f"{name}: got {value!r}")
-    return int(value) if name in WHOLE else value
-
-
-def _listing(name: str, value: Any) -> tuple[Any, ...]:
-    row, kinds = ROWS.get(name), KINDS.get(name, (str, str))
-    if not isinstance(value, list | tuple):
-        raise ValueError(f"{name}: expected a list, got {value!r:.40}")
-    for each in value:
-        fits = isinstance(each, list | tuple) and len(each) == len(kinds)
-        if not fits or not all(map(isinstance, each, kinds)) or too_deep(each):
-            raise ValueError(f"{name}: {each!r:.40} is not a row of such a list")
-    return tuple(row(*each) if row else tuple(each) for each in value)
+    if too_deep(value):
+        raise ValueError(f"{name}: too many lists within each other")
+    for problem in problems(value, KINDS[name], name):
+        raise ValueError(problem)
+    return msgspec.convert(value, KINDS[name])
 
 
 def flat(provenance: Provenance) -> dict[str, str | float]:
@@ -238,25 +210,19 @@ def flat(provenance: Provenance) -> dict[str, str | float]:
 
 def from_flat(given: Mapping[str, Any]) -> Provenance:
     """The inverse of flat()."""
-    return from_table(
-        {
-            name: _scalar(value) if name in PLAIN else _listed(name, value)
-            for name, value in given.items()
-        }
-    )
+    return from_table({name: _unpacked(name, value) for name, value in given.items()})
 
 
-def _listed(name: str, value: Any) -> Any:
-    try:
-        return json.loads(value)
-    except (TypeError, ValueError, RecursionError) as error:
-        raise ValueError(f"{name}: expected a list as JSON ({error})") from error
-
-
-def _scalar(value: Any) -> Any:
-    if not hasattr(value, "item"):
-        return value
-    return value.item() if value.size else ""  # as a .mat has an empty text
+def _unpacked(name: str, value: Any) -> Any:
+    """A list of its JSON; a number of an array of one, and as a .mat has an empty text."""
+    if name in KINDS.keys() - PLAIN:
+        try:
+            return json.loads(value)
+        except (TypeError, ValueError, RecursionError) as error:
+            raise ValueError(f"{name}: expected a list as JSON ({error})") from error
+    if hasattr(value, "item"):
+        value = value.item() if value.size else ""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 # ---- for reading

@@ -29,6 +29,7 @@ from harness.master.simulation import Simulation
 from harness.remote.firmware import Sizes, sizes
 from harness.remote.targets import TARGETS, Target, find_target
 from harness.results.result import Result
+from harness.spelling import columns
 from harness.ssp.library import load
 from harness.system.model import Origin, System
 from harness.system.swap import find_fmu
@@ -307,12 +308,7 @@ def _grouped(number: int) -> str:
 
 def table(rows: Sequence[Row]) -> str:
     """The rows for reading."""
-    lines = [HEAD, *(tuple(row.cells()) for row in rows)]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return "\n".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
-        for line in lines
-    )
+    return "\n".join(columns([HEAD, *(tuple(row.cells()) for row in rows)]))
 
 
 def markdown(rows: Iterable[Row], earlier: str = "") -> str:

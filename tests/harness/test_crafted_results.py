@@ -46,25 +46,34 @@ def commands(path, tmp_path, capsys, only=slice(None)):
 
 
 ABOUT = {
-    "swaps of lists": ({"provenance_swaps": "[[[1], 2, 3]]"}, "swaps: [[1], 2, 3] is not a row"),
-    "swaps of text": ({"provenance_swaps": '"abc"'}, "swaps: expected a list, got 'abc'"),
+    "swaps of lists": ({"provenance_swaps": "[[[1], 2, 3]]"}, "swaps: must be `str`, got `array`"),
+    "swaps of text": (
+        {"provenance_swaps": '"abc"'},
+        "swaps: must be `array`, got `str`, not 'abc'",
+    ),
     "no JSON": ({"provenance_set": "[[["}, "set: expected a list as JSON"),
     "deep JSON": ({"provenance_set": "[" * 9000}, "set: expected a list as JSON"),
     "deep value": (
         {"provenance_set": '[["a.b", ' + "[" * 99 + "]" * 99 + "]]"},
-        "set: ['a.b', [[[",
+        "set: too many lists within each other",
     ),
     "JSON of a number": ({"provenance_latency": 5}, "latency: expected a list as JSON"),
-    "latency of text": ({"provenance_latency": '[["a", "b"]]'}, "latency: ['a', 'b'] is not a row"),
-    "schedule": ({"provenance_schedule": '[["a", "b"]]'}, "schedule: ['a', 'b'] is not a row"),
+    "latency of text": (
+        {"provenance_latency": '[["a", "b"]]'},
+        "latency: must be `int`, got `str`",
+    ),
+    "schedule": (
+        {"provenance_schedule": '[["a", "b"]]'},
+        "schedule: must be `array` of length 4, got 2",
+    ),
     "requirement": (
         {"provenance_requirements": '[["a", 5]]'},
-        "requirements: ['a', 5] is not a row",
+        "requirements: must be `str`, got `int`",
     ),
-    "step of text": ({"provenance_step": "x"}, "step: expected a number, got 'x'"),
-    "stop nan": ({"provenance_stop": np.nan}, "stop: got nan"),
-    "every 0": ({"provenance_every": 0}, "every: got 0"),
-    "source 5": ({"provenance_source": 5}, "source: expected a text, got 5"),
+    "step of text": ({"provenance_step": "x"}, "step: must be `float | null`, got `str`, not 'x'"),
+    "stop nan": ({"provenance_stop": np.nan}, "stop: must be `float` >= -1"),
+    "every 0": ({"provenance_every": 0}, "every: must be a whole number of at least 1, not 0"),
+    "source 5": ({"provenance_source": 5}, "source: must be `str`, got `int`, not 5"),
     "system 5": ({"system": 5}, "system: expected a text, got"),
     "message 5": ({"message": 5}, "message: expected a text, got"),
 }
@@ -135,8 +144,8 @@ SIDECARS = {
     "parameters": ({"parameters": {"values": {"a.k": "x"}}}, "parameter a.k: expected a number"),
     "no table": ({"parameters": 7}, "parameters: expected a table, got 7"),
     "provenance": ({"provenance": "x"}, "provenance: expected a table, got 'x'"),
-    "step": ({"provenance": {"step": "x"}}, "step: expected a number, got 'x'"),
-    "swaps": ({"provenance": {"swaps": [["a"]]}}, "swaps: ['a'] is not a row of such a list"),
+    "step": ({"provenance": {"step": "x"}}, "step: must be `float | null`"),
+    "swaps": ({"provenance": {"swaps": [["a"]]}}, "swaps: must be `array` of length 3"),
 }
 
 
@@ -172,7 +181,7 @@ def test_what_stands_beside_the_numbers(result, tmp_path, case, ending):
         ({"time": np.zeros(2), "system": "s", "parameters": 5.0}, "parameters: expected a struct"),
         (
             {"time": np.zeros(1), "system": "s", "provenance": {"step": "x"}},
-            "step: expected a numb",
+            "step: must be `float",
         ),
     ],
 )

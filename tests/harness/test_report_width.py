@@ -11,7 +11,7 @@ from functools import cache
 import pytest
 
 from harness import run
-from harness.claims.report import WIDTH, lines, report
+from harness.claims.report import CELLS, WIDTH, lines, report
 from harness.cli.app import main
 from harness.results.files import ResultFile
 from harness.results.verdict import Kind, Verdict
@@ -46,9 +46,8 @@ def test_narrow_and_wide_say_the_same():
 
 
 @pytest.mark.parametrize("width", [70, WIDTH])
-def test_a_line_with_a_verdict_says_it_from_its_column_on(width):
-    found = lines(flight(), width)
-    said = [line.text[line.begin :] for line in found if line.verdict and line.text[line.begin :]]
+def test_a_line_with_a_verdict_says_it_behind_its_name(width):
+    said = [line.text[CELLS:] for line in lines(flight(), width) if line.verdict]
     assert len(said) == 14
     assert set(said) <= VERDICTS
 
