@@ -70,8 +70,8 @@ ABOUT = {
         {"provenance_requirements": '[["a", 5]]'},
         "requirements: must be `str`, got `int`",
     ),
-    "step of text": ({"provenance_step": "x"}, "step: must be `float | null`, got `str`, not 'x'"),
-    "stop nan": ({"provenance_stop": np.nan}, "stop: must be `float` >= -1"),
+    "step of text": ({"provenance_step": "x"}, "step: must be a finite number, not 'x'"),
+    "stop nan": ({"provenance_stop": np.nan}, "stop: must be a finite number, not nan"),
     "every 0": ({"provenance_every": 0}, "every: must be a whole number of at least 1, not 0"),
     "source 5": ({"provenance_source": 5}, "source: must be `str`, got `int`, not 5"),
     "system 5": ({"system": 5}, "system: expected a text, got"),
@@ -144,7 +144,7 @@ SIDECARS = {
     "parameters": ({"parameters": {"values": {"a.k": "x"}}}, "parameter a.k: expected a number"),
     "no table": ({"parameters": 7}, "parameters: expected a table, got 7"),
     "provenance": ({"provenance": "x"}, "provenance: expected a table, got 'x'"),
-    "step": ({"provenance": {"step": "x"}}, "step: must be `float | null`"),
+    "step": ({"provenance": {"step": "x"}}, "step: must be a finite number"),
     "swaps": ({"provenance": {"swaps": [["a"]]}}, "swaps: must be `array` of length 3"),
 }
 
@@ -181,7 +181,7 @@ def test_what_stands_beside_the_numbers(result, tmp_path, case, ending):
         ({"time": np.zeros(2), "system": "s", "parameters": 5.0}, "parameters: expected a struct"),
         (
             {"time": np.zeros(1), "system": "s", "provenance": {"step": "x"}},
-            "step: must be `float",
+            "step: must be a finite",
         ),
     ],
 )
