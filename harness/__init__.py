@@ -9,43 +9,56 @@
 The names below are imported when they are first used, so that `import harness` is quick.
 """
 
-# ruff: noqa: F403, F405 - for type checkers harness.api lists what it offers
-
 from __future__ import annotations
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from harness.api import *
-    from harness.errors import HarnessError
+    from harness.api import build as build
+    from harness.api import compare as compare
+    from harness.api import linearize as linearize
+    from harness.api import run as run
+    from harness.errors import HarnessError as HarnessError
+    from harness.exports.package import export as export
+    from harness.master.simulation import Simulation as Simulation
+    from harness.results.files import read as read
+    from harness.results.result import Result as Result
+    from harness.ssp.library import load as load
+    from harness.studies.campaign.campaign import campaign as campaign
+    from harness.studies.inquiry.boundary import boundary as boundary
+    from harness.studies.inquiry.flights import Flights as Flights
+    from harness.studies.inquiry.probability import probability as probability
+    from harness.studies.inquiry.sensitivity import sensitivity as sensitivity
+    from harness.studies.inquiry.tuning import tune as tune
+    from harness.studies.inquiry.worst import worst as worst
+    from harness.studies.show import show as show
 
     __version__: str
 
-_HOMES = {"HarnessError": "harness.errors"}
-"""Modules of the public names that do not come from harness.api."""
+_HOMES = {
+    "Flights": "studies.inquiry.flights",
+    "HarnessError": "errors",
+    "Result": "results.result",
+    "Simulation": "master.simulation",
+    "boundary": "studies.inquiry.boundary",
+    "build": "api",
+    "campaign": "studies.campaign.campaign",
+    "compare": "api",
+    "export": "exports.package",
+    "linearize": "api",
+    "load": "ssp.library",
+    "probability": "studies.inquiry.probability",
+    "read": "results.files",
+    "run": "api",
+    "sensitivity": "studies.inquiry.sensitivity",
+    "show": "studies.show",
+    "tune": "studies.inquiry.tuning",
+    "worst": "studies.inquiry.worst",
+}
+"""Modules of the public names."""
 
-__all__ = [
-    "Flights",
-    "HarnessError",
-    "Result",
-    "Simulation",
-    "__version__",
-    "boundary",
-    "build",
-    "campaign",
-    "compare",
-    "export",
-    "linearize",
-    "load",
-    "probability",
-    "read",
-    "run",
-    "sensitivity",
-    "show",
-    "tune",
-    "worst",
-]
+__all__ = [*_HOMES, "__version__"]  # noqa: PLE0604
 
 
 def __getattr__(name: str) -> Any:
@@ -54,6 +67,7 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version("servicing-fmus")
-    if name not in __all__:
+    if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_HOMES.get(name, "harness.api")), name)
+    import_module("harness.api")  # where results learn to draw and to save themselves
+    return getattr(import_module(f"harness.{_HOMES[name]}"), name)

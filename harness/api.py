@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The public functions: what `from harness import ...` offers, and what the commands call."""
+"""The public functions that join several rooms, and what a result can do by those who draw it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 from harness.master.changes import Changes, Pairs, pairs
 from harness.master.isolated import PATIENCE, guarded, simulate
 from harness.master.pacer import Pacer, timely
-from harness.master.simulation import Simulation
-from harness.results.files import read, save
+from harness.results.files import save
 from harness.results.requirements import say_inconsistencies
 from harness.results.result import Result
 from harness.ssp.library import load
@@ -24,32 +23,8 @@ from harness.system.values import plain
 
 if TYPE_CHECKING:
     from harness.mission import Limits
-    from harness.studies.campaign.campaign import Campaign
     from harness.studies.compare import Comparison
-    from harness.studies.inquiry.flights import Flights
-    from harness.studies.inquiry.study import Study
     from harness.studies.linearize import LinearModel
-    from harness.studies.show import Shown
-
-__all__ = [
-    "Flights",
-    "Result",
-    "Simulation",
-    "boundary",
-    "build",
-    "campaign",
-    "compare",
-    "export",
-    "linearize",
-    "load",
-    "probability",
-    "read",
-    "run",
-    "sensitivity",
-    "show",
-    "tune",
-    "worst",
-]
 
 Several = Sequence[str] | Mapping[str, Sequence[Any]]
 """Values side by side: texts `name=value,value,...`, or a mapping of names to values."""
@@ -151,111 +126,6 @@ def compare(  # noqa: PLR0913 - every one is an option of the command line
     )
 
 
-def campaign(
-    definition: str | Path | Mapping[str, Any], output: str | Path, **how: Any
-) -> Campaign:
-    """Run a campaign into a Zarr dataset.
-
-    definition: path of a campaign TOML, or its table; output: OUT.zarr; how: workers (processes,
-    default: one per processor, 0: this process), scheduler, slurm, tls_ca, tls_cert, tls_key,
-    insecure (as `harness campaign`), resume (continue an interrupted campaign), require
-    (conditions such as `lower(success) >= 99 %`), strict, progress (called after every block),
-    `said` (called with each note).
-
-    Guard a script that calls campaign() by `if __name__ == "__main__":`, because workers import it.
-    Raises UsageError, StructureError, ResultsError, and RequirementError if a condition is not met.
-    """
-    from harness.studies.campaign import campaign as study
-
-    return study.campaign(definition, output, **how)
-
-
-def sensitivity(
-    definition: str | Path | Mapping[str, Any], output: str | Path | None = None, **how: Any
-) -> Study:
-    """Rank the factors of a campaign by their effect on each requirement.
-
-    definition: path of a campaign TOML with a table [sensitivity], or the table itself; or the
-    dataset of a complete campaign, which needs no further run and no output. output: OUT.zarr;
-    how: workers, resume, progress, `said` as for campaign(). Raises UsageError, StructureError.
-    """
-    return _study("sensitivity", definition, output, **how)
-
-
-def worst(definition: str | Path | Mapping[str, Any], output: str | Path, **how: Any) -> Study:
-    """Search for the smallest margin of each requirement.
-
-    definition: path of a campaign TOML with a table [worst], or the table itself; output: OUT.zarr;
-    the worst runs and the nominal one are repeated with all rows into OUT_worst/NAME.nc; how: as
-    for sensitivity(). Raises UsageError, StructureError.
-    """
-    return _study("worst", definition, output, **how)
-
-
-def probability(
-    definition: str | Path | Mapping[str, Any], output: str | Path, **how: Any
-) -> Study:
-    """Estimate how probable it is that a requirement fails.
-
-    definition: path of a campaign TOML with a table [probability], or the table itself; output:
-    OUT.zarr; how: as for sensitivity(). Raises UsageError, StructureError.
-    """
-    return _study("probability", definition, output, **how)
-
-
-def boundary(definition: str | Path | Mapping[str, Any], output: str | Path, **how: Any) -> Study:
-    """Map where a requirement fails over two factors; all others are nominal.
-
-    definition: path of a campaign TOML with a table [map], or the table itself; output: OUT.zarr;
-    how: as for sensitivity(). Raises UsageError, StructureError.
-    """
-    return _study("map", definition, output, **how)
-
-
-def tune(definition: str | Path | Mapping[str, Any], output: str | Path, **how: Any) -> Study:
-    """Search for the gains with the largest worst margin.
-
-    definition: path of a campaign TOML with a table [tune], or the table itself; output: OUT.zarr;
-    how: as for sensitivity(). Raises UsageError, StructureError.
-    """
-    return _study("tune", definition, output, **how)
-
-
-def _study(kind: str, *given: Any, **how: Any) -> Study:
-    from harness.studies.inquiry import STUDIES
-
-    return STUDIES[kind](*given, **how)
-
-
-def __getattr__(name: str) -> Any:
-    """Flights, which needs libraries of campaigns, on first use."""
-    if name == "Flights":
-        from harness.studies.inquiry.flights import Flights
-
-        return Flights
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def export(
-    system: str | Path | System,
-    target: str | Path,
-    fmi: int | None = None,
-    ssp: int | None = None,
-    **changes: Unpack[Changes],
-) -> Path:
-    """Write a system with all changes to a file and return its path.
-
-    target: NAME.ssp, NAME.fmu (one FMU of the whole system), or a folder for the .ssp; fmi: version
-    of FMI of an .fmu, 2 (default) or 3; ssp: version of SSP of an .ssp, 1 or 2 (default 1, with
-    FMUs of FMI 3.0 2); changes: as for run(). Running the .ssp gives the bits of running the system
-    with the same changes; the same changes give the same bytes. Raises the exceptions of run()
-    before its first step, or ResultsError.
-    """
-    from harness.exports import package
-
-    return package.export(system, Path(target), fmi, ssp, **changes)
-
-
 def build(
     name: str | Path, output: str | Path | None = None, compiler: str = "cc", fmi: int = 2
 ) -> Path:
@@ -269,18 +139,6 @@ def build(
     from harness.authoring import build as authoring
 
     return authoring.build(name, output, compiler, fmi).path
-
-
-def show(name: str | Path, word: str | None = None, **changes: Unpack[Changes]) -> Shown:
-    """Components of a system, or signals of an FMU, alone or in its place in a system.
-
-    name: `SYSTEM`, `SYSTEM.component` or an FMU, each by name or path; word: return only rows with
-    this word in name or description; changes: as for run(). Raises UsageError, ArchiveError,
-    StructureError.
-    """
-    from harness.studies import show as study
-
-    return study.show(name, word, **changes)
 
 
 def _texts(given: Several) -> list[str]:

@@ -27,24 +27,24 @@ _log = logging.getLogger("harness")
 
 def export(
     system: str | Path | System,
-    target: Path,
+    target: str | Path,
     fmi: int | None = None,
     ssp: int | None = None,
     **changes: Unpack[Changes],
 ) -> Path:
-    """Write a system with all changes to an .ssp or .fmu file, or as .ssp into a folder; returns
-    the file.
+    """Write a system with all changes to a file and return its path.
 
-    fmi: version of FMI of an .fmu, 2 or 3 (default 2); ssp: version of SSP of an .ssp, 1 or 2
-    (default 1, with FMUs of FMI 3.0 2); changes: as for run(). Flying the .ssp gives
-    the bits of flying the system with the same options; the same options give the same bytes.
-    Raises what run() raises before its first step, or ResultsError.
+    target: NAME.ssp, NAME.fmu (one FMU of the whole system), or a folder for the .ssp; fmi: version
+    of FMI of an .fmu, 2 (default) or 3; ssp: version of SSP of an .ssp, 1 or 2 (default 1, with
+    FMUs of FMI 3.0 2); changes: as for run(). Running the .ssp gives the bits of running the system
+    with the same changes; the same changes give the same bytes. Raises the exceptions of run()
+    before its first step, or ResultsError.
     """
     with load(system) as found:
         changed = apply(found, **changes)
         say_warnings(changed)
         graph = checked(changed).graph
-        file = _file(target, changed.name)
+        file = _file(Path(target), changed.name)
         if fmi is not None and file.suffix != ".fmu":
             raise UsageError(f"{file}: is no .fmu, which alone can be of FMI {fmi}.0")
         if ssp is not None and file.suffix != ".ssp":

@@ -77,9 +77,9 @@ class Shown:
 def show(name: str | Path, word: str | None = None, **changes: Unpack[Changes]) -> Shown:
     """Components of a system, or signals of an FMU, alone or in its place in a system.
 
-    name: `SYSTEM`, `SYSTEM.component` or an FMU, each by name or path; word: only rows that have
-    it in their name or description; changes: those of run(), to see what they come to. Raises
-    UsageError, and what load() and apply() raise.
+    name: `SYSTEM`, `SYSTEM.component` or an FMU, each by name or path; word: return only rows with
+    this word in name or description; changes: as for run(). Raises UsageError, ArchiveError,
+    StructureError.
     """
     if (place := of_component(name)) is None:
         interface = _fmu(name, changes)

@@ -13,7 +13,7 @@ from scipy import stats
 
 from harness.studies.campaign import stopping
 from harness.studies.inquiry import probability, sensitivity, worst
-from harness.studies.inquiry.boundary import boundary
+from harness.studies.inquiry.boundary import located
 
 from .known_failures import CASES, answer, indices_of_sobol_g, ishigami, linear, sobol_g
 
@@ -340,7 +340,7 @@ def test_a_map_finds_both_edges_of_a_narrow_strip():
         u = stats.norm.cdf(z)
         return np.abs(u[:, 1] - 0.535 - 0.02 * u[:, 0]) - 0.015
 
-    places, y = answer(boundary(100), margins)
+    places, y = answer(located(100), margins)
     assert len(places) == 100
     failed = places[y < 0]
     shifted = failed[:, 1] - 0.02 * failed[:, 0]

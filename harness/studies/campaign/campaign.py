@@ -82,14 +82,15 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
 ) -> Campaign:
     """Run a campaign into a Zarr dataset.
 
-    definition: path of a .toml, or the table itself; resume: go on with an interrupted campaign;
-    require: conditions on it, `lower(success) >= 99 %`, see harness.studies.campaign.gate; strict:
-    it must be as it expects itself, or, if it expects nothing, every run must succeed; progress:
-    called after every block; said: called with what the user should know; where: where it runs,
-    see harness.studies.campaign.clusters.Workers.
+    definition: path of a campaign TOML, or its table; output: OUT.zarr; resume: continue an
+    interrupted campaign; require: conditions such as `lower(success) >= 99 %`; strict: the campaign
+    must be as it expects itself, or, if it expects nothing, every run must succeed; progress:
+    called after every block; `said`: called with each note; where: workers (processes, default: one
+    per processor, 0: this process), and clusters as `harness campaign` takes them.
 
+    Guard a script that calls campaign() by `if __name__ == "__main__":`, because workers import it.
     Raises UsageError, StructureError with all that is wrong before the first run, ResultsError, and
-    RequirementError if a condition is not met or the success of a run could not be judged
+    RequirementError if a condition is not met or the success of a run could not be evaluated
     (`partial` is the campaign, which is complete). A run that fails is a row of the dataset.
     """
     who = Workers(**where)

@@ -19,7 +19,7 @@ STUDIES: dict[str, Callable[..., Study]] = {
     "sensitivity": sensitivity.sensitivity,
     "worst": worst.worst,
     "probability": probability.probability,
-    "map": boundary.boundary_map,
+    "map": boundary.boundary,
     "tune": tuning.tune,
 }
 """By the name of their table in the file of a campaign."""

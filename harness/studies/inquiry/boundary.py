@@ -21,7 +21,7 @@ COARSE, GENERATION = 5, 12
 """Rows and columns of the first flights; flights of a generation."""
 
 
-def boundary(flights: int) -> Generator[Array, Array, tuple[Array, Array]]:
+def located(flights: int) -> Generator[Array, Array, tuple[Array, Array]]:
     """Places (rows, 2) between 0 and 1, and their margins.
 
     After a coarse grid flights go half-way between neighbours (edges of the triangulation of
@@ -67,8 +67,12 @@ def _worthwhile(places: Array, margins: Array, edges: NDArray[np.intp]) -> Array
 # ---- the study
 
 
-def boundary_map(definition: Any, output: str | Path, **how: Any) -> Study:
-    """Where a requirement fails, over two factors of one number each; all others are nominal."""
+def boundary(definition: Any, output: str | Path, **how: Any) -> Study:
+    """Map where a requirement fails over two factors; all others are nominal.
+
+    definition: path of a campaign TOML with a table [map], or the table itself; output: OUT.zarr;
+    how: as for sensitivity(). Raises UsageError, StructureError.
+    """
     entry, flights = prepared("map", definition, how)
     ((name, k),) = columns(entry["of"], flights, slope=False, most=1).items()
     small = [f for f, places in flights.groups.items() if len(places) == 1]
@@ -85,5 +89,5 @@ def boundary_map(definition: Any, output: str | Path, **how: Any) -> Study:
         return numbers
 
     with begun("map", flights, int(entry["flights"]), output, how) as driver:
-        driver.answer(boundary(int(entry["flights"])), k, placed)
+        driver.answer(located(int(entry["flights"])), k, placed)
         return Study(driver.path, driver.finish({"of": {name: {"factors": chosen}}}))

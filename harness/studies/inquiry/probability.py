@@ -300,7 +300,11 @@ def centred(d: int, seed: int, flights: int, repeats: int = REPEATS) -> Ask:
 
 
 def probability(definition: Any, output: str | Path, **how: Any) -> Study:
-    """How probable is a failure of one requirement; how: as of sensitivity()."""
+    """Estimate how probable it is that a requirement fails.
+
+    definition: path of a campaign TOML with a table [probability], or the table itself; output:
+    OUT.zarr; how: as for sensitivity(). Raises UsageError, StructureError.
+    """
     entry, flights = prepared("probability", definition, how)
     slope = entry["method"] != "random"
     ((name, k),) = columns(entry["of"], flights, slope, most=1).items()

@@ -157,10 +157,11 @@ def _kernel(x: Array) -> Array:
 
 
 def sensitivity(definition: Any, output: str | Path | None = None, **how: Any) -> Study:
-    """What matters: by Morris or Sobol from the file of a campaign, into the dataset `output`; or,
-    where definition is the dataset of a campaign that has flown, by HSIC without a further flight.
+    """Rank the factors of a campaign by their effect on each requirement.
 
-    how: workers, resume, progress, said as of campaign(). Raises UsageError, StructureError.
+    definition: path of a campaign TOML with a table [sensitivity], or the table itself; or the
+    dataset of a complete campaign, which needs no further run and no output. output: OUT.zarr;
+    how: workers, resume, progress, `said` as for campaign(). Raises UsageError, StructureError.
     """
     if not isinstance(definition, Mapping) and Path(definition).suffix == ".zarr":
         return Study(Path(definition), of_dataset(Path(definition)))

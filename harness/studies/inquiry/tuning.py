@@ -124,7 +124,11 @@ def _finite(y: Array) -> Array:
 
 
 def tune(definition: Any, output: str | Path, **how: Any) -> Study:
-    """Gains with the best worst margin over draws and over the worst flights of an archive."""
+    """Search for the gains with the largest worst margin.
+
+    definition: path of a campaign TOML with a table [tune], or the table itself; output: OUT.zarr;
+    how: as for sensitivity(). Raises UsageError, StructureError.
+    """
     needs_cma()
     table = table_of(definition)
     entry = entries("tune", table)

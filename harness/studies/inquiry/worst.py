@@ -123,10 +123,11 @@ def _ranked(y: Array) -> list[float]:
 
 
 def worst(definition: Any, output: str | Path, **how: Any) -> Study:
-    """What is the worst: a search for the least margin of each requirement, one after the other.
+    """Search for the smallest margin of each requirement.
 
-    The worst flights and the nominal one fly once more with the system's own macro step and all
-    rows, to OUT_worst/NAME.nc. how: as of sensitivity().
+    definition: path of a campaign TOML with a table [worst], or the table itself; output: OUT.zarr;
+    the worst runs and the nominal one are repeated with all rows into OUT_worst/NAME.nc; how: as
+    for sensitivity(). Raises UsageError, StructureError.
     """
     needs_cma()
     entry, flights = prepared("worst", definition, how)
