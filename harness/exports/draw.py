@@ -120,7 +120,7 @@ def _canvas(system: System, fields: dict[Place, Field]) -> Any:
     right = max(field.x + field.width for field in fields.values())
     bottom = max(field.y + field.height for field in fields.values()) + MARGIN
     title = textwrap.wrap(words, max(int((right - MARGIN) / CHARACTER), LEAST))
-    width = MARGIN + max(right, MARGIN + CHARACTER * max(map(len, title)))
+    width = MARGIN + max(right, MARGIN + CHARACTER * max(map(len, title), default=0))
     above = LINE * len(title) + PAD
     canvas = Figure(figsize=(width / PIXELS, (bottom + above) / PIXELS))
     axes = canvas.add_axes((0, 0, 1, 1), xlim=(0, width), ylim=(bottom, -above))

@@ -16,70 +16,55 @@ from harness.files.archive import XmlElement
 from harness.ssp.xml import NS, NUMBERS, tag
 from harness.system.interface import Interface, read_interface
 from harness.system.model import Connection, Port
-from harness.system.values import Grid, Index, Name, Variable, elements_of, grid, index
+from harness.system.values import Index, Name, Variable, elements_of, grid, index
 
 
-def array(shape: Index) -> Grid | None:
-    """An array of that shape with indices from 1 on; None for a scalar."""
-    return Grid((1,) * len(shape), shape) if shape else None
-
-
-def array_of(fmu: Path, variable: str) -> Grid | None:
-    """The array that a variable of an FMU is; None for a scalar, and where nothing can be read."""
+def elements(fmu: Path | None, variable: str) -> dict[Index, str]:
+    """Variables of an FMU that a name stands for, by their indices from 1 on in row-major order; of
+    a scalar, and where there is no FMU to be read, the name itself by ().
+    """
     try:
-        variables = read_interface(fmu).variables
+        variables = read_interface(fmu).variables if fmu else {}
     except FmuError:  # which is said where the graph is built
-        return None
+        variables = {}
     names = [] if variable in variables else elements_of(variable, variables)
-    return grid(map(index, names)) if names else None
+    found = grid(map(index, names)) if names else None
+    if found is None:
+        return {(): variable}
+    return {tuple(i + 1 for i in found.place(index(name))): name for name in names}
 
 
-def names_of(variable: str, array: Grid | None) -> list[str]:
-    """Names of the elements of an array in row-major order; of a scalar its own."""
-    if array is None:
-        return [variable]
-    ranges = (range(a, a + n) for a, n in zip(array.first, array.shape, strict=True))
-    return [str(Name(variable, element)) for element in product(*ranges)]
-
-
-def one_of(variable: str, array: Grid | None, place: Index) -> str:
-    """Name of the element at some indices; ValueError if there is none."""
-    name = str(Name(variable, place))
-    if array is None:
-        raise ValueError("has indices, but is a scalar")
-    if name not in names_of(variable, array):
-        raise ValueError(f"there is no element {name}, it is {size_text(array)}")
-    return name
-
-
-def size_text(array: Grid | None) -> str:
-    """A shape in words: `a scalar`, `an array of 2 x 3`."""
-    return "a scalar" if array is None else f"an array of {' x '.join(map(str, array.shape))}"
+def size_text(shape: Index | None) -> str:
+    """A shape in words: `a scalar`, `an array of 2 x 3`, `an array` where it is not known."""
+    of = f" of {' x '.join(map(str, shape))}" if shape else ""
+    return "a scalar" if shape == () else f"an array{of}"
 
 
 # ---- what stands in a file
 
 
 def indices(connection: XmlElement, side: str) -> Index:
-    """What a connection is restricted to at its `start` or `end`; () if it is not."""
-    return tuple(map(int, connection.get(f"{side}Indices", "").split()))
+    """What a connection is restricted to at its `start` or `end`, () if it is not; ValueError."""
+    texts = connection.get(f"{side}Indices", "").split()
+    if not all(map(_count, texts)):
+        raise ValueError(f"{side}Indices='{' '.join(texts)}' are not numbers from 1 on")
+    return tuple(map(int, texts))
 
 
-def dimensions(element: XmlElement) -> Sequence[XmlElement]:
-    """The Dimension elements of a connector or parameter; none for a scalar."""
-    found: list[XmlElement] = element.findall("ssc:Dimension", NS)
-    return found
+def _count(text: str) -> int:
+    """A number from 1 on, 0 for anything else."""
+    return int(text) if text.isdecimal() and len(text) < 10 else 0
 
 
 def parameter_names(parameter: XmlElement, count: int) -> list[str]:
     """Names of the elements of an ssv:Parameter of so many values; ValueError if its Dimensions
     want another number.
     """
-    name, shape = parameter.get("name"), tuple(int(d.get("size")) for d in dimensions(parameter))
-    shape = shape or (() if count == 1 else (count,))
+    name, sizes = parameter.get("name"), parameter.findall("ssc:Dimension", NS)
+    shape = tuple(_count(d.get("size", "")) for d in sizes) or (() if count == 1 else (count,))
     if math.prod(shape) != count or not count:
         raise ValueError(f"has {count} values, expected {math.prod(shape) or 1}")
-    return names_of(name, array(shape))
+    return [str(Name(name, each)) for each in product(*(range(1, n + 1) for n in shape))]
 
 
 def values(element: XmlElement) -> list[str]:

@@ -2,185 +2,179 @@
 """Nested systems made flat: components with names of their own, signals followed through the
 connectors of systems.
 
-A signal may pass several systems on its way from an output to an input; every connection on the way
-is a hop. A parameter bound to a system goes down by its dotted name, or through the connector of
-that name.
+From every connected variable of a component the way is followed back, scalar by scalar, to the
+output that drives it or to an open connector. A parameter for a connector on the way counts for the
+variable. Every connection on the way is a hop; sizes of arrays are those of the FMUs.
 """
 
 from __future__ import annotations
 
-import logging
 import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 
-from harness.ssp.elements import FIXED, INWARD, Connector, Edge, Element, Group, Leaf, Place, Point
+from harness.ssp.arrays import elements, size_text
+from harness.ssp.elements import Edge, End, Given, Place, Point, Tree
 from harness.system.model import Connection, Parameter, Port
 from harness.system.units import PLAIN, Hop, Unit
+from harness.system.values import Index, Name
 
-_log = logging.getLogger("harness")
+Hops = tuple[Hop, ...]
 
-Way = tuple[Point, tuple[Hop, ...]]
-"""An end of a chain of connections through systems, and all hops of the chain."""
-
-MAX_WAYS = 10
-"""Ways to one connector that are followed."""
+FIXED = ("calculatedParameter", "constant")
+"""Kinds of connectors that give a value once."""
 
 MAX_CHAIN = 200
 """Connectors of systems in a row that are followed."""
 
 
 class Flat:
-    """A tree of systems as components and connections; problems: what cannot be flattened, one line
-    each.
+    """A tree of systems as components, connections and parameters; what cannot be flattened is
+    added to the problems of the tree, one line each.
     """
 
-    def __init__(self, top: Group) -> None:
-        self.problems: list[str] = []
-        elements = list(_elements(top))
-        self.leaves = {e.place: e for e in elements if isinstance(e, Leaf)}
-        self.names = _names(list(self.leaves))
-        self._edges = [edge for e in elements if isinstance(e, Group) for edge in e.edges]
-        self._to: dict[Point, list[Edge]] = {}
-        self._from: dict[Point, list[Edge]] = {}
-        for edge in self._edges:
-            self._to.setdefault(edge.target, []).append(edge)
-            self._from.setdefault(edge.source, []).append(edge)
-        self._known: dict[Point, list[Way]] = {}
-        self._circle: set[Point] = set()
-        self._connectors = {Point(e.place, n): c for e in elements for n, c in e.connectors.items()}
-        self.parameters: dict[Place, dict[str, Parameter]] = {place: {} for place in self.leaves}
-        self.connections = tuple(self._connections())
-        self._bind(top)
-        self._report_names()
+    def __init__(self, tree: Tree) -> None:
+        self.tree = tree
+        self.names = _names(list(tree.components))
+        self.parameters: dict[Place, dict[str, Parameter]] = {p: {} for p in tree.components}
+        self.connections: list[Connection] = []
+        self._depths: dict[Point, int] = {}
+        self._known: dict[Point, dict[Index, str]] = {}
+        self._into: dict[End, list[Edge]] = {}
+        for edge in tree.edges:
+            self._into.setdefault(edge.target, []).append(edge)
+        self._unused = {p: g for p, g in tree.given.items() if p.place in tree.inside}
+        for point, given in tree.given.items():
+            if point not in self._unused:
+                self._set(point, given)
+        for edge in tree.edges:
+            if edge.target.point.place in tree.components:
+                self._drive(edge)
+        tree.notes += self._notes()
 
-    # ---- signals
-
-    def _connections(self) -> Iterator[Connection]:
-        for edge in self._edges:
-            if edge.target.place in self.leaves:
-                for source, hops in self._ways(edge):
-                    way = () if hops == (PLAIN,) else hops
-                    yield Connection(self._port(source), self._port(edge.target), way)
-
-    def _ways(self, edge: Edge) -> list[Way]:
-        """Outputs that reach the end of a connection, and all hops up to there; none behind an open
-        connector.
-        """
-        source = edge.source
-        if source.place not in self.leaves:
-            return [(origin, (*hops, edge.hop)) for origin, hops in self._behind(source)]
-        if source in self._connectors and self._connectors[source].kind in FIXED:
-            self.problems.append(f"{source}: connections between parameters are not supported")
-        return [(source, (edge.hop,))]
-
-    def _behind(self, point: Point) -> list[Way]:
-        """Ways to a connector of a system, found once; not more than MAX_WAYS, since one is right
-        and each level of systems could double them.
-        """
-        if point not in self._known:
-            if len(self._circle) > MAX_CHAIN:
-                self.problems.append(f"{point}: lies behind more than {MAX_CHAIN} connectors")
-                return []
-            self._known[point] = []  # what comes back here while it is looked for goes in a circle
-            self._circle.add(point)
-            ways = [way for before in self._to.get(point, ()) for way in self._ways(before)]
-            if len(ways) > MAX_WAYS:
-                self.problems.append(f"{point}: is driven on more than {MAX_WAYS} ways")
-            self._circle.discard(point)
-            self._known[point] = ways[:MAX_WAYS]
-        elif point in self._circle:
-            self.problems.append(f"{point}: the connectors of systems drive each other in a circle")
-        return self._known[point]
-
-    def _port(self, point: Point) -> Port:
-        return Port(self.names[point.place], point.connector)
+    def _notes(self) -> Iterator[str]:
+        for point in self._unused:
+            connector = self.tree.declared(point)
+            if connector and connector.kind != "structuralParameter":  # which may be a mere size
+                yield f"{point}: the connector is not connected, its value is ignored"
+        names = self.names.items()
+        if other := [f"{'.'.join(place)} as {name}" for place, name in names if place != (name,)]:
+            yield f"components with other names than in the file: {', '.join(other)}"
 
     def declared(self) -> dict[Port, Unit]:
         """Units that the file claims for variables of components."""
-        inside = ((p, c.unit) for p, c in self._connectors.items() if p.place in self.leaves)
-        return {self._port(point): unit for point, unit in inside if unit is not None}
+        return {
+            self._port(point.place, name): connector.unit
+            for point, connector in self.tree.connectors.items()
+            if connector.unit is not None and point.place in self.tree.components
+            for name in self._scalars(point).values()
+        }
+
+    # ---- signals
+
+    def _drive(self, edge: Edge) -> None:
+        """Find what all scalars of a connection to a component come from."""
+        target = edge.target.point
+        scalars = self._scalars(target)
+        shape = next(reversed(scalars))
+        try:
+            for index in [edge.target.element] if edge.target.element else scalars:
+                self._follow(edge, shape, index, Point(target.place, _one(scalars, target, index)))
+        except ValueError as error:
+            self.tree.problems.append(f"{edge.source.point} to {target}: {error}")
+
+    def _follow(self, edge: Edge, shape: Index | None, index: Index, variable: Point) -> None:
+        """Go back from a variable to the output that drives it, if there is one; ValueError.
+
+        shape: of the array that is followed as a whole, None for an element of any; index: where
+        in it the scalar is.
+        """
+        hops: Hops = ()
+        for _ in range(MAX_CHAIN):
+            source, hops = edge.source.point, (edge.hop, *hops)
+            if edge.target.element:
+                shape, index = (), ()
+            if edge.source.element:
+                if index:
+                    raise ValueError(_unequal((), shape))
+                shape, index = None, edge.source.element
+            if source.place in self.tree.components:
+                self._connect(source, shape, index, variable, hops)
+                return
+            self._take(Point(source.place, str(Name(source.connector, index))), variable, hops)
+            ends = dict.fromkeys((End(source), End(source, index)))
+            before = [e for end in ends for e in self._into.get(end, ())]
+            if not before:
+                return
+            if len(before) > 1:
+                raise ValueError(f"{source} is driven {len(before)} times")
+            edge = before[0]
+        raise ValueError(f"passes more than {MAX_CHAIN} connectors of systems")
+
+    def _connect(
+        self, source: Point, shape: Index | None, index: Index, variable: Point, hops: Hops
+    ) -> None:
+        scalars = self._scalars(source)
+        found = next(reversed(scalars))
+        if shape not in (None, found):
+            raise ValueError(_unequal(found, shape))
+        name, connector = _one(scalars, source, index), self.tree.declared(source)
+        if connector and connector.kind in FIXED:
+            raise ValueError("connections between parameters are not supported")
+        ends = self._port(source.place, name), self._port(*variable)
+        self.connections.append(Connection(*ends, () if hops == (PLAIN,) else hops))
+
+    def _scalars(self, point: Point) -> dict[Index, str]:
+        """Variables of a component that a connector of it stands for, by their indices from 1 on;
+        the last indices are the shape.
+        """
+        if point not in self._known:
+            fmu = self.tree.components[point.place].fmu if self.tree.has_arrays else None
+            self._known[point] = elements(fmu, point.connector)
+        return self._known[point]
+
+    def _port(self, place: Place, variable: str) -> Port:
+        return Port(self.names[place], variable)
 
     # ---- parameters
 
-    def _bind(self, element: Element) -> None:
-        """Parameters of an element over those of the elements in it: the outer binding wins."""
-        if isinstance(element, Group):
-            for child in element.children.values():
-                self._bind(child)
-        for name, parameter in element.parameters.items():
-            self._assign(element, name, parameter)
+    def _set(self, variable: Point, given: Given) -> None:
+        """Give a variable a value, unless it has one from farther outside."""
+        if given.depth <= self._depths.get(variable, given.depth):
+            self._depths[variable] = given.depth
+            self.parameters[variable.place][variable.connector] = given.parameter
 
-    def _assign(self, element: Element, name: str, parameter: Parameter) -> None:
-        if isinstance(element, Leaf):
-            self.parameters[element.place][name] = parameter
-        elif name in element.connectors:
-            self._enter(Point(element.place, name), element.connectors[name], parameter)
-        elif isinstance(element, Group) and (child := _owner(element, name)):
-            self._assign(element.children[child], name[len(child) + 1 :], parameter)
-        else:
-            _log.warning("%s: no element or connector of the system has this name, ignored", name)
-
-    def _enter(self, point: Point, connector: Connector, parameter: Parameter) -> None:
-        """A parameter for a connector of a system, in its unit, goes to all that it drives."""
-        if connector.kind not in INWARD:
-            self.problems.append(f"{point}: start values of outputs of a system are not supported")
+    def _take(self, point: Point, variable: Point, hops: Hops) -> None:
+        """Give a variable the value of a connector of a system, if that has one, in the unit of the
+        connector and through all hops from there.
+        """
+        if (given := self.tree.given.get(point)) is None:
             return
-        if parameter.unit is None and connector.unit is not None:
-            parameter = replace(parameter, unit=connector.unit.name, meaning=connector.unit)
-        elif connector.unit is not None:
+        self._unused.pop(point, None)
+        parameter, connector = given.parameter, self.tree.declared(point)
+        unit = connector.unit if connector else None
+        if unit is not None and parameter.unit is None:
+            parameter = replace(parameter, unit=unit.name, meaning=unit)
+        elif unit is not None:
             *earlier, last = parameter.hops or (PLAIN,)
-            parameter = replace(parameter, hops=(*earlier, last._replace(unit=connector.unit)))
-        reached = list(self._ends(point))
-        for end, hops in reached:
-            self.parameters[end.place][end.connector] = _sent(parameter, hops)
-        if not reached and connector.kind != "structuralParameter":  # which may be a mere size
-            _log.warning("%s: the connector is not connected, its value is ignored", point)
-
-    def _ends(self, start: Point) -> Iterator[Way]:
-        """Variables of components behind a connector of a system, and the hops to them."""
-        seen: set[Point] = {start}
-        waiting: list[Way] = [(start, ())]
-        while waiting:
-            point, hops = waiting.pop(0)
-            for edge in self._from.get(point, ()):
-                if edge.target not in seen:
-                    seen.add(edge.target)
-                    way = (edge.target, (*hops, edge.hop))
-                    if edge.target.place in self.leaves:
-                        yield way
-                    else:
-                        waiting.append(way)
-
-    # ---- names
-
-    def _report_names(self) -> None:
-        names = self.names.items()
-        changed = [f"{'.'.join(place)} as {name}" for place, name in names if place != (name,)]
-        if changed:
-            _log.warning("components with other names than in the file: %s", ", ".join(changed))
+            parameter = replace(parameter, hops=(*earlier, last._replace(unit=unit)))
+        if hops != (PLAIN,) or parameter.hops:
+            parameter = replace(parameter, hops=(*parameter.hops, *hops))
+        self._set(variable, Given(given.depth, parameter))
 
 
-def _sent(parameter: Parameter, hops: tuple[Hop, ...]) -> Parameter:
-    """A parameter at the end of some hops; those that do nothing are left out."""
-    if hops == (PLAIN,) and not parameter.hops:
-        return parameter
-    return replace(parameter, hops=(*parameter.hops, *hops))
+def _one(scalars: dict[Index, str], array: Point, index: Index) -> str:
+    """The name of one element; ValueError if there is none."""
+    if index not in scalars:
+        shape = size_text(next(reversed(scalars)))
+        raise ValueError(f"there is no element {Name(array.connector, index)}, it is {shape}")
+    return scalars[index]
 
 
-def _owner(group: Group, name: str) -> str | None:
-    """The element that a dotted name begins with; of several the longest."""
-    beginnings = (child for child in group.children if name.startswith(f"{child}."))
-    return max(beginnings, key=len, default=None)
-
-
-def _elements(element: Element) -> Iterator[Element]:
-    """An element and all in it, from the outside in."""
-    yield element
-    if isinstance(element, Group):
-        for child in element.children.values():
-            yield from _elements(child)
+def _unequal(a: Index, b: Index | None) -> str:
+    ends = f"joins {size_text(a)} with {size_text(b)}"
+    return f"{ends}; one element has its startIndices or endIndices"
 
 
 def _names(places: list[Place]) -> dict[Place, str]:

@@ -5,11 +5,9 @@ units, and what a mapping does to them.
 
 from __future__ import annotations
 
-import logging
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,20 +22,15 @@ from harness.system.model import Parameter, Parameters
 from harness.system.units import Affine, Hop, Unit
 from harness.system.values import Scalar, Variable, elements_of, resting
 
-_log = logging.getLogger("harness")
-
 UnitsByName = Mapping[str, Unit]
 
 
 class Entry(NamedTuple):
-    """Parameter `source` of a set goes to `target`, changed by a hop or, where it is no number, by
-    a table.
-    """
+    """Parameter `source` of a set goes to `target`, changed by a hop."""
 
     source: str
     target: str
     hop: Hop
-    table: Mapping[str, str] | None
 
 
 def read_ssv(path: Path) -> dict[str, Parameter]:
@@ -81,20 +74,20 @@ def units_of(root: XmlElement, table: str) -> dict[str, Unit]:
 
 
 def _scalar(element: XmlElement, text: str) -> Scalar:
-    """A value of ssv:Real, ssv:Integer, ... as Python has it."""
-    match xml.kind_of(element):
-        case "Real":
-            number = float(text)
-            if math.isnan(number):
-                raise ValueError("must not be NaN")
-            return number
-        case "Integer":
-            return int(text)
-        case "Boolean":
-            return text.strip() in ("true", "1")
-        case "Binary":
-            raise ValueError("binary values are not supported")
-    return text
+    """A value of ssv:Real, ssv:Integer, ... as Python has it; ValueError."""
+    kind = xml.kind_of(element)
+    if kind not in ("Real", "Integer", "Boolean"):
+        return text
+    try:
+        value = BOOLEANS[text] if kind == "Boolean" else (int if kind == "Integer" else float)(text)
+    except (KeyError, ValueError):
+        raise ValueError(f"'{text}' is no {kind}") from None
+    if math.isnan(value):
+        raise ValueError("must not be NaN")
+    return value
+
+
+BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
 
 
 # ---- mappings
@@ -105,12 +98,11 @@ def mapping(root: XmlElement) -> list[Entry]:
     makes no sense.
     """
     entries, problems = [], []
-    for element in xml.every(root, "ssm:MappingEntry"):
+    for e in xml.every(root, "ssm:MappingEntry"):
         try:
-            table, hop = _table(element), hop_of(element)
-            entries.append(Entry(element.get("source"), element.get("target"), hop, table))
+            entries.append(Entry(e.get("source"), e.get("target"), hop_of(e)))
         except ValueError as error:
-            problems.append(f"mapping of {element.get('source')}: {error}")
+            problems.append(f"mapping of {e.get('source')}: {error}")
     if problems:
         raise StructureError(problems)
     return entries
@@ -130,67 +122,28 @@ def hop_of(element: XmlElement, unit: Unit | None = None) -> Hop:
     return Hop(change, convert, unit)
 
 
-def _table(element: XmlElement) -> dict[str, str] | None:
-    """Table of a Boolean-, Integer- or EnumerationMappingTransformation as texts, None without
-    one.
+def mapped(
+    parameters: Mapping[str, Parameter], entries: Iterable[Entry], notes: list[str]
+) -> dict[str, Parameter]:
+    """Parameters under the names of their targets, arrays element by element; StructureError if one
+    is not there. What a mapping does not mention is not set, with a note.
     """
-    for kind in ("Boolean", "Integer", "Enumeration"):
-        found = xml.first(element, f"ssc:{kind}MappingTransformation")
-        if found is not None:
-            return {_key(kind, e.get("source")): _key(kind, e.get("target")) for e in found}
-    return None
-
-
-def _key(kind: str, text: str) -> str:
-    """One spelling for one value: true for 1, 7 for +7."""
-    if kind == "Boolean":
-        return "true" if text.strip() in ("true", "1") else "false"
-    return str(int(text)) if kind == "Integer" else text
-
-
-def mapped(parameters: Mapping[str, Parameter], entries: list[Entry]) -> dict[str, Parameter]:
-    """Parameters under the names of their targets; StructureError if one is not there or not in its
-    table.
-
-    What a mapping does not mention is not set; the log says so.
-    """
-    problems, result = [], {}
-    entries = list(chain.from_iterable(_elementwise(entry, parameters) for entry in entries))
+    problems, result, mentioned = [], {}, set()
     for entry in entries:
-        try:
-            result[entry.target] = _transformed(parameters, entry)
-        except ValueError as error:
-            problems.append(f"mapping of {entry.source} to {entry.target}: {error}")
+        names = elements_of(entry.source, parameters)
+        if not names:
+            fault = "the parameter set has no such parameter"
+            problems.append(f"mapping of {entry.source} to {entry.target}: {fault}")
+        for name in names:
+            given, further = parameters[name], () if entry.hop == Hop() else (entry.hop,)
+            target = entry.target + name.removeprefix(entry.source)
+            result[target] = replace(given, hops=(*given.hops, *further))
+            mentioned.add(name)
     if problems:
         raise StructureError(problems)
-    mentioned = {entry.source for entry in entries}
     if unused := ", ".join(name for name in parameters if name not in mentioned):
-        _log.warning("parameters that their mapping does not mention are not set: %s", unused)
+        notes.append(f"parameters that their mapping does not mention are not set: {unused}")
     return result
-
-
-def _elementwise(entry: Entry, parameters: Mapping[str, Parameter]) -> Iterator[Entry]:
-    """An entry for every element of an array; of a scalar the entry as it is."""
-    for name in elements_of(entry.source, parameters) or [entry.source]:
-        place = name.removeprefix(entry.source)
-        yield entry._replace(source=name, target=entry.target + place)
-
-
-def _transformed(parameters: Mapping[str, Parameter], entry: Entry) -> Parameter:
-    if entry.source not in parameters:
-        raise ValueError("the parameter set has no such parameter")
-    parameter = parameters[entry.source]
-    if entry.table is None:
-        further = () if entry.hop == Hop() else (entry.hop,)
-        return replace(parameter, hops=(*parameter.hops, *further))
-    value = parameter.value
-    key = str(value).lower() if isinstance(value, bool) else str(value)
-    if key not in entry.table:
-        raise ValueError(f"its table has no entry for {key}")
-    text = entry.table[key]
-    if isinstance(value, bool):
-        return replace(parameter, value=text == "true")
-    return replace(parameter, value=text if isinstance(value, str) else int(text))
 
 
 # ---- to be written, one set per component

@@ -10,9 +10,13 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
+
+from lxml import etree
 
 from harness.errors import ArchiveError, StructureError
 from harness.files import cache
@@ -20,7 +24,7 @@ from harness.files.archive import MAX_UNPACKED, XmlElement, unpack, unpacked_siz
 from harness.files.paths import is_file
 from harness.files.temporary import PrivateFolder
 from harness.ssp import xml
-from harness.ssp.elements import ElementReader, Leaf
+from harness.ssp.elements import Tree
 from harness.ssp.flatten import Flat
 from harness.ssp.parameters import read_ssv
 from harness.system.instants import moment, written
@@ -39,9 +43,15 @@ MAX_COMPONENTS = 10_000
 MOST_KNOWN = 16
 """Systems that a process remembers."""
 
-Reading = Callable[[Path], tuple[System, list[str]]]
-
 _log = logging.getLogger("harness")
+
+
+class Reading(NamedTuple):
+    """The system in an unpacked .ssp, what is wrong with it, and what is to be said of it."""
+
+    system: System
+    problems: tuple[str, ...]
+    notes: tuple[str, ...]
 
 
 @contextmanager
@@ -59,15 +69,15 @@ def opened(path: Path) -> Iterator[System]:
 
 
 @contextmanager
-def _unpacked(path: Path) -> Iterator[tuple[Path, Reading]]:
-    """The folder of an archive, and what its system is read by."""
+def _read(path: Path) -> Iterator[Reading]:
+    """What an archive holds; in the cache, whose names say their content, it is read once."""
     with cache.unpacked(path) as kept:
         if kept is not None:
-            yield kept, _read_once
+            yield _known(kept)
             return
         with PrivateFolder() as folder:
             unpack(path, folder)
-            yield folder, _read
+            yield _of_folder(folder)
 
 
 @contextmanager
@@ -76,12 +86,14 @@ def examined(path: Path) -> Iterator[tuple[System, tuple[str, ...]]]:
 
     Unpacked as by opened(). Raises ArchiveError or StructureError if there is nothing to read.
     """
-    with _unpacked(path) as (folder, reading):
+    with ExitStack() as stack:
         try:
-            system, problems = reading(folder)
+            system, problems, notes = stack.enter_context(_read(path))
         except StructureError as error:
             raise StructureError(f"{path.name}: {problem}" for problem in error.problems) from error
-        problems = [*problems, *_size_problems(path, system)]
+        for note in notes:
+            _log.warning("%s", note)
+        problems = (*problems, *_size_problems(path, system))
         yield system, tuple(f"{path.name}: {problem}" for problem in problems)
 
 
@@ -96,38 +108,8 @@ def _size_problems(path: Path, system: System) -> Iterator[str]:
         yield f"with the FMUs of all components it would unpack to {size} bytes, {limit}"
 
 
-_known: dict[Path, System] = {}
-"""Systems that were read without a note or a problem, by folders of the cache, whose names say
-their content; the last ones.
-"""
-
-
-def _read_once(folder: Path) -> tuple[System, list[str]]:
-    """As _read(), from a folder of the cache: a process that runs a system again need not read it
-    again, unless there is something to be said of it.
-    """
-    if folder in _known:
-        return _known[folder], []
-    notes: list[logging.LogRecord] = []
-
-    def note(record: logging.LogRecord) -> bool:
-        notes.append(record)
-        return True
-
-    _log.addFilter(note)
-    try:
-        system, problems = _read(folder)
-    finally:
-        _log.removeFilter(note)
-    if not notes and not problems and _log.isEnabledFor(logging.WARNING):
-        while len(_known) >= MOST_KNOWN:
-            del _known[next(iter(_known))]
-        _known[folder] = system
-    return system, problems
-
-
-def _read(folder: Path) -> tuple[System, list[str]]:
-    """The system in an unpacked .ssp and its problems; StructureError if it cannot be read."""
+def _of_folder(folder: Path) -> Reading:
+    """The system in an unpacked .ssp; StructureError if it cannot be read."""
     if not (folder / xml.SSD_FILE).is_file():
         raise StructureError([f"it holds no {xml.SSD_FILE}"])
     root = xml.parse(folder / xml.SSD_FILE, xml.SSD_SCHEMA)
@@ -135,7 +117,11 @@ def _read(folder: Path) -> tuple[System, list[str]]:
         limit = f"more than the limit of {MAX_COMPONENTS}"
         raise StructureError([f"it has {count} components, {limit}"])
     reader = _Reader(folder, root)
-    return reader.system(), reader.problems
+    system = reader.system()
+    return Reading(system, tuple(reader.problems), tuple(reader.tree.notes))
+
+
+_known = lru_cache(maxsize=MOST_KNOWN)(_of_folder)
 
 
 class _Reader:
@@ -147,59 +133,60 @@ class _Reader:
         self.folder = folder
         self.root = root
         ours = f"ssd:Annotations/ssc:Annotation[@type='{xml.RUN_ANNOTATION}']/run:Run"
-        self.run = xml.first(root, ours)
-        self.schedule = {e.get("name"): e for e in self._own("run:Component")}
-        self.elements = ElementReader(
-            folder, root, own=self.run is not None, arrays=xml.is_version_2(root)
-        )
-        self.problems = self.elements.problems
+        found = xml.first(root, ours)
+        self.run = etree.Element("none") if found is None else found
+        """Our own annotation; in a file of another tool it says nothing."""
+        self.schedule = {e.get("name"): e for e in self._own("Component")}
+        self.tree = Tree(folder, root, own=found is not None)
+        self.problems = self.tree.problems
 
     def system(self) -> System:
-        flat = Flat(self.elements.group(xml.first(self.root, "ssd:System")))
-        self.problems += flat.problems
+        flat = Flat(self.tree)
         experiment = self._experiment()
-        components = tuple(self._component(leaf, flat, experiment) for leaf in flat.leaves.values())
-        mission = self._said("mission")
+        components = tuple(
+            Component(
+                flat.names[place],
+                leaf.fmu,
+                flat.parameters[place],
+                *self._schedule(flat.names[place], leaf.hint, experiment),
+            )
+            for place, leaf in self.tree.components.items()
+        )
+        mission = self.run.get("mission", "")
         return System(
             name=self.root.get("name"),
             description=self.root.get("description", ""),
             components=components,
-            connections=flat.connections,
+            connections=tuple(flat.connections),
             experiment=experiment,
-            sets=tuple(self._set(e, components) for e in self._own("run:ParameterSet")),
-            alternatives=tuple(
-                self._alternative(e, components) for e in self._own("run:Alternative")
-            ),
-            requirements=self._texts("run:Requirement"),
-            consistency=self._texts("run:Consistency"),
-            strict=self._said("strict") == "true",
+            sets=tuple(self._set(e, components) for e in self._own("ParameterSet")),
+            alternatives=tuple(self._alternative(e, components) for e in self._own("Alternative")),
+            requirements=self._texts("Requirement"),
+            consistency=self._texts("Consistency"),
+            strict=self.run.get("strict") == "true",
             compared=self._compared(),
             sliders={
                 e.get("name", ""): (self._number(e, "low"), self._number(e, "high"))
-                for e in self._own("run:Slider")
+                for e in self._own("Slider")
             },
             mission=mission if mission.isidentifier() else "",  # what is no name says nothing
             declared=flat.declared(),
         )
 
-    def _texts(self, path: str) -> dict[str, str]:
-        return {e.get("name", ""): e.get("text", "") for e in self._own(path)}
+    def _own(self, kind: str) -> Iterator[XmlElement]:
+        """Elements of our own annotation."""
+        return xml.every(self.run, f"run:{kind}")
 
-    def _said(self, attribute: str) -> str:
-        """An attribute of our own annotation; "" in a file of another tool."""
-        return "" if self.run is None else self.run.get(attribute, "")
+    def _texts(self, kind: str) -> dict[str, str]:
+        return {e.get("name", ""): e.get("text", "") for e in self._own(kind)}
 
     def _compared(self) -> str:
         """Name of the set that a comparison takes; one that is not there is a problem."""
-        name = self._said("compare")
-        if name and name not in {e.get("name") for e in self._own("run:ParameterSet")}:
+        name: str = self.run.get("compare", "")
+        if name and name not in {e.get("name") for e in self._own("ParameterSet")}:
             self.problems.append(f"compare: there is no parameter set {name}")
             return ""
         return name
-
-    def _own(self, path: str) -> list[XmlElement]:
-        """Elements of our own annotation, none in a file of another tool."""
-        return [] if self.run is None else list(xml.every(self.run, path))
 
     def _experiment(self) -> Experiment:
         """Time span of the file; the step is OSP's, the algorithm ours, without ours Jacobi, which
@@ -211,24 +198,19 @@ class _Reader:
             start=self._number(default, "startTime") or 0.0,
             stop=self._number(default, "stopTime"),
             step=self._number(step, "baseStepSize"),
-            algorithm="jacobi" if self.run is None else self.run.get("algorithm"),
+            algorithm=self.run.get("algorithm", "jacobi"),
             every=max(1, round(self._number(self.run, "every") or 1)),
             epoch=self._epoch(),
         )
 
     def _epoch(self) -> str:
         """UTC of t = 0; what is no date says nothing and is a problem."""
-        text = self._said("epoch")
+        text = self.run.get("epoch", "")
         try:
             return written(moment(text)) if text else ""
         except ValueError as error:
             self.problems.append(f"epoch {text}: {error}")
             return ""
-
-    def _component(self, leaf: Leaf, flat: Flat, experiment: Experiment) -> Component:
-        name, parameters = flat.names[leaf.place], flat.parameters[leaf.place]
-        timing = self._schedule(name, leaf.hint, experiment)
-        return Component(name, leaf.fmu, parameters, *timing)
 
     def _schedule(self, name: str, hint: float | None, experiment: Experiment) -> tuple[int, int]:
         """Period and latency from our annotation, else every from OSP's hint of a longer step."""
@@ -236,8 +218,8 @@ class _Reader:
         if own is not None:
             return round(self._number(own, "every") or 1), round(self._number(own, "latency") or 0)
         if hint and not experiment.step:
-            note = "%s: its step of %g s is not used, the file does not say the macro step"
-            _log.warning(note, name, hint)
+            unused = f"its step of {hint:g} s is not used, the file does not say the macro step"
+            self.tree.notes.append(f"{name}: {unused}")
         return max(1, round(hint / experiment.step)) if hint and experiment.step else 1, 0
 
     def _set(self, element: XmlElement, components: tuple[Component, ...]) -> ParameterSet:

@@ -21,7 +21,6 @@ from harness.errors import StructureError
 from harness.files import cache
 from harness.files.archive import MAX_ENTRY, UnsafeXmlError, XmlElement, parsed
 from harness.files.paths import contents
-from harness.spelling import is_number
 from harness.system.values import Scalar
 
 NS = {
@@ -58,6 +57,18 @@ def tag(name: str) -> str:
 SSD_SCHEMA = "SystemStructureDescription.xsd"
 SSV_SCHEMA = "SystemStructureParameterValues.xsd"
 SSM_SCHEMA = "SystemStructureParameterMapping.xsd"
+
+NOT_SUPPORTED = tuple(
+    map(
+        tag,
+        (
+            "ssd:SignalDictionaryReference", "ssc:Clock", "ssd:Clock", "ssv:Binary",
+            "ssc:BooleanMappingTransformation", "ssc:IntegerMappingTransformation",
+            "ssc:EnumerationMappingTransformation",
+        ),
+    )
+)  # fmt: skip
+"""Elements that no run heeds: a file with one is refused."""
 
 OPTIONAL = (
     "startElement",
@@ -121,7 +132,7 @@ def parse(source: Path | bytes, schema: str, name: str = "") -> XmlElement:
         raise StructureError([f"{name}: {error}"]) from error
     _made_readable(root)
     cache.passed(
-        f"{schema} of fmpy {fmpy.__version__}, and SSP 2.0",
+        f"{schema} of fmpy {fmpy.__version__}, and what is supported of SSP 2.0",
         data,
         lambda: _validate(root, schema, name),
     )
@@ -146,14 +157,23 @@ def _made_readable(root: XmlElement) -> None:
 
 
 def _validate(root: XmlElement, schema: str, name: str) -> None:
-    validator, found = _schema(schema), list[str]()
+    validator = _schema(schema)
+    found = [
+        f"line {e.sourceline}: the {kind_of(e)} of {_named(e)} is not supported"
+        for e in root.iter(*NOT_SUPPORTED)
+    ]
     if is_version_2(root):
-        found = list(violations(root))
         root = as_version_1(root)
     if not validator.validate(root):
         found += [f"line {e.line}: {' '.join(e.message.split())}" for e in validator.error_log]
     if found:
         raise StructureError(f"{name}, {line}" for line in found)
+
+
+def _named(element: XmlElement) -> str:
+    """The name of an element, or of the one that it stands in."""
+    ancestors = (element, *element.iterancestors())
+    return next((each.get("name") for each in ancestors if each.get("name")), "")
 
 
 def _without_empty(root: XmlElement) -> None:
@@ -191,10 +211,8 @@ _OLD_KINDS = {
     "unspecified": "inout",
 }
 _METADATA = (tag("ssc:MetaData"), tag("ssc:Signature"))
-_NEW_PARTS = (tag("ssc:Dimension"), tag("ssc:Clock"), tag("ssd:Clock"), tag("ssv:Value"))
+_NEW_PARTS = (tag("ssc:Dimension"), tag("ssv:Value"))
 _NEW_ATTRIBUTES = ("startIndices", "endIndices", "systemInnerX", "systemInnerY")
-WHOLE = range(-(2**63), 2**64)
-"""Values that an integer of any type may have."""
 
 
 def is_version_2(root: XmlElement) -> bool:
@@ -224,70 +242,15 @@ def as_version_1(root: XmlElement) -> XmlElement:
     for element in list(copy.iter(*_NEW_PARTS)):
         element.getparent().remove(element)
     for element in copy.iter(tag("ssv:Real"), tag("ssv:Integer"), tag("ssv:Boolean")):
-        _first_number(element)
+        element.set("value", "0")  # one or several, of any size: judged where they are read
     for element in copy.iter(tag("ssd:Connector")):
         element.set("kind", _OLD_KINDS.get(element.get("kind"), element.get("kind", "")))
     for element in copy.iter(tag("ssd:Component")):
         element.set("source", element.get("source", ""))
-        if element.get("implementation") == "ScheduledExecution":
-            del element.attrib["implementation"]
     for element in copy.iter(tag("ssd:Connection"), tag("ssd:ConnectorGeometry")):
         for name in _NEW_ATTRIBUTES:
             element.attrib.pop(name, None)
     return copy
-
-
-def _first_number(element: XmlElement) -> None:
-    """Keep the first number of a list, of a whole one that 32 bits do not hold only that it is
-    one.
-    """
-    first = element.get("value", "").split()[:1]
-    if first and element.tag == tag("ssv:Integer") and _whole(first[0]) in WHOLE:
-        first = ["0"]
-    element.set("value", "".join(first))
-
-
-def _whole(text: str) -> int | None:
-    return int(text) if text.lstrip("+-").isdecimal() and len(text) < 25 else None
-
-
-def violations(root: XmlElement) -> Iterator[str]:
-    """What is not well-formed in the parts that as_version_1() leaves out, with its line."""
-    for element in root.iter(tag("ssc:Dimension")):
-        for fault in _odd_size(element):
-            yield f"line {element.sourceline}: Dimension {fault}"
-    for element in root.iter(tag("ssd:Connection")):
-        for name in ("startIndices", "endIndices"):
-            if not all((_whole(i) or 0) > 0 for i in element.get(name, "").split()):
-                text = element.get(name)
-                yield f"line {element.sourceline}: {name}='{text}' are not numbers from 1 on"
-    for element in root.iter(tag("ssv:Integer"), tag("ssv:Real"), tag("ssv:Boolean")):
-        yield from _odd_values(element)
-
-
-def _odd_size(dimension: XmlElement) -> Iterator[str]:
-    size, connector = dimension.get("size"), dimension.get("sizeConnector")
-    fixed = dimension.getparent().tag != tag("ssd:Connector")
-    if size is not None and not (_whole(size) or 0) > 0:
-        yield f"size='{size}' is not a number from 1 on"
-    if size is not None and connector is not None:
-        yield "has both size and sizeConnector"
-    if fixed and (size is None or connector is not None):
-        yield "of a parameter needs its size"
-
-
-def _odd_values(element: XmlElement) -> Iterator[str]:
-    """Values of a list beyond its first, which the schema of SSP 1.0 judges."""
-    kind = kind_of(element)
-    for text in element.get("value", "").split()[1:]:
-        if kind == "Real":
-            good = is_number(text)
-        elif kind == "Boolean":
-            good = text in ("true", "false", "0", "1")
-        else:
-            good = _whole(text) in WHOLE
-        if not good:
-            yield f"line {element.sourceline}: '{text}' is no {kind}"
 
 
 # ---- writing

@@ -218,9 +218,8 @@ def test_parameters_through_pairs_of_nested_connectors_end_in_seconds(fmus, tmp_
     top = doubled(40).replace("<d:Elements>", f"<d:ParameterBindings>{values}"
                               "</d:ParameterBindings><d:Elements>", 1)  # fmt: skip
     path = write(tmp_path / "x.ssp", top, fmus)
-    with within(5), reader.examined(path) as (found, problems):
-        assert problems
-        assert found.components[1].parameters.keys() == {"u"}
+    with within(5), reader.examined(path) as (_, problems):
+        assert any("is driven 2 times" in problem for problem in problems)
 
 
 def test_a_long_chain_of_connectors_is_refused_not_a_recursion(fmus, tmp_path):
@@ -229,7 +228,7 @@ def test_a_long_chain_of_connectors_is_refused_not_a_recursion(fmus, tmp_path):
     wires = ["count.n p0.u", *(f"p{i}.y p{i + 1}.u" for i in range(1999)), "p1999.y gain.u"]
     path = write(tmp_path / "x.ssp", system("top", [COUNT, GAIN, *passing], wires), fmus)
     with within(10), reader.examined(path) as (_, problems):
-        assert any("lies behind more than 200 connectors" in problem for problem in problems)
+        assert any("passes more than 200 connectors" in problem for problem in problems)
 
 
 def test_100_000_components_are_refused_in_seconds(fmus, tmp_path):

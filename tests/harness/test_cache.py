@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import errno
 import io
-import logging
 import os
 import shutil
 import subprocess
@@ -15,6 +14,7 @@ import time
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import pytest
@@ -64,16 +64,15 @@ def test_the_same_content_is_unpacked_once_and_other_content_elsewhere(place, tm
     assert len(entries(place)) == 2
 
 
-def test_a_process_reads_a_system_again_only_where_something_is_to_be_said(
+def test_a_process_reads_a_system_once_and_says_its_notes_every_time(
     place, make, tmp_path, monkeypatch, caplog
 ):
-    path, reads, says, read = tmp_path / "a.ssp", [], [], reader._read
+    path, reads, said, read = tmp_path / "a.ssp", [], [], reader._of_folder
 
+    @lru_cache
     def counted(folder):
         reads.append(folder)
-        for line in says:
-            logging.getLogger("harness").warning(line)
-        return read(folder)
+        return read(folder)._replace(notes=tuple(said))
 
     def steps(*loads):
         found = []
@@ -84,15 +83,15 @@ def test_a_process_reads_a_system_again_only_where_something_is_to_be_said(
                 found.append(system.experiment.stop)
         return found
 
-    monkeypatch.setattr(reader, "_read", counted)
+    monkeypatch.setattr(reader, "_known", counted)
     assert steps(6.0, None, None) == [6.0] * 3
     assert len(reads) == 1
     assert steps(7.0, None, 6.0) == [7.0, 7.0, 6.0]
     assert len(reads) == 2
-    says.append("an odd file")
+    said.append("an odd file")
     assert steps(8.0, None) == [8.0, 8.0]
-    assert len(reads) == 4
-    assert caplog.messages == says * 2
+    assert len(reads) == 3
+    assert caplog.messages == said * 2
 
 
 def test_the_folder_is_private(place, tmp_path):

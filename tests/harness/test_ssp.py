@@ -98,7 +98,7 @@ def test_a_file_of_another_tool_runs_whatever_its_prefixes(write):
         (
             "<d:Elements>",
             '<d:Elements><d:SignalDictionaryReference name="bus" dictionary="signals"/>',
-            "component bus: signal dictionaries are not supported",
+            "SystemStructure.ssd, line 8: the SignalDictionaryReference of bus is not supported",
         ),
         (
             '<v:Real value="3"/>',
