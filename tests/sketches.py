@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 from matplotlib import rc_context
 
-from harness.figures import campaign, plots, style
+from harness.cli import campaigns
+from harness.figures import plots, style
 
 
 @contextmanager
@@ -25,5 +26,5 @@ def sketched() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(plots, "save", save)
-        patch.setattr(campaign, "save", save)
+        patch.setattr(campaigns, "save", save)
         yield

@@ -8,14 +8,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import typer
 
-from harness.figures import campaign as figures
-from harness.figures.style import Style, get_ready
-from harness.studies.campaign import summary
+from harness.figures.style import Style, get_ready, save
+from harness.report.campaign import drawings
+from harness.spelling import file_stem
 from harness.studies.campaign.campaign import Progress
 from harness.studies.campaign.store import Store
 
@@ -91,22 +89,8 @@ def _lines(title: str) -> Show:
 
 def pictures(store: Store, folder: Path, ending: str, style: Style) -> list[Path]:
     """Histograms of the metrics, each metric against the factors that matter, bands over time."""
-    place = figures.Place(folder, ending, style, store.units())
-    with place.style.used():
-        return list(_pictures(store, place))
-
-
-def _pictures(store: Store, to: figures.Place) -> Iterator[Path]:
-    metrics = {n: c for n, c in summary.metric_columns(store).items() if np.isfinite(c).any()}
-    factors = summary.varying_factors(store)
-    if metrics:
-        yield figures.histograms(metrics, to)
-    for name, column in metrics.items() if factors else ():
-        if summary.is_grid(factors):
-            yield figures.chart(name, column, factors, to)
-        elif shown := summary.ranked(factors, column):
-            yield figures.scatter(name, column, shown, to)
-    for name in store.names("band"):
-        numbers: Any = store.array("percentile").tolist()
-        plain = name.removesuffix("_band")
-        yield figures.bands(plain, store.array("time"), numbers, store.array(name), to)
+    with style.used():
+        return [
+            save(drawing, folder / f"{file_stem(f'campaign_{stem}')}.{ending}")
+            for _, stem, drawing in drawings(store, style)
+        ]

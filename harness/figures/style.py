@@ -114,6 +114,18 @@ def save(canvas: Any, path: Path) -> Path:
     return path
 
 
+def place_of(colour: Any) -> Any:
+    """Place of a colour in the palette: that of `C3` or of one of the style sheet; black is ink."""
+    from matplotlib import rcParams
+    from matplotlib.colors import to_hex
+
+    if isinstance(colour, str) and re.fullmatch(r"C\d+", colour):
+        return int(colour[1:])
+    cycle = rcParams["axes.prop_cycle"].by_key()["color"]
+    known = {"#000000": "ink"} | {to_hex(each): k for k, each in reversed([*enumerate(cycle)])}
+    return known.get(to_hex(colour), 0)
+
+
 # ---- time
 
 

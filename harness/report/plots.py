@@ -18,7 +18,7 @@ import numpy as np
 
 from harness.figures.captions import untexed
 from harness.figures.finish import plane
-from harness.figures.style import Style
+from harness.figures.style import Style, place_of
 from harness.mission.figure import AXES, Phase
 from harness.mission.library import of_result
 from harness.report.arrays import Canvas
@@ -36,7 +36,8 @@ DECADES = 3.0
 QUATERNION = ("q0", "q1", "q2", "q3")
 SECONDS = {"time [s]": 1.0, "time [h]": 3600.0}
 """Labels of the time axis and their seconds."""
-INK = ("k", "black", "#000000", (0.0, 0.0, 0.0, 1.0))
+NOTE = "axes fraction"
+"""Coordinates of what is written into a corner of axes."""
 
 
 # ---- what matplotlib was told to draw
@@ -44,39 +45,39 @@ INK = ("k", "black", "#000000", (0.0, 0.0, 0.0, 1.0))
 
 def painted(canvas: Canvas, drawing: Any) -> list[Plot]:
     """The plane axes of a figure of matplotlib, from top to bottom."""
-    return [_plot(canvas, axes) | _scales(axes) for axes in plane(drawing)]
+    return [_plot(canvas, axes) for axes in plane(drawing)]
 
 
 def _plot(canvas: Canvas, axes: Any) -> Plot:
-    seconds = _seconds(axes)
+    seconds = SECONDS.get(_label(axes, "x"), 0.0)
     return {
         "title": axes.get_title(),
-        "x": "time [s]" if seconds else axes.get_xlabel(),
-        "y": " ".join(axes.get_ylabel().split()),
+        "x": "time [s]" if seconds else _label(axes, "x"),
+        "y": " ".join(_label(axes, "y").split()),
         "time": seconds > 0,
         "log": axes.get_yscale() == "log",
         "equal": axes.get_aspect() == 1.0,
         "levels": _levels(axes),
         "shade": _shade(axes, seconds or 1.0),
-        "notes": [
-            t.get_text() for t in axes.texts if getattr(t, "xycoords", "") == "axes fraction"
-        ],
-        "curves": list(_curves(canvas, axes, seconds)),
+        "notes": [t.get_text() for t in axes.texts if getattr(t, "xycoords", "") == NOTE],
+        "curves": [*_areas(canvas, axes, seconds or 1.0), *_lines(canvas, axes, seconds)],
+        **_scales(axes, seconds > 0),
     }
 
 
-def _seconds(axes: Any) -> float:
-    """Seconds of the unit of an axis of time, 0 of another one."""
-    shared = axes.get_shared_x_axes().get_siblings(axes)
-    return max((SECONDS.get(each.get_xlabel(), 0.0) for each in shared), default=0.0)
+def _label(axes: Any, which: str) -> str:
+    """The label of an axis, or of those that share it."""
+    shared = getattr(axes, f"get_shared_{which}_axes")().get_siblings(axes)
+    labels = (getattr(each, f"get_{which}label")() for each in (axes, *shared))
+    return next(filter(None, labels), "")
 
 
-def _scales(axes: Any) -> Plot:
+def _scales(axes: Any, timed: bool) -> Plot:
     """Limits of axes that were set, and ticks that are words."""
     found: Plot = {}
     if not axes.get_autoscaley_on():
         found["range"] = [float(limit) for limit in axes.get_ylim()]
-    if not axes.get_autoscalex_on() and not _seconds(axes):
+    if not axes.get_autoscalex_on() and not timed:
         found["range_x"] = [float(limit) for limit in axes.get_xlim()]
     texts = [untexed(label.get_text()) for label in axes.get_yticklabels()]
     if any(re.search("[A-Za-z]", text) for text in texts):
@@ -108,44 +109,50 @@ def _named(drawn: Any) -> str:
     return "" if label.startswith("_") else label
 
 
-def _curves(canvas: Canvas, axes: Any, seconds: float) -> Iterator[Plot]:
-    """Everything that is drawn; seconds: of the unit of time, 0: x is something else."""
-    palette: dict[Any, int] = {}
-    unit = seconds or 1.0
+def _lines(canvas: Canvas, axes: Any, seconds: float) -> Iterator[Plot]:
+    """Lines and marks; seconds: of the unit of time, 0: x is something else."""
     for line in axes.get_lines():
-        if line.get_transform() == axes.transData:
-            yield _line(canvas, line, palette, seconds)
+        if line.get_transform() != axes.transData:
+            continue
+        x, y = (np.asarray(of(), dtype=float).ravel() for of in (line.get_xdata, line.get_ydata))
+        look = {"colour": place_of(line.get_color()), "dash": _dash(line)}
+        if line.get_linestyle() in ("None", " ", ""):
+            many = "point" if line.get_alpha() is None else "dot"
+            look["marker"] = "circle" if len(x) < 3 else many
+        if line.get_gid() is not None:
+            look["group"] = line.get_gid()
+        if seconds:
+            yield canvas.curve(seconds * x, y, _named(line), **look)
+        else:
+            yield canvas.plane(x, y, name=_named(line), **look)
+
+
+def _areas(canvas: Canvas, axes: Any, unit: float) -> Iterator[Plot]:
+    """What is filled: fields of colours, bands, bars; unit: of x as the page has it."""
     for image in axes.images:
-        yield _image(canvas, image, unit)
+        left, right, bottom, top = (float(edge) for edge in image.get_extent())
+        edges = [unit * left, unit * right, bottom, top]
+        field = canvas.arrays.keep(np.asarray(image.get_array()))
+        yield {"image": field, "edges": edges, "name": ""}
     for area in axes.collections:
+        if hasattr(area, "get_coordinates"):
+            columns, rows = (area.get_coordinates()[..., k] for k in (0, 1))
+            field = canvas.arrays.keep(np.ma.filled(area.get_array(), np.nan))
+            places = {"columns": columns[0].tolist(), "rows": rows[:, 0].tolist()}
+            yield {"image": field, "name": axes.get_title(), **places}
+            continue
         for path in area.get_paths():
             corners = _corners(np.asarray(path.vertices, dtype=float)) * (unit, 1)
-            yield _filled(canvas, corners, len(palette))
+            yield _filled(canvas, corners, area, area.get_facecolor()[0])
     for bar in axes.patches:
         if bar.get_data_transform() == axes.transData:
-            yield _filled(canvas, _outline(bar), 0)
+            corners = bar.get_patch_transform().transform(bar.get_path().vertices)
+            yield _filled(canvas, corners, bar, bar.get_facecolor())
 
 
-def _outline(bar: Any) -> Any:
-    left, bottom, width, height = bar.get_bbox().bounds
-    right, top = left + width, bottom + height
-    return np.array([[left, bottom], [left, top], [right, top], [right, bottom], [left, bottom]])
-
-
-def _filled(canvas: Canvas, corners: Any, colour: int) -> Plot:
-    return _curve(canvas, *corners.T, name="", fill=True, colour=colour, dash="solid")
-
-
-def _line(canvas: Canvas, line: Any, palette: dict[Any, int], seconds: float) -> Plot:
-    x, y = (np.asarray(data, dtype=float).ravel() for data in (line.get_xdata(), line.get_ydata()))
-    look = {"colour": _colour(line.get_color(), palette), "dash": _dash(line)}
-    if line.get_linestyle() in ("None", " ", ""):
-        look["marker"] = "circle" if len(x) < 3 else "point"
-    if line.get_gid() is not None:
-        look["group"] = line.get_gid()
-    if seconds:
-        return canvas.curve(seconds * x, y, _named(line), **look)
-    return _curve(canvas, x, y, name=_named(line), **look)
+def _filled(canvas: Canvas, corners: Any, area: Any, colour: Any) -> Plot:
+    look = {"name": _named(area), "fill": True, "colour": place_of(colour), "dash": "solid"}
+    return canvas.plane(*corners.T, **look, opacity=area.get_alpha())
 
 
 def _dash(line: Any) -> str:
@@ -154,33 +161,12 @@ def _dash(line: Any) -> str:
     return ",".join(f"{length:g}px" for length in lengths) if lengths else "solid"
 
 
-def _curve(canvas: Canvas, x: Any, y: Any, **look: Any) -> Plot:
-    return (canvas.plane if len(x) > canvas.points else canvas.line)(x, y, **look)
-
-
-def _colour(colour: Any, palette: dict[Any, int]) -> Any:
-    """A place of the palette: that of a colour `C3`, else in the order of appearance."""
-    if isinstance(colour, str) and re.fullmatch(r"C\d+", colour):
-        palette.setdefault(colour, int(colour[1:]))
-        return palette[colour]
-    if colour in INK:
-        return "ink"
-    return palette.setdefault(colour, len(palette))
-
-
 def _corners(outline: Any) -> Any:
     """An outline without the points between two of the same height."""
     y = outline[:, 1]
     inner = (np.roll(y, 1) == y) & (np.roll(y, -1) == y)
     inner[[0, -1]] = False
     return outline[~inner]
-
-
-def _image(canvas: Canvas, image: Any, unit: float) -> Plot:
-    """A field of colours with the edges left, right, bottom, top."""
-    left, right, bottom, top = (float(edge) for edge in image.get_extent())
-    edges = [unit * left, unit * right, bottom, top]
-    return {"image": canvas.arrays.keep(np.asarray(image.get_array())), "edges": edges, "name": ""}
 
 
 # ---- plots of the page alone

@@ -167,7 +167,7 @@ function trace(curve, entry) {
     hovertemplate: `%{y:.6g}<extra>${Symbols.html(curve.name)}</extra>`, connectgaps: false,
   };
   if (curve.fill)
-    Object.assign(made, { fill: "toself", line: { ...look, width: 0.5 }, opacity: 0.55, hoverinfo: "skip" });
+    Object.assign(made, { fill: "toself", line: { ...look, width: 0.5 }, opacity: curve.opacity ?? 0.55, hoverinfo: "skip" });
   if (curve.group) Object.assign(made, { legendgroup: curve.group, showlegend: false });
   if (curve.marker)
     made.marker = { color: look.color, size: { point: 3, dot: 5 }[curve.marker] || 9,
