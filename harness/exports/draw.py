@@ -138,7 +138,9 @@ def _paint(axes: Any, field: Field, block: bool) -> None:
     """A field with its lines; block: it is a component."""
     from matplotlib.patches import FancyBboxPatch
 
-    look = {"fc": PAPER, "ec": INK, "lw": 1.1} if block else {"fc": "white", "ec": GREY, "lw": 0.4}
+    look: Any = (
+        {"fc": PAPER, "ec": INK, "lw": 1.1} if block else {"fc": "white", "ec": GREY, "lw": 0.4}
+    )
     corner = (field.x, field.y)
     style = "round,pad=0,rounding_size=4"
     axes.add_patch(FancyBboxPatch(corner, field.width, field.height, style, zorder=3, **look))
