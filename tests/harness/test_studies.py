@@ -493,9 +493,9 @@ def test_a_campaign_of_as_many_runs_as_wilks_demands(system, tmp_path):
 @pytest.mark.parametrize(
     ("more", "problem"),
     [
-        ({"until": {"success": 2}}, "until.success: expected a number between 0 and 1"),
-        ({"until": {"succeed": 0.9}}, "until: expected {success = 0.99"),
-        ({"until": {"success": 0.9}, "runs": 5}, "until: instead of runs"),
+        ({"until": {"success": 2}}, "until.success: must be a number between 0 and 1"),
+        ({"until": {"succeed": 0.9}}, "until.success: is missing"),
+        ({"until": {"success": 0.9}, "runs": 5}, "until: counts draws, it cannot be beside runs"),
         (
             {"until": {"success": 0.9}, "factors": {"twice.k": {"list": [1.0]}}},
             "until: counts draws",

@@ -16,7 +16,7 @@ from harness.files import paths
 from harness.mission.library import places, systems_in
 from harness.ssp import build
 from harness.ssp.library import load
-from harness.studies.campaign import draft, factors, plan
+from harness.studies.campaign import factors, plan
 from harness.studies.inquiry import study
 
 
@@ -72,10 +72,10 @@ def test_every_key_of_a_system_is_in_the_reference_and_no_other(writer):
 def test_every_key_of_a_campaign_is_in_the_reference_and_no_other(writer):
     ours = {name: set(entries) for name, entries in writer["keys"].CAMPAIGN.items()}
     assert ours == {
-        "": set(draft.KEYS),
-        "fixed": set(plan.CHANGES),
-        "factors": {*factors.CHOICES, *factors.DRAWS},
-        "keep": set(plan.KEPT),
+        "": set(plan.Table.__struct_encode_fields__),
+        "fixed": set(plan.Fixed.__struct_encode_fields__),
+        "factors": set(factors.Varied.__struct_encode_fields__),
+        "keep": set(plan.Keep.__struct_encode_fields__),
         **{name: set(entries) for name, entries in study.ENTRIES.items()},
     }
 

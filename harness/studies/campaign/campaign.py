@@ -16,28 +16,21 @@ from harness.errors import RequirementError, UsageError
 from harness.files.signals import held
 from harness.master.changes import Changes
 from harness.master.messages import said_once
-from harness.master.recorder import recorded
 from harness.ssp.library import find_system, name_of
 from harness.studies.campaign import gate, metrics
 from harness.studies.campaign.clusters import Workers
 from harness.studies.campaign.draft import read_plan
 from harness.studies.campaign.engine import Block, Flown, Fly, crew, get_ready
 from harness.studies.campaign.layout import fields
-from harness.studies.campaign.plan import Layout, Plan
+from harness.studies.campaign.plan import SUCCESS, Plan, Task
 from harness.studies.campaign.stopping import Until
 from harness.studies.campaign.store import Store, refuse_existing
 from harness.studies.campaign.summary import text, unjudged
-from harness.studies.campaign.worker import FAILED, PENDING, SUCCESS, Task
+from harness.studies.campaign.worker import FAILED, PENDING
 
-ROWS = 200
-"""Rows of kept histories, unless the campaign says otherwise."""
 BLOCKS, LARGEST_BLOCK, BLOCK_STEPS = 16, 200, 2_000_000
 """A campaign has at least so many blocks; a block has at most so many runs, and macro steps: some
 seconds of work, which is what a kill or Ctrl-C costs.
-"""
-PIECE_STEPS = 100_000
-"""Macro steps that a worker is given at once: a tenth of a second or more, against some
-milliseconds for handing them over.
 """
 
 
@@ -97,45 +90,43 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     who.check()
     get_ready(who)
     with said_once():
-        plan, found = read_plan(definition)
-    _refuse_conditions(plan, found, require)
+        plan, task = read_plan(definition)
+    _refuse_conditions(task, require)
     with ExitStack() as life:
-        store, flown = _begun((plan, found), Path(output), resume, crew(who, said), life)
+        store, flown = _begun((plan, task), Path(output), resume, crew(who, said), life)
         _keep(plan, store, flown, progress)
         store.finish()
     return _judged(Campaign(Path(output), store), require, strict)
 
 
 def _begun(
-    read: tuple[Plan, Layout],
+    read: tuple[Plan, Task],
     path: Path,
     resume: bool,
     hands: AbstractContextManager[Fly],
     life: ExitStack,
 ) -> tuple[Store, Flown]:
     """The dataset, for us alone until the end of `life`, and what it lacks, under way."""
-    plan, found = read
-    task = task_of(plan, found)
-    laid = list(fields(plan, task, found))
+    plan, task = read
+    laid = list(fields(plan, task))
     if resume and path.exists():
         store = Store.resumed(path, plan.digest, laid, life)
         fly = life.enter_context(hands)
         return store, fly(task, _blocks(plan, store.block, store.pending()))
     refuse_existing(path)
     fly = life.enter_context(hands)
-    block = max(1, min(LARGEST_BLOCK, plan.runs // BLOCKS, BLOCK_STEPS // found.steps))
+    block = max(1, min(LARGEST_BLOCK, plan.runs // BLOCKS, BLOCK_STEPS // task.steps))
     flown = fly(task, _blocks(plan, block, range(0, plan.runs, block)))
     store = Store.create(path, plan, block, laid)  # while the first ones fly
     life.enter_context(store.alone())
     return store, flown
 
 
-def _refuse_conditions(plan: Plan, found: Layout, require: Sequence[str]) -> None:
+def _refuse_conditions(task: Task, require: Sequence[str]) -> None:
     """UsageError at conditions that this campaign cannot be held to."""
-    success = [SUCCESS] if plan.success or found.requirements else []
-    texts = plan.definition.get("metrics", {})
-    units = {name: metrics.unit(str(text), found.kinds) for name, text in texts.items()}
-    if wrong := list(gate.wrong(require, [*found.requirements, *success], units)):
+    success = [SUCCESS] if SUCCESS in task.metrics else []
+    units = {n: metrics.unit(text, task.kinds) for n, text in task.table.metrics.items()}
+    if wrong := list(gate.wrong(require, [*task.requirements, *success], units)):
         raise UsageError("\n".join(wrong))
 
 
@@ -153,7 +144,7 @@ def _keep(
     plan: Plan, store: Store, flown: Flown, progress: Callable[[Progress], None] | None
 ) -> None:
     """Write what has flown, block by block."""
-    status, rule = store.array("status"), plan.until
+    status, rule = store.array("status"), plan.table.until
     missed = np.where(status == PENDING, PENDING, _missed(store) if rule else 1)
     done, failed = int((status != 0).sum()), int((status == FAILED).sum())
     for first, rows in flown:
@@ -181,33 +172,6 @@ def _decided(rule: Until, missed: NDArray[np.int8]) -> int | None:
     """Number of runs, of those without a gap before them, after which a campaign is decided."""
     gap = np.flatnonzero(missed == PENDING)
     return rule.decided((missed[: gap[0] if len(gap) else None] == 2).tolist())
-
-
-def task_of(plan: Plan, found: Layout) -> Task:
-    """What all runs of a plan have in common."""
-    texts = {name: str(text) for name, text in plan.definition.get("metrics", {}).items()}
-    if plan.success is not None:
-        texts["success"] = plan.success
-    keep = plan.keep
-    kept = tuple(dict.fromkeys((*keep.get("histories", ()), *keep.get("bands", ()))))
-    steps = recorded(found.steps, plan.every)
-    stride = max(1, -(-len(steps) // int(keep.get("rows", ROWS))))
-    rows = tuple(recorded(len(steps) - 1, stride).tolist())
-    return Task(
-        plan.digest,
-        plan.system,
-        plan.folder,
-        plan.every,
-        texts,
-        dict(found.requirements),
-        found.columns,
-        kept,
-        rows,
-        tuple(steps[list(rows)].tolist()),
-        plan.patience,
-        max(1, PIECE_STEPS // found.steps),
-        plan.executor,
-    )
 
 
 def _blocks(plan: Plan, size: int, firsts: Iterable[int]) -> Iterator[Block]:

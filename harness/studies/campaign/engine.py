@@ -20,7 +20,8 @@ from typing import Any, NamedTuple
 from harness.master.changes import Changes
 from harness.studies.campaign import worker
 from harness.studies.campaign.clusters import Workers, connected
-from harness.studies.campaign.worker import Row, Task
+from harness.studies.campaign.plan import Task
+from harness.studies.campaign.worker import Row
 from harness.studies.crew import CRASH, Crew, LostError, prepare
 
 AHEAD = 3

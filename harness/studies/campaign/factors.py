@@ -9,22 +9,30 @@ numbers serve all factors alike.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from msgspec import Meta, Struct, convert
+from msgspec.structs import asdict, fields
 from numpy.typing import NDArray
 
-from harness.spelling import did_you_mean
+from harness.system.schema import Number
 
 Array = NDArray[np.float64]
 
 SMALLEST = 2.0**-53
 """Numbers between 0 and 1 are kept this far from both ends, where a normal draw is infinite."""
-
 MAX_VALUES = 1_000_000
 """Listed values of one factor."""
+
+Numbers = Annotated[Number | list[Number], Meta(description="a number or a vector")]
+Vector = Annotated[list[Number], Meta(description="a vector of numbers")]
+Matrix = Annotated[list[list[Number]], Meta(description="rows of numbers")]
+Pair = Annotated[list[Number], Meta(min_length=2, max_length=2, description="two numbers")]
+Values = Annotated[list[Any], Meta(min_length=1, description="values in brackets")]
+NONE: Any = None
 
 
 class Draw(NamedTuple):
@@ -47,53 +55,195 @@ class Factor:
     draw: Draw | None = None
 
 
-def factor(name: str, table: Any) -> Factor:
+class Range(Struct, frozen=True):
+    """Equally spaced values to go through."""
+
+    first: Number
+    last: Number
+    count: Annotated[
+        int, Meta(ge=1, le=MAX_VALUES, description=f"a whole number from 1 to {MAX_VALUES}")
+    ]
+
+
+class Normal(Struct, frozen=True):
+    """Normal: independent elements of deviation sigma, cut to `within`, or of a covariance."""
+
+    mean: Numbers
+    sigma: Numbers = NONE
+    covariance: Matrix = NONE
+    within: Pair = NONE
+
+    def draw(self) -> Draw:
+        """ValueError with what is wrong with it."""
+        _demand((self.sigma is None) != (self.covariance is None), "either sigma or covariance")
+        if self.covariance is not None:
+            return self._correlated()
+        m, s = _vectors(self.mean, self.sigma)
+        _demand(s > 0, f"a positive sigma, not {self.sigma}")
+        low, width = self._probabilities(m, s)
+
+        def value(u: Array) -> Any:
+            return _shaped(m + s * normal_quantile(low + u * width), self.mean, self.sigma)
+
+        return Draw(m.size, value)
+
+    def _probabilities(self, m: Array, s: Array) -> tuple[Any, Any]:
+        """Value of the distribution function at the lower end of `within`, and what is between."""
+        if self.within is None:
+            return 0.0, 1.0
+        from scipy.special import ndtr
+
+        lowest, highest = self.within
+        _demand(lowest < highest, f"the smaller number of within first, not {self.within}")
+        low, high = ndtr((lowest - m) / s), ndtr((highest - m) / s)
+        return low, high - low
+
+    def _correlated(self) -> Draw:
+        """X = mean + L z, L L^T = covariance."""
+        _demand(self.within is None, "no within beside a covariance")
+        m = np.asarray(self.mean, dtype=np.float64)
+        _demand(m.ndim == 1, "a mean that is a vector")
+        size = f"a symmetric, positive definite covariance, {m.size} x {m.size}"
+        _demand([len(row) for row in self.covariance] == [m.size] * m.size, size)
+        c = np.asarray(self.covariance, dtype=np.float64)
+        _demand(c == c.T, size)
+        try:
+            factor_l = np.linalg.cholesky(c)
+        except np.linalg.LinAlgError as error:
+            raise ValueError(f"expected {size}") from error
+        return Draw(m.size, lambda u: (m + factor_l @ normal_quantile(u)).tolist())
+
+
+class LogNormal(Struct, frozen=True):
+    """Log-normal: x = median exp(sigma z)."""
+
+    median: Numbers
+    sigma: Numbers
+
+    def draw(self) -> Draw:
+        """ValueError with what is wrong with it."""
+        m, s = _vectors(self.median, self.sigma)
+        _demand(s > 0, f"a positive sigma, not {self.sigma}")
+        _demand(m > 0, f"a positive median, not {self.median}")
+
+        def value(u: Array) -> Any:
+            return _shaped(m * np.exp(s * normal_quantile(u)), self.median, self.sigma)
+
+        return Draw(m.size, value)
+
+
+class Uniform(Struct, frozen=True):
+    """Uniform between both."""
+
+    low: Numbers
+    high: Numbers
+
+    def draw(self) -> Draw:
+        """ValueError with what is wrong with it."""
+        a, b = _vectors(self.low, self.high)
+        _demand(a < b, f"a low that is smaller than high, not {self.low}")
+        return Draw(a.size, lambda u: _shaped(a + u * (b - a), self.low, self.high))
+
+
+class Rotation(Struct, frozen=True):
+    """Rotation vector phi = sigma z [rad]; with an attitude q the quaternion q * exp(phi / 2)."""
+
+    sigma: Numbers
+    attitude: Vector = NONE
+
+    def draw(self) -> Draw:
+        """ValueError with what is wrong with it."""
+        s = _vectors(self.sigma, [0.0] * 3)[0]
+        _demand(s > 0, f"a positive sigma, not {self.sigma}")
+        if self.attitude is None:
+            return Draw(3, lambda u: (s * normal_quantile(u)).tolist())
+        q = np.array(self.attitude)
+        unit = len(q) == 4 and abs(np.linalg.norm(q) - 1) <= 1e-9
+        _demand(unit, f"an attitude that is a unit quaternion, not {self.attitude}")
+        return Draw(3, lambda u: _product(q, _exponential(s * normal_quantile(u))).tolist())
+
+
+class Inertia(Struct, frozen=True):
+    """Inertia of a body: second moments P_i = tr(J)/2 - J_i times exp(spread z), axes turned by a
+    rotation vector of deviation `axes` [rad].
+
+    Whatever is drawn is positive definite and obeys the triangle rule, for all P_i are positive.
+    """
+
+    principal: Vector
+    spread: Number
+    axes: Number = 0.0
+
+    def draw(self) -> Draw:
+        """ValueError with what is wrong with it."""
+        j = np.array(self.principal)
+        p = j.sum() / 2 - j
+        fine = len(j) == 3 and (p > 0).all()
+        words = "three principal moments that obey the triangle rule"
+        _demand(fine, f"{words}, not {self.principal}")
+        _demand(min(self.spread, self.axes) >= 0, "a spread and axes that are not negative")
+
+        def value(u: Array) -> list[list[float]]:
+            z = normal_quantile(u)
+            moments = p * np.exp(self.spread * z[:3])
+            turn = _matrix(_exponential(self.axes * z[3:]))
+            return _symmetric(turn @ np.diag(moments.sum() - moments) @ turn.T)
+
+        return Draw(6, value)
+
+
+class Varied(Struct, frozen=True):
+    """A factor in the file of a campaign: one of these."""
+
+    list: Values = NONE
+    range: Range | None = None
+    normal: Normal | None = None
+    log_normal: LogNormal | None = None
+    uniform: Uniform | None = None
+    rotation: Rotation | None = None
+    inertia: Inertia | None = None
+
+
+CHOICES = ("list", "range")
+"""Kinds of factors that are gone through, not drawn."""
+
+
+def factor(name: str, table: Varied | Mapping[str, Any]) -> Factor:
     """A factor from its table, e.g. {normal = {mean = 1.0, sigma = 0.1}}; ValueError with what is
     wrong with it.
     """
-    if not isinstance(table, Mapping) or len(table) != 1:
-        raise ValueError(f"expected one of {', '.join((*CHOICES, *DRAWS))}")
-    (kind, given), *_ = table.items()
+    entries = asdict(convert(table, Varied))
+    given = {kind: each for kind, each in entries.items() if each is not None}
+    if len(given) != 1:
+        raise ValueError(f"expected one of {', '.join(f.name for f in fields(Varied))}")
+    ((kind, each),) = given.items()
+    if isinstance(each, Range):
+        return Factor(name, tuple(map(float, np.linspace(each.first, each.last, each.count))))
     if kind in CHOICES:
-        if not (choices := tuple(CHOICES[kind](given))):
-            raise ValueError(f"{kind}: is empty")
-        return Factor(name, choices)
-    if kind not in DRAWS:
-        raise ValueError(f"there is no {kind}{did_you_mean(kind, (*CHOICES, *DRAWS))}")
-    if not isinstance(given, Mapping):
-        raise ValueError(f"{kind}: expected a table of numbers")
+        return Factor(name, tuple(each))
     try:
-        return Factor(name, draw=DRAWS[kind](**given))
-    except TypeError as error:  # Python's words name the argument
-        raise ValueError(f"{kind}: {str(error).partition('() ')[2]}") from error
+        return Factor(name, draw=each.draw())
     except ValueError as error:
         raise ValueError(f"{kind}: {error}") from error
 
 
-# ---- values to go through
+def _demand(holds: Any, words: str) -> None:
+    """ValueError if a rule does not hold, of any element."""
+    if not np.all(holds):
+        raise ValueError(f"expected {words}")
 
 
-def _list(given: Any) -> Sequence[Any]:
-    if not isinstance(given, Sequence) or isinstance(given, str):
-        raise ValueError("list: expected values in brackets")
-    return given
+def _vectors(a: Any, b: Any) -> tuple[Array, Array]:
+    """Two vectors of one length, of numbers or vectors."""
+    x, y = np.atleast_1d(np.asarray(a, np.float64)), np.atleast_1d(np.asarray(b, np.float64))
+    _demand(len({x.size, y.size} - {1}) <= 1, f"vectors of one length, not {a} and {b}")
+    size = max(x.size, y.size)
+    return np.broadcast_to(x, size), np.broadcast_to(y, size)
 
 
-def _range(given: Any) -> Sequence[float]:
-    wanted = {"first", "last", "count"}
-    if not isinstance(given, Mapping) or given.keys() != wanted:
-        raise ValueError("range: expected first, last and count")
-    if not isinstance(given["count"], int) or given["count"] < 0:
-        raise ValueError(f"range: count must be a whole number, not {given['count']}")
-    if given["count"] > MAX_VALUES:
-        raise ValueError(f"range: count must be at most {MAX_VALUES}")
-    first, last = _two([given["first"], given["last"]], "range: first and last")
-    return [float(x) for x in np.linspace(first, last, given["count"])]
-
-
-CHOICES: dict[str, Callable[[Any], Sequence[Any]]] = {"list": _list, "range": _range}
-
-# ---- numbers for all draws of a campaign, and the seeds of its runs
+def _shaped(values: Array, *given: Any) -> Any:
+    """A number where numbers were given, else a list."""
+    return values.tolist() if any(np.ndim(g) for g in given) else float(values[0])
 
 
 def normal_quantile(p: Array) -> Array:
@@ -101,74 +251,6 @@ def normal_quantile(p: Array) -> Array:
     from scipy.special import ndtri
 
     return np.asarray(ndtri(p))
-
-
-def _normal(
-    mean: Any, sigma: Any = None, covariance: Any = None, within: Sequence[float] | None = None
-) -> Draw:
-    """Normal: independent elements of deviation sigma, cut to `within`, or of a covariance."""
-    if (sigma is None) == (covariance is None):
-        raise ValueError("expected either sigma or covariance")
-    if covariance is not None:
-        return _correlated(mean, covariance, within)
-    m, s = _vectors(mean, sigma)
-    _demand(s > 0, "sigma", "must be positive", sigma)
-    low, high = (0.0, 1.0) if within is None else _probabilities(m, s, within)
-    return Draw(
-        m.size, lambda u: _shaped(m + s * normal_quantile(low + u * (high - low)), mean, sigma)
-    )
-
-
-def _probabilities(m: Array, s: Array, within: Sequence[float]) -> tuple[Any, Any]:
-    """Values of the distribution function at both ends of the truncation."""
-    from scipy.special import ndtr
-
-    lowest, highest = _two(within, "within")
-    if not lowest < highest:
-        raise ValueError(f"within: expected the smaller number first, got {list(within)}")
-    return ndtr((lowest - m) / s), ndtr((highest - m) / s)
-
-
-def _correlated(mean: Any, covariance: Any, within: Any) -> Draw:
-    """Correlated normal: x = mean + L z, L L^T = covariance."""
-    if within is not None:
-        raise ValueError("a covariance cannot be cut to within")
-    m, c = _numbers(mean, "mean"), _numbers(covariance, "covariance")
-    if m.ndim != 1 or c.shape != (m.size, m.size):
-        raise ValueError(f"covariance must be {m.size} x {m.size}")
-    if not np.array_equal(c, c.T):
-        raise ValueError("covariance must be symmetric")
-    try:
-        factor_l = np.linalg.cholesky(c)
-    except np.linalg.LinAlgError as error:
-        raise ValueError("covariance must be positive definite") from error
-    return Draw(m.size, lambda u: (m + factor_l @ normal_quantile(u)).tolist())
-
-
-def _log_normal(median: Any, sigma: Any) -> Draw:
-    """Log-normal: x = median exp(sigma z)."""
-    m, s = _vectors(median, sigma)
-    _demand(s > 0, "sigma", "must be positive", sigma)
-    _demand(m > 0, "median", "must be positive", median)
-    return Draw(m.size, lambda u: _shaped(m * np.exp(s * normal_quantile(u)), median, sigma))
-
-
-def _uniform(low: Any, high: Any) -> Draw:
-    a, b = _vectors(low, high)
-    _demand(a < b, "low", "must be smaller than high", low)
-    return Draw(a.size, lambda u: _shaped(a + u * (b - a), low, high))
-
-
-def _rotation(sigma: Any, attitude: Sequence[float] | None = None) -> Draw:
-    """Rotation vector phi = sigma z [rad]; with an attitude q the quaternion q * exp(phi / 2)."""
-    s = np.broadcast_to(_numbers(sigma, "sigma"), 3)
-    _demand(s > 0, "sigma", "must be positive", sigma)
-    if attitude is None:
-        return Draw(3, lambda u: (s * normal_quantile(u)).tolist())
-    q = _numbers(attitude, "attitude")
-    if q.shape != (4,) or abs(np.linalg.norm(q) - 1) > 1e-9:
-        raise ValueError("attitude must be a unit quaternion")
-    return Draw(3, lambda u: _product(q, _exponential(s * normal_quantile(u))).tolist())
 
 
 def _exponential(phi: Array) -> Array:
@@ -183,30 +265,6 @@ def _product(a: Array, b: Array) -> Array:
     return np.array([a[0] * b[0] - a[1:] @ b[1:], *vector])
 
 
-def _inertia(principal: Any, spread: float, axes: float = 0.0) -> Draw:
-    """Inertia of a body: second moments P_i = tr(J)/2 - J_i times exp(spread z), axes turned by a
-    rotation vector of deviation `axes` [rad].
-
-    Whatever is drawn is positive definite and obeys the triangle rule, for all P_i are positive.
-    """
-    j = _numbers(principal, "principal")
-    if j.shape != (3,):
-        raise ValueError("principal: expected three moments of inertia")
-    p = j.sum() / 2 - j
-    if not (p > 0).all():
-        raise ValueError(f"principal must obey the triangle rule, not {list(principal)}")
-    if not (spread >= 0 and axes >= 0):
-        raise ValueError("spread and axes must not be negative")
-
-    def value(u: Array) -> list[list[float]]:
-        z = normal_quantile(u)
-        moments = p * np.exp(spread * z[:3])
-        turn = _matrix(_exponential(axes * z[3:]))
-        return _symmetric(turn @ np.diag(moments.sum() - moments) @ turn.T)
-
-    return Draw(6, value)
-
-
 def _matrix(q: Array) -> Array:
     """Rotation matrix of a quaternion, scalar first."""
     x = np.array([[0, -q[3], q[2]], [q[3], 0, -q[1]], [-q[2], q[1], 0]])
@@ -216,54 +274,6 @@ def _matrix(q: Array) -> Array:
 def _symmetric(j: Array) -> list[list[float]]:
     """Equal to the last bit on both sides of the diagonal."""
     return [[float(j[min(a, b), max(a, b)]) for b in range(3)] for a in range(3)]
-
-
-DRAWS: dict[str, Callable[..., Draw]] = {
-    "normal": _normal,
-    "log_normal": _log_normal,
-    "uniform": _uniform,
-    "rotation": _rotation,
-    "inertia": _inertia,
-}
-
-# ---- numbers
-
-
-def _numbers(given: Any, name: str) -> Array:
-    try:
-        array = np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise ValueError(f"{name} must be numbers, not {given}") from error
-    if not np.isfinite(array).all():
-        raise ValueError(f"{name} must be finite")
-    return array
-
-
-def _vectors(a: Any, b: Any) -> tuple[Array, Array]:
-    try:
-        x, y = np.broadcast_arrays(_numbers(a, "it"), _numbers(b, "it"))
-    except ValueError as error:
-        raise ValueError(f"{a} and {b} do not fit together ({error})") from error
-    if x.ndim > 1:
-        raise ValueError("expected a number or a vector")
-    return np.atleast_1d(x), np.atleast_1d(y)
-
-
-def _two(given: Sequence[float], name: str) -> tuple[float, float]:
-    array = _numbers(given, name)
-    if array.shape != (2,):
-        raise ValueError(f"{name}: expected two numbers")
-    return float(array[0]), float(array[1])
-
-
-def _demand(holds: NDArray[np.bool_], name: str, rule: str, given: Any) -> None:
-    if not holds.all():
-        raise ValueError(f"{name} {rule}, not {given}")
-
-
-def _shaped(values: Array, *given: Any) -> Any:
-    """A number where numbers were given, else a list."""
-    return values.tolist() if any(np.ndim(g) for g in given) else float(values[0])
 
 
 # ---- numbers for all draws of a campaign, and the seeds of its runs

@@ -20,6 +20,7 @@ from harness.results.evaluation import evaluate, resolved, unit_of
 from harness.results.expressions import QUANTITY, Node, parsed
 from harness.results.verdict import Judged, Kind, Verdict, missed
 from harness.spelling import did_you_mean
+from harness.studies.campaign.plan import SUCCESS
 from harness.studies.campaign.store import Store
 from harness.studies.campaign.summary import (
     expectations,
@@ -27,7 +28,6 @@ from harness.studies.campaign.summary import (
     requirements,
     success,
 )
-from harness.studies.campaign.worker import SUCCESS
 
 TOKEN = re.compile(
     rf"{QUANTITY.pattern}|\b(?P<bound>met|lower)\(\s*(?P<share>\w+)\s*\)|(?<![\w.])(?P<name>[^\W\d]\w*)(?![\w(.])"

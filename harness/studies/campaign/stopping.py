@@ -6,9 +6,14 @@ often one looks.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from typing import Annotated
+
+from msgspec import Meta, Struct
+
+from harness.system.schema import Count, Flag
+
+Share = Annotated[float, Meta(gt=0, lt=1, description="a number between 0 and 1")]
 
 
 def clopper_pearson(failures: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
@@ -61,18 +66,17 @@ def wald(failures: int, runs: int, probability: float, confidence: float) -> boo
     return True if ratio >= bound else False if ratio <= -bound else None
 
 
-@dataclass(frozen=True)
-class Until:
+class Until(Struct, frozen=True):
     """When a campaign has flown enough: `until = {success = 0.99, confidence = 0.95}`.
 
     success: what the share of successes shall exceed; fixed: by so many runs without a failure as
     Wilks demands, else as soon as Wald's test has decided; most: runs of a test without an end.
     """
 
-    success: float
-    confidence: float = 0.95
-    fixed: bool = False
-    most: int = 0
+    success: Share
+    confidence: Share = 0.95
+    fixed: Flag = False
+    most: Count = 0
 
     @property
     def runs(self) -> int:
@@ -104,22 +108,3 @@ class Until:
                 return f"{wanted}: not decided by {runs} runs, {failures} failed ({rule})"
         word = "shown" if shown else "NOT shown" if self.fixed else "not so"
         return f"{wanted}: {word} by {runs} runs, {failures} failed ({rule})"
-
-
-def wrong_until(given: Any, definition: Mapping[str, Any]) -> Iterator[str]:
-    """What is wrong with the entry `until` of a campaign, a line each."""
-    names = set(Until.__dataclass_fields__)
-    if not isinstance(given, Mapping) or not given.keys() <= names or "success" not in given:
-        yield "until: expected {success = 0.99, confidence = 0.95}, also with fixed and most"
-        return
-    for name in ("success", "confidence"):
-        share = given.get(name, 0.95)
-        if isinstance(share, bool) or not isinstance(share, int | float) or not 0 < share < 1:
-            yield f"until.{name}: expected a number between 0 and 1, got {share}"
-    if not isinstance(given.get("fixed", False), bool):
-        yield f"until.fixed: expected true or false, got {given['fixed']}"
-    most = given.get("most", 1)
-    if isinstance(most, bool) or not isinstance(most, int) or most < 1:
-        yield f"until.most: expected a whole number above 0, got {most}"
-    if "runs" in definition:
-        yield "until: instead of runs, not beside them"

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from harness.results.verdict import OPEN, Judged, Kind, Verdict
 from harness.spelling import one_line
-from harness.studies.campaign.plan import Plan
+from harness.studies.campaign.plan import SUCCESS, Plan
 from harness.studies.campaign.store import Store
-from harness.studies.campaign.worker import COMPLETE, FAILED, SUCCESS, VERDICTS
+from harness.studies.campaign.worker import COMPLETE, FAILED, VERDICTS
 from harness.system.units import with_unit
 
 Array = NDArray[np.float64]
@@ -249,7 +249,7 @@ def _why(store: Store, run: int, name: str) -> str:
 def _shares(store: Store) -> Iterator[str]:
     shares = {SUCCESS: success(store)}
     shares |= {f"requirement {name}": share for name, share in requirements(store).items()}
-    rule = Plan(*store.definition()).until
+    rule = Plan(*store.definition()).table.until
     if rule is not None and (flown := shares[SUCCESS]) is not None:
         failures = len(flown.missed) + len(flown.unjudged)
         yield f"until: {rule.verdict(failures, flown.met + failures)}"
@@ -335,7 +335,8 @@ def worst(store: Store, metrics: Mapping[str, Array]) -> tuple[str, list[int]]:
     """Metric and numbers of the ten worst runs: largest first, or smallest if the campaign says
     `worst = "-metric"`.
     """
-    given = Plan(*store.definition()).worst or next(iter(metrics))
+    wanted = Plan(*store.definition()).table.worst
+    given = wanted if wanted and isinstance(wanted, str) else next(iter(metrics))
     name = given.removeprefix("-")
     sign = 1.0 if given.startswith("-") else -1.0
     order = np.argsort(sign * metrics[name], kind="stable")

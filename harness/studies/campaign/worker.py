@@ -13,7 +13,6 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -26,44 +25,17 @@ from harness.results.result import Result
 from harness.results.verdict import Verdict
 from harness.ssp.library import take_mission
 from harness.studies.campaign.metrics import Metric, is_condition, measured, read
+from harness.studies.campaign.plan import SUCCESS, Task
 from harness.studies.warm import Reading, Warm
 
 Array = NDArray[np.float64]
 
 PENDING, COMPLETE, FAILED = 0, 1, 2
 """Status of a run."""
-SUCCESS = "success"
-"""Name of the metric that is true for a run that has succeeded; one that failed has not."""
 VERDICTS = (Verdict.NOT_JUDGED, Verdict.MET, Verdict.NOT_MET, Verdict.NOT_EXERCISED)
 """Verdicts on a requirement by their number in a dataset."""
 
 _log = logging.getLogger("harness")
-
-
-@dataclass(frozen=True)
-class Task:
-    """What all runs of a campaign have in common, as plain data.
-
-    metrics: texts by name; requirements: texts of those of the system by name, judged in every run;
-    success is what `metrics` says, or all of them; kept: variables whose histories are wanted, in
-    recorded rows of these numbers, after so many macro steps; patience: how long an FMU that is not
-    ours may take for one call [s]; piece: runs that a worker is given at once; executor: as for
-    run(), of which `fused` records only what is read of a run.
-    """
-
-    key: str
-    system: Path
-    folder: Path
-    every: int
-    metrics: dict[str, str]
-    requirements: dict[str, str]
-    columns: tuple[str, ...]
-    kept: tuple[str, ...] = ()
-    rows: tuple[int, ...] = ()
-    steps: tuple[int, ...] = ()
-    patience: float = 60.0
-    piece: int = 1
-    executor: str = "c"
 
 
 class Row(NamedTuple):
@@ -103,8 +75,8 @@ def _pilot(task: Task) -> _Pilot:
     if task.key not in _pilots:
         close()
         take_mission(task.system)
-        found = {name: read(name, text, task.folder) for name, text in task.metrics.items()}
-        _pilots[task.key] = _Pilot(task, Warm(task.system, task.executor), found)
+        found = {n: read(n, text, task.folder) for n, text in task.table.texts.items()}
+        _pilots[task.key] = _Pilot(task, Warm(task.system, task.table.executor), found)
     return _pilots[task.key]
 
 
@@ -152,28 +124,22 @@ def _complete(pilot: _Pilot, changes: Changes) -> Row:
     """A run that does not fail; once more, with everything, if something was read of it that was
     not recorded.
     """
-    task = pilot.task
-    result = pilot.warm.fly(changes, task.every, task.patience, pilot.wanted)
+    table = pilot.task.table
+    result = pilot.warm.fly(changes, table.every, table.patience, pilot.wanted)
     row = _row(pilot, COMPLETE, "", result)
     if isinstance(result, Reading) and result.missed:
-        result = pilot.warm.fly(changes, task.every, task.patience)
+        result = pilot.warm.fly(changes, table.every, table.patience)
         row = _row(pilot, COMPLETE, "", result)
     if isinstance(result, Reading):
         pilot.wanted = frozenset(result.asked).union(pilot.wanted or ())
     return row
 
 
-def lost(task: Task, message: str, time: float = float("nan")) -> Row:
+def lost(task: Task, message: str, time: float = math.nan) -> Row:
     """The row of a run that has left nothing but a message."""
-    last = np.full(len(task.columns), np.nan)
-    nothing = dict.fromkeys(metrics_of(task), float("nan"))
-    count = len(task.requirements)
+    last = np.full(len(task.kinds.columns), np.nan)
+    nothing, count = dict.fromkeys(task.metrics, math.nan), len(task.requirements)
     return Row(FAILED, message, time, last, nothing, (0,) * count, (-math.inf,) * count, {})
-
-
-def metrics_of(task: Task) -> dict[str, None]:
-    """Names of what a run is measured by; success too, if anything says what that is."""
-    return dict.fromkeys((*task.metrics, *([SUCCESS] if task.requirements else [])))
 
 
 def _row(pilot: _Pilot, status: int, message: str, result: Result) -> Row:
@@ -187,7 +153,7 @@ def _row(pilot: _Pilot, status: int, message: str, result: Result) -> Row:
     if status == COMPLETE:
         told = {f.name: f.told for f in judged if f.verdict is not Verdict.MET}
         told |= {name: reason for name, reason in reasons.items() if reason}
-        if metrics.get(SUCCESS) == 0 and is_condition(text := task.metrics.get(SUCCESS, "")):
+        if metrics.get(SUCCESS) == 0 and is_condition(text := task.table.success):
             told[SUCCESS] = finding(result, SUCCESS, text).told
         message = "\n".join(f"{name}: {reason}" for name, reason in told.items())
     margins = {f.name: f.margin for f in judged if f.margin is not None}
@@ -202,7 +168,7 @@ def _row(pilot: _Pilot, status: int, message: str, result: Result) -> Row:
         metrics,
         tuple(verdicts.get(name, 0) for name in task.requirements),
         tuple(margins.get(name, math.nan) for name in task.requirements),
-        {name: _thinned(task, result[name]) for name in task.kept if name in result},
+        {name: _thinned(task, result[name]) for name in task.table.kept if name in result},
     )
 
 
@@ -217,10 +183,10 @@ def _all_met(judged: Sequence[Finding]) -> tuple[float, str]:
 def _last(task: Task, result: Result) -> Array:
     """Last row in the columns of the campaign; a swapped FMU may have others."""
     last = result.last if isinstance(result, Reading) else result.values[-1]
-    if result.columns == task.columns:
+    if result.columns == task.kinds.columns:
         return np.array(last)
     given = dict(zip(result.columns, last, strict=True))
-    return np.array([given.get(name, np.nan) for name in task.columns])
+    return np.array([given.get(name, np.nan) for name in task.kinds.columns])
 
 
 def _thinned(task: Task, history: Array) -> Array:

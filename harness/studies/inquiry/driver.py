@@ -78,13 +78,13 @@ class Driver:
         self.nominal = self.ask(np.zeros((1, flights.d)))[0]
 
     def _opened(self, resume: bool) -> tuple[Store, Kept]:
-        plan, found = self.flights.plan, self.flights.found
-        laid = list(fields(plan, self.flights.task, found))
+        plan, task = self.flights.plan, self.flights.task
+        laid = list(fields(plan, task))
         if resume and self.path.exists():
             store = Store.resumed(self.path, plan.digest, laid, self._life, self.kind)
         else:
             refuse_existing(self.path)
-            block = max(1, min(LARGEST_BLOCK, BLOCK_STEPS // found.steps))
+            block = max(1, min(LARGEST_BLOCK, BLOCK_STEPS // task.steps))
             store = Store.create(self.path, plan, block, laid)
             store.group.attrs.update({"kind": self.kind, "versions": _versions()})
             self._life.enter_context(store.alone())

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,6 @@ from harness.master.changes import Changes
 from harness.master.messages import said_once
 from harness.results.requirements import has_slope
 from harness.spelling import did_you_mean
-from harness.studies.campaign.campaign import task_of
 from harness.studies.campaign.clusters import Workers
 from harness.studies.campaign.draft import read_plan, table_of
 from harness.studies.campaign.engine import Block, Fly, crew, get_ready
@@ -64,12 +64,12 @@ class Flights:
         self.workers = Workers(workers)
         get_ready(self.workers)
         with said_once():
-            self.plan, self.found = read_plan(table | {"runs": 1}, file)
+            self.plan, self.task = read_plan(table | {"runs": 1}, file)
         self.groups = {name: list(places) for name, places in self.plan.groups.items()}
         self.d = sum(map(len, self.groups.values()))
         if not self.d:
             raise UsageError("factors: nothing is drawn, so there is nothing to ask about")
-        self.names = [*self.found.requirements]
+        self.names = [*self.task.requirements]
         self.reserve(1)
         self._said, self._life = said, ExitStack()
         self._fly: Fly | None = None
@@ -77,7 +77,7 @@ class Flights:
     def reserve(self, runs: int) -> None:
         """Reserve this number of runs in a dataset."""
         self.plan = self.plan.with_entries(runs=runs, asked=self.d)
-        self.task = task_of(self.plan, self.found)
+        self.task = replace(self.task, key=self.plan.digest, table=self.plan.table)
 
     def __enter__(self) -> Flights:
         self._fly = self._life.enter_context(crew(self.workers, self._said))
@@ -129,7 +129,7 @@ def refuse_listed(table: Mapping[str, Any]) -> None:
     """StructureError if factors are gone through: a list has no normal number."""
     factors = table.get("factors")
     given = factors.items() if isinstance(factors, Mapping) else ()
-    listed = [n for n, each in given if isinstance(each, Mapping) and each.keys() & CHOICES.keys()]
+    listed = [n for n, each in given if isinstance(each, Mapping) and each.keys() & {*CHOICES}]
     if listed:
         raise StructureError(
             f"factors.{name}: listed values cannot be asked about; one file per value, or [fixed]"
@@ -158,7 +158,7 @@ def _column(flights: Flights, name: str, slope: bool) -> int:
             f"of: there is no requirement {name}{did_you_mean(name, flights.names)}; "
             f"there are: {known}"
         )
-    text = flights.found.requirements[name]
+    text = flights.task.requirements[name]
     if slope and not has_slope(text):
         raise UsageError(
             f"of: {name} ({text}) is met or not, without a slope that leads there; compare "

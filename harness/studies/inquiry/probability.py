@@ -308,7 +308,7 @@ def probability(definition: Any, output: str | Path, **how: Any) -> Study:
     entry, flights = prepared("probability", definition, how)
     slope = entry["method"] != "random"
     ((name, k),) = columns(entry["of"], flights, slope, most=1).items()
-    method = _method(entry, name, flights.d, flights.plan.seed)
+    method = _method(entry, name, flights.d, flights.plan.table.seed)
     with begun("probability", flights, int(entry["flights"]), output, how) as driver:
         say_nominal(driver, {name: k}, how.get("said", print))
         if driver.nominal[k] <= 0 and slope:

@@ -167,7 +167,7 @@ def sensitivity(definition: Any, output: str | Path | None = None, **how: Any) -
         return Study(Path(definition), of_dataset(Path(definition)))
     entry, flights = prepared("sensitivity", definition, how)
     of = columns(entry["of"], flights, slope=False)
-    groups, seed, said = [*flights.groups.values()], flights.plan.seed, how.get("said", print)
+    groups, seed, said = [*flights.groups.values()], flights.plan.table.seed, how.get("said", print)
     count, per = _count(entry, len(groups))
     method: Any = partial(METHODS[entry["method"]], groups, flights.d, count, seed)
     if count * per != entry["flights"]:

@@ -18,8 +18,7 @@ from harness.errors import StructureError, UsageError
 from harness.spelling import did_you_mean
 from harness.studies.campaign.campaign import Campaign
 from harness.studies.campaign.draft import table_of
-from harness.studies.campaign.factors import factor as factor_of
-from harness.studies.campaign.plan import Plan, is_number
+from harness.studies.campaign.plan import Plan
 from harness.studies.campaign.stopping import clopper_pearson
 from harness.studies.campaign.store import Store
 from harness.studies.campaign.worker import FAILED
@@ -96,6 +95,12 @@ def _wrong(kind: str, given: Mapping[str, Any]) -> Iterator[str]:
     if kind in METHODS and method not in METHODS[kind]:
         close = did_you_mean(str(method), METHODS[kind])
         yield f"{kind}.method: there is no {method}{close}; expected {', '.join(METHODS[kind])}"
+
+
+def is_number(value: Any) -> bool:
+    """Whether it is a number that a double holds; true and false are none."""
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    return isinstance(value, float) or (whole and abs(value) < 2**1023)
 
 
 def _expected(name: str, wanted: Any, value: Any) -> str:
@@ -249,9 +254,7 @@ def _moved(store: Store, numbers: Any, count: int = 5) -> str:
 
 
 def _groups(store: Store) -> dict[str, range]:
-    table, folder = store.definition()
-    made = tuple(factor_of(name, given) for name, given in table.get("factors", {}).items())
-    return Plan(table, folder, made).groups
+    return Plan(*store.definition()).groups
 
 
 def _probability(of: _Of) -> Iterator[str]:

@@ -45,7 +45,7 @@ def tuned(
     of: list[str],
 ) -> tuple[Generator[Array, Array, Tuned], int]:
     """The method, and how many flights it takes."""
-    rng = np.random.default_rng([flights.plan.seed, 1])
+    rng = np.random.default_rng([flights.plan.table.seed, 1])
     draws = rng.standard_normal((int(entry["draws"]), flights.d))
     if archive is not None:
         draws = np.concatenate([_archived(archive, flights, gains, of), draws])
@@ -56,7 +56,7 @@ def tuned(
     if candidates < least:
         raise UsageError(f"tune.flights: at least {least * len(draws)}, {least} candidates")
     runs = len(draws) * (1 + candidates) + 2 * len(unseen)
-    inner = search(len(gains), flights.plan.seed, candidates, float(entry["box"]))
+    inner = search(len(gains), flights.plan.table.seed, candidates, float(entry["box"]))
     return _tuned(draws, unseen, gains, inner), runs
 
 

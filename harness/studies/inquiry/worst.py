@@ -136,7 +136,7 @@ def worst(definition: Any, output: str | Path, **how: Any) -> Study:
     each, least = int(entry["flights"]) // searches, generation(flights.d)
     if each < least:
         raise UsageError(f"worst.flights: at least {least}, one generation, for each search")
-    seeds = SEEDS if flights.plan.seeds else 0
+    seeds = SEEDS if flights.plan.table.seeds else 0
     runs = len(of) * (each * searches + seeds)
     found: dict[str, Any] = {}
     with begun("worst", flights, runs, output, how) as driver:
@@ -152,7 +152,7 @@ def worst(definition: Any, output: str | Path, **how: Any) -> Study:
 
 def _searched(driver: Driver, column: int, entry: Mapping[str, Any]) -> dict[str, Any]:
     """The worst flight of a requirement, by searches of equal length from one seed each."""
-    first, searches, seed = driver.flown, int(entry["searches"]), driver.flights.plan.seed
+    first, searches, seed = driver.flown, int(entry["searches"]), driver.flights.plan.table.seed
     each, d = int(entry["flights"]) // searches, driver.flights.d
     results = [
         driver.answer(search(d, seed + 1000 * n, each, entry["box"]), column)
@@ -184,12 +184,12 @@ def _confirm(driver: Driver, found: dict[str, Any], output: Path) -> None:
         rows |= {n: (np.array(each["numbers"]), each["run"]) for n, each in found.items()}
         for name, (z, run) in rows.items():
             changes: Any = {k: v for k, v in flights.changes(z, run).items() if k != "step"}
-            result = _flown(warm, changes, flights.plan.patience)
+            result = _flown(warm, changes, flights.plan.table.patience)
             if result is None:
                 continue
             save(result, folder / f"{_file(name)}.nc")
             if name in found:
-                own = margin(result, flights.found.requirements[name])
+                own = margin(result, flights.task.requirements[name])
                 found[name]["own step"] = own
                 limit = CLOSE * abs(found[name]["margin"] - found[name]["nominal"])
                 found[name]["differs"] = not abs(own - found[name]["margin"]) <= limit
