@@ -12,6 +12,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from operator import itemgetter
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -31,9 +32,9 @@ OTHERS = 6
 
 def gauges(result: Result) -> list[Gauge]:
     """Those that fit, else the first variables."""
-    fitting = [gauge for gauge in of_result(result).gauges if gauge.fits(result)]
+    fitting = [gauge for gauge in of_result(result).gauges if not gauge.lacks(result)]
     return fitting or [
-        Gauge(name, unit if unit != "1" else "", name)
+        Gauge(name, unit if unit != "1" else "", (name,), itemgetter(name))
         for name, unit in zip(result.columns[:OTHERS], result.units, strict=False)
     ]
 
@@ -67,7 +68,7 @@ class Watcher:
         """The values of the last row that was recorded."""
         now = _ends(self.run.result())
         seconds = max(perf_counter() - self.began, 1e-9)
-        read = [(gauge.label, gauge.text(now)) for gauge in gauges(now)]
+        read = [(gauge.name, gauge.text(now)) for gauge in gauges(now)]
         values = tuple((printable(name), printable(value)) for name, value in read if value)
         return Look(
             self.start + done * self.step,

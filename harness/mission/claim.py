@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from harness.results.number import Number
 from harness.results.result import Array, Result, Rows
 from harness.results.verdict import Judged, Kind, Verdict
 
@@ -68,17 +69,17 @@ class Judgement(NamedTuple):
 class Claim:
     """One claim.
 
-    name: for references; text: the statement of the paper; where: its place in the paper; needs:
-    variables of the result; figure: format for the numbers of `measure`; unit: of the first number;
-    reproduced, partly: bands of the first number; interval: longest recording interval [s] for a
-    verdict.
+    name: for references; text: the statement of the paper; where: its place in the paper; needs,
+    measure, unit: of its numbers, see harness.results.number, which are shown as `figure` formats
+    them; the first decides on the verdict; reproduced, partly: bands of the first number; interval:
+    longest recording interval [s] for a verdict.
     """
 
     name: str
     text: str
     where: str
     needs: tuple[str, ...]
-    measure: Evaluation
+    measure: Evaluation | str
     figure: str
     unit: str
     reproduced: Band
@@ -97,17 +98,8 @@ class Claim:
 
     def numbers(self, result: Result) -> tuple[float, ...]:
         """Measure the result; CannotJudgeError if something is missing or not finite."""
-        self._check(result)
-        with np.errstate(all="ignore"):
-            numbers = tuple(float(number) for number in self.measure(result))
-        if not all(map(math.isfinite, numbers)):
-            raise CannotJudgeError(
-                "the result holds values that are not finite or do not change at all"
-            )
-        return numbers
-
-    def _check(self, result: Result) -> None:
-        if missing := [name for name in self.needs if name not in result]:
+        number = Number(self.name, self.unit, self.needs, self.measure)
+        if missing := number.lacks(result):
             raise CannotJudgeError(f"the result holds no {' and no '.join(missing)}")
         if not len(result.time):
             raise CannotJudgeError("nothing was recorded")
@@ -115,6 +107,13 @@ class Claim:
             raise CannotJudgeError(
                 f"recorded at intervals of {interval:g} s, {self.interval:g} s are needed"
             )
+        with np.errstate(all="ignore"):
+            numbers = tuple(np.atleast_1d(number(result)).tolist())
+        if not np.isfinite(numbers).all():
+            raise CannotJudgeError(
+                "the result holds values that are not finite or do not change at all"
+            )
+        return numbers
 
     def verdict(self, value: float) -> Verdict:
         """Return the verdict of the band that a measured number falls into."""

@@ -22,7 +22,8 @@ import numpy as np
 
 from harness.mission.claim import Paper, RuleFinding, Validation
 from harness.mission.figure import Drawing, Figure, Overlay, Phase
-from harness.results.result import Array, Result
+from harness.results.number import Number
+from harness.results.result import Result
 
 
 @dataclass(frozen=True)
@@ -39,27 +40,21 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class Measure:
-    """One column: heading, unit, variables and parameters that it needs, and the function of the
-    result and the limits; beside: shown in a table of its own, not among the measures of a page;
-    about: what the limits mean for it, the last line of its heading; words: what its values 0, 1,
-    .. stand for; apart: a comparison warns where its values differ by more than this factor.
+class Measure(Number):
+    """A column of a comparison, whose function takes the limits too; beside: shown in a table of
+    its own, not among the measures of a page; about: what the limits mean for it, the last line of
+    its heading; words: what its values 0, 1, .. stand for; apart: a comparison warns where its
+    values differ by more than this factor.
     """
 
-    name: str
-    unit: str
-    needs: tuple[str, ...]
-    value: Callable[[Result, Limits], float]
-    parameters: tuple[str, ...] = ()
     beside: bool = False
     about: Callable[[Limits, Mapping[str, Result]], str] | None = None
     words: tuple[str, ...] = ()
     apart: float = math.inf
 
-    def __call__(self, result: Result, limits: Limits) -> float:
+    def __call__(self, result: Result, *limits: Limits) -> float:
         """The value; NaN if the result does not hold what it needs, or there is no such value."""
-        fits = result.holds(*self.needs, parameters=self.parameters)
-        return float(self.value(result, limits)) if fits else float("nan")
+        return float(super().__call__(result, *limits)) if not self.lacks(result) else math.nan
 
 
 def measured(
@@ -88,28 +83,16 @@ def apart(
             )
 
 
-class Gauge(NamedTuple):
-    """A quantity of the last row: a variable, or a function of the result that needs some and gives
-    a history or, "" for nothing to be shown, a text.
-    """
-
-    label: str
-    unit: str
-    source: str | Callable[[Result], Array | str]
-    needs: tuple[str, ...] = ()
-    factor: float = 1.0
-
-    def fits(self, result: Result) -> bool:
-        """Whether the result holds what it needs."""
-        return result.holds(*((self.source,) if isinstance(self.source, str) else self.needs))
+class Gauge(Number):
+    """A quantity of the last row; its function gives a history, or a text ("": nothing to show)."""
 
     def text(self, result: Result) -> str:
-        """The value, with its name where the variable defines names for numbers."""
-        values = result[self.source] if isinstance(self.source, str) else self.source(result)
+        """The value, with its name where its one variable defines names for numbers."""
+        values = self(result)
         if isinstance(values, str):
             return values
-        value = self.factor * float(np.sum(values[-1]))
-        if isinstance(self.source, str) and (name := _name(result.description(self.source), value)):
+        value = float(np.sum(np.atleast_1d(values)[-1]))
+        if len(self.needs) == 1 and (name := _name(result.description(self.needs[0]), value)):
             return name
         return f"{value:.4g} {self.unit}".rstrip()
 

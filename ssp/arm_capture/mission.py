@@ -6,7 +6,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 from harness.mission import Gauge
-from harness.mission.figure import DEGREES
 
 from ..shared.approach import approach
 from .claims import PAPERS
@@ -23,8 +22,8 @@ MISSION = replace(
     scene=(SCENE,),
     plans=(plan,),
     gauges=(
-        Gauge("arm mode", "", "arm_guidance.arm_mode"),
-        Gauge("tip error", "mm", "arm_guidance.position_error", factor=1e3),
-        Gauge("misalignment", "deg", "arm_guidance.misalignment", factor=DEGREES),
+        Gauge("arm mode", "", (), "arm_guidance.arm_mode"),
+        Gauge("tip error", "mm", (), "1000 * arm_guidance.position_error"),
+        Gauge("misalignment", "deg", (), "degrees(arm_guidance.misalignment)"),
     ),
 )

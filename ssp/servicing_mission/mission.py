@@ -30,10 +30,10 @@ def _phase(result: Result) -> str:
 
 
 GAUGES = (
-    Gauge("phase", "", _phase, (PHASE,)),
-    Gauge("ground", "", _words, tuple(f"timeline.go_{k}" for k in (1, 2, 3))),
-    Gauge("attempt", "", "manager.attempt"),
-    Gauge("latch", "", "mechanism.phase"),
+    Gauge("phase", "", (PHASE,), _phase),
+    Gauge("ground", "", tuple(f"timeline.go_{k}" for k in (1, 2, 3)), _words),
+    Gauge("attempt", "", (), "manager.attempt"),
+    Gauge("latch", "", (), "mechanism.phase"),
 )
 _APPROACH = approach((*FIGURES, *ARM), (PAPER, *OF_ARMS))
 MISSION = replace(

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from harness.mission import Gauge
-from harness.mission.figure import DEGREES
 from harness.results.result import Result
 
 from . import relative_motion as motion
@@ -21,19 +22,18 @@ def _attitude(result: Result) -> str:
 
 
 GAUGES = (
-    Gauge("range", "m", motion.range_, PLACES),
-    Gauge("speed", "m/s", motion.relative_speed, motion.VELOCITIES),
-    Gauge("position error", "m", motion.position_error, (*PLACES, motion.REFERENCE)),
+    Gauge("range", "m", PLACES, motion.range_),
+    Gauge("speed", "m/s", motion.VELOCITIES, motion.relative_speed),
+    Gauge("position error", "m", (*PLACES, motion.REFERENCE), motion.position_error),
     Gauge(
         "attitude error",
         "deg",
-        motion.attitude_error,
         (motion.ATTITUDE, motion.REFERENCE_ATTITUDE),
-        DEGREES,
+        lambda result: np.degrees(motion.attitude_error(result)),
     ),
-    Gauge("mode", "", "guidance.mode"),
-    Gauge("phase", "", "controller.phase"),
-    Gauge("abort", "", "monitor.abort"),
-    Gauge("impulse", "N s", "propulsion.impulse"),
-    Gauge("attitude", "", _attitude, (motion.ATTITUDE,)),
+    Gauge("mode", "", (), "guidance.mode"),
+    Gauge("phase", "", (), "controller.phase"),
+    Gauge("abort", "", (), "monitor.abort"),
+    Gauge("impulse", "N s", (), "propulsion.impulse"),
+    Gauge("attitude", "", (motion.ATTITUDE,), _attitude),
 )

@@ -39,8 +39,8 @@ MISSION = Mission(
     measures=MEASURES,
     claims=PAPERS,
     gauges=(
-        Gauge("pitch", "deg", PITCH, factor=DEGREES),
-        Gauge("pitch rate", "deg/s", RATE, factor=DEGREES),
+        Gauge("pitch", "deg", (), f"degrees({PITCH})"),
+        Gauge("pitch rate", "deg/s", (), f"degrees({RATE})"),
     ),
     exchange=(ORBITS,),
     restarts=RESTARTS,

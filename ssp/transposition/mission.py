@@ -32,9 +32,9 @@ MISSION = Mission(
     measures=MEASURES,
     claims=(PAPER,),
     gauges=(
-        Gauge("attitude error", "deg", attitude_error, TRACKED, DEGREES),
-        Gauge("rotation", "deg", "assembly.rotation", factor=DEGREES),
-        Gauge("momentum share", "", "assembly.momentum_share"),
+        Gauge("attitude error", "deg", TRACKED, lambda r: DEGREES * attitude_error(r)),
+        Gauge("rotation", "deg", (), "degrees(assembly.rotation)"),
+        Gauge("momentum share", "", (), "assembly.momentum_share"),
     ),
     scene=(Scene(ASSEMBLY, (*SHAPE, "assembly.R_C"), assembly),),
     plans=(plan,),

@@ -20,14 +20,15 @@ import numpy as np
 
 from harness.mission import Limits, Measure
 from harness.mission.library import everything, of_result
-from harness.results.evaluation import evaluate, fitted, history, unit_in, unit_of, units_in
+from harness.results.evaluation import unit_in, unit_of
 from harness.results.expressions import parsed
+from harness.results.number import Number
 from harness.results.requirements import condition, finding
 from harness.results.result import Result
 from harness.results.verdict import OPEN, Verdict
 
-Metric = Callable[[Result], Any]
-"""One number of a result; what it gives is not to be trusted before value() has seen it."""
+Metric = Number
+"""What it gives is not to be trusted before value() has seen it."""
 
 
 def metric(text: str, folder: Path) -> Metric:
@@ -36,12 +37,13 @@ def metric(text: str, folder: Path) -> Metric:
     folder: where files of functions are looked for.
     """
     if text in (known := _measures()):
-        return partial(_measured, known[text])
+        of = known[text]
+        return Number(text, of.unit, of.needs, partial(_measured, of), of.parameters)
     if _is_function(text):
         file, _, name = text.rpartition(":")
-        return _function(folder / file, name)
+        return Number(text, "", (), _function(folder / file, name))
     parsed(text, list(known), "measure")
-    return partial(_evaluated, text)
+    return Number(text, "", (), text)
 
 
 def read(name: str, text: str, folder: Path) -> Metric:
@@ -49,7 +51,7 @@ def read(name: str, text: str, folder: Path) -> Metric:
     if name != "success" or not is_condition(text):
         return metric(text, folder)
     condition(text)
-    return partial(_succeeded, text)
+    return Number(name, "", (), partial(_succeeded, text))
 
 
 def is_condition(text: str) -> bool:
@@ -71,10 +73,6 @@ def _succeeded(text: str, result: Result) -> bool:
 def _measures() -> dict[str, Measure]:
     """Measures of the missions at hand by name."""
     return {m.name: m for m in reversed(everything().measures)}
-
-
-def _evaluated(text: str, result: Result) -> Any:
-    return evaluate(fitted(text, units_in(result, text)), partial(history, result))
 
 
 def _measured(measure: Measure, result: Result) -> float:
@@ -99,7 +97,7 @@ def unit(text: str, kinds: Result) -> str:
     return unit_of(parsed(text), partial(unit_in, kinds))
 
 
-def _function(file: Path, name: str) -> Metric:
+def _function(file: Path, name: str) -> Callable[[Result], Any]:
     """A function of a file of the user."""
     if not file.is_file():
         raise ValueError(f"{file}: no such file")
@@ -131,7 +129,7 @@ def measured(
     return values, reasons
 
 
-def value(each: Metric, result: Result) -> tuple[float, str]:
+def value(each: Callable[[Result], Any], result: Result) -> tuple[float, str]:
     """A metric of a result, or NaN and what is wrong with it."""
     try:
         with np.errstate(all="ignore"), catch_warnings():
@@ -159,13 +157,10 @@ def refusal(text: str, each: Metric, results: Sequence[Result], all_of_them: boo
     """
     if _is_function(text):
         return ""
-    found = [_lacking(text, result) or value(each, result)[1] for result in results]
+    found = [_lacking(each, result) or value(each, result)[1] for result in results]
     return next(filter(None, found), "") if all_of_them or all(found) else ""
 
 
-def _lacking(text: str, result: Result) -> str:
-    """What a built-in measure needs and the system has not."""
-    measure = _measures().get(text)
-    if measure and not result.holds(*measure.needs, parameters=measure.parameters):
-        return f"the system has not got what it needs ({', '.join(measure.needs)})"
-    return ""
+def _lacking(each: Metric, result: Result) -> str:
+    lacks = each.lacks(result)
+    return f"the system has not got what it needs ({', '.join(lacks)})" if lacks else ""
