@@ -43,7 +43,7 @@ from harness.system.schedule import macro_steps
 from harness.system.schema import Count, Number, Text, Whole
 from harness.system.swap import exchange
 from harness.system.tables import Assignments
-from harness.system.wiring import Wiring, split, wire
+from harness.system.wiring import split, wire
 
 # ---- what a file may hold
 
@@ -192,7 +192,7 @@ class _Builder:
     def system(self) -> System:
         source, left_open = self.source, self._open()
         ports = [Port(c, name) for c, given in left_open.parameters.items() for name in given]
-        wiring = wire(self.interfaces, list(source.connections.items()), ports)
+        wiring = wire(self.interfaces, source.connections, ports)
         given = self._assignments(source.parameters, "parameters")
         components = tuple(
             replace(c, parameters=given.over(c.name, left_open.parameters[c.name]))
@@ -215,7 +215,7 @@ class _Builder:
             starts=source.start,
             mission=source.mission,
         )
-        self._judge(system, wiring)
+        self._judge(system, wiring.problems)
         return replace(system, alternatives=tuple(self._alternatives(system)))
 
     def _open(self) -> Assignments:
@@ -263,19 +263,16 @@ class _Builder:
 
     # ---- what is wrong with it
 
-    def _judge(self, system: System, wiring: Wiring) -> None:
-        """Raise everything that was found; open inputs that the wiring has already spoken of are
-        not repeated.
-        """
+    def _judge(self, system: System, wiring: Sequence[str]) -> None:
+        """Raise everything that was found."""
         self._note("schedule", _unknown(self.source.schedule, self.interfaces))
         self._note("compare", _unknown(filter(None, [system.compared]), self.source.sets))
         self._note("fly.sliders", sliders.problems(system.sliders, self.interfaces))
         self._note("requirements", requirements.refused(system, system.requirements))
         self._note("consistency", requirements.refused(system, system.consistency, fixed=True))
         self._note("scene.models", self._odd_models())
-        further = problems.problems(replace(system, strict=not wiring.problems), self.interfaces)
-        unequal = problems.unequal_units(system, self.interfaces)
-        if found := [*wiring.problems, *self.problems, *further, *unequal]:
+        further = problems.problems(system, self.interfaces)
+        if found := [*wiring, *self.problems, *further]:
             raise StructureError(found)
         macro_steps(system.experiment, [c.every for c in system.components])
 

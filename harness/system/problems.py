@@ -16,7 +16,7 @@ from harness.system.interface import Interface, units_agree
 from harness.system.model import Component, Connection, Parameter, Port, System
 from harness.system.schedule import problems as schedule_problems
 from harness.system.units import IDENTITY, UndefinedUnitError, Unit, compose
-from harness.system.values import STRUCTURAL, Scalar, Variable, structural_problem
+from harness.system.values import STRUCTURAL, Scalar, Variable, base, structural_problem
 
 _log = logging.getLogger("harness")
 
@@ -24,18 +24,30 @@ _log = logging.getLogger("harness")
 def problems(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
     """Everything that is wrong with a system, one line each, as far as its FMUs can be read."""
     unread = {c.name for c in system.components} - interfaces.keys()
-    yield from _component_problems(system.components)
-    yield from schedule_problems(system.experiment.algorithm, system.components)
+    if not system.components:
+        yield "the system has no components"
+    for name, count in Counter(c.name for c in system.components).items():
+        if count > 1:
+            yield f"{name}: there are two components of this name"
     for connection in system.connections:
         yield from _connection_problems(connection, interfaces, unread, system.strict)
     yield from _double_drive(system.connections)
     yield from _declared_problems(system, interfaces)
-    if system.strict:
+    yield from value_problems(system, interfaces, system.components)
+
+
+def value_problems(
+    system: System, interfaces: Mapping[str, Interface], changed: Sequence[Component]
+) -> Iterator[str]:
+    """Problems that new values of some components can cause."""
+    yield from schedule_problems(system.experiment.algorithm, system.components)
+    if system.strict and changed:
         yield from _open_inputs(system, interfaces)
-    for component in system.components:
+    for component in changed:
         if component.name in interfaces:
             yield from _parameter_problems(component, interfaces[component.name])
-    yield from _shared_streams(system, interfaces)
+    if changed:
+        yield from _shared_streams(system, interfaces)
 
 
 def _shared_streams(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
@@ -57,14 +69,6 @@ def _value(component: Component, variable: Variable) -> Scalar:
     given = component.parameters.get(variable.name)
     value = given.value if given else variable.start
     return float(value) if isinstance(value, int | float) else 0.0
-
-
-def _component_problems(components: Sequence[Component]) -> Iterator[str]:
-    if not components:
-        yield "the system has no components"
-    for name, count in Counter(c.name for c in components).items():
-        if count > 1:
-            yield f"{name}: there are two components of this name"
 
 
 def _connection_problems(
@@ -113,31 +117,22 @@ def _mismatch(connection: Connection, source: Variable, target: Variable) -> Ite
 def _unit_problem(
     connection: Connection, interfaces: Mapping[str, Interface], strict: bool
 ) -> Iterator[str]:
+    """Units that do not fit, and in a strict system those that differ: no other tool converts."""
     source, target = (interfaces[p.component].variables[p.variable] for p in connection[:2])
+    unequal = f"expected unit {target.unit}, {connection.source} has {source.unit}"
     try:
         change = way(connection, interfaces, strict=True)
         if change != IDENTITY and target.type != "Real":
             yield f"{connection.target}: is {target.type}, only a Real signal can be transformed"
+        elif strict and not connection.hops and not units_agree(source.unit, target.unit):
+            yield f"{connection.target}: {unequal}"
     except UndefinedUnitError as error:
         if strict:
             yield f"{connection.target}: {error}"
         else:
             _log.warning("%s: taken as it is, %s", connection.target, error)
     except ValueError as error:
-        yield f"{_unequal(connection, source, target)} ({error})"
-
-
-def _unequal(connection: Connection, source: Variable, target: Variable) -> str:
-    units = f"expected unit {target.unit}, {connection.source} has {source.unit}"
-    return f"{connection.target}: {units}"
-
-
-def unequal_units(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
-    """Connections that need a conversion, which no other tool would do."""
-    for connection in system.connections:
-        source, target = (interfaces[p.component].variables.get(p.variable) for p in connection[:2])
-        if source and target and not units_agree(source.unit, target.unit):
-            yield _unequal(connection, source, target)
+        yield f"{connection.target}: {unequal} ({error})"
 
 
 def _declared_problems(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
@@ -171,12 +166,17 @@ def _double_drive(connections: Sequence[Connection]) -> Iterator[str]:
 
 def _open_inputs(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
     driven = {connection.target for connection in system.connections}
-    for component in (c for c in system.components if c.name in interfaces):
-        for name, variable in interfaces[component.name].named("input").items():
-            known = name in component.parameters or variable.optional
-            if Port(component.name, name) not in driven and not known:
-                fault = "is an open input, nothing drives it and it has no value"
-                yield f"{component.name}.{name}: {fault}"
+    missing = {
+        Port(c.name, base(name)): None
+        for c in system.components
+        if c.name in interfaces
+        for name, variable in interfaces[c.name].named("input").items()
+        if not (Port(c.name, name) in driven or name in c.parameters or variable.optional)
+    }
+    outputs = sorted({base(n) for i in interfaces.values() for n in i.outputs() if missing})
+    for port in missing:
+        fault = f"no output of this name{did_you_mean(port.variable, outputs)}"
+        yield f"{port}: {fault}: connect it in [connections] or list it in [open]"
 
 
 def _parameter_problems(component: Component, interface: Interface) -> Iterator[str]:
@@ -208,20 +208,6 @@ def _parameter_problem(name: str, parameter: Parameter, interface: Interface) ->
         other = f"is given in {parameter.unit}, but its unit is {variable.unit} ({error})"
         return str(error) if same else other
     return None
-
-
-def value_problems(
-    system: System, interfaces: Mapping[str, Interface], changed: Sequence[Component]
-) -> Iterator[str]:
-    """Problems that new values alone can cause."""
-    yield from schedule_problems(system.experiment.algorithm, system.components)
-    if system.strict and changed:
-        yield from _open_inputs(system, interfaces)
-    for component in changed:
-        if component.name in interfaces:
-            yield from _parameter_problems(component, interfaces[component.name])
-    if changed:
-        yield from _shared_streams(system, interfaces)
 
 
 def size_problems(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from typing import NamedTuple
 
 from harness.spelling import did_you_mean
@@ -24,51 +25,43 @@ class Slider(NamedTuple):
 def problems(ranges: Mapping[str, Range], interfaces: Mapping[str, Interface]) -> Iterator[str]:
     """What is wrong with sliders, a line each: nobody has such a parameter, or it has no range."""
     for name, given in ranges.items():
-        variable = _variable(name, interfaces)
-        if variable is None:
-            names = [f"{c}.{n}" for c, i in interfaces.items() for n in i.settable()]
-            yield f"{name}: there is no such parameter{did_you_mean(name, names)}"
-        elif problem := _problem(given, variable):
-            yield f"{name}: {problem}"
-
-
-def _problem(given: Range, variable: Variable) -> str | None:
-    low, high = _range(given, variable)
-    least, largest = variable.low, variable.high
-    if low is None or high is None:
-        return "has no range of its own, give one as [least, largest]"
-    if not low < high:
-        return f"{low:g} to {high:g} is no range"
-    if (least is not None and low < least) or (largest is not None and high > largest):
-        return f"{low:g} to {high:g} goes beyond what the FMU allows"
-    return None
+        try:
+            _slider(name, given, interfaces)
+        except ValueError as error:
+            yield f"{name}: {error}"
 
 
 def sliders(ranges: Mapping[str, Range], interfaces: Mapping[str, Interface]) -> Iterator[Slider]:
-    """The sliders of a system whose parameters its FMUs have: a swapped FMU may have others."""
+    """The sliders of a system that its FMUs allow: a swapped FMU may have other parameters."""
     for name, given in ranges.items():
-        variable = _variable(name, interfaces)
-        low, high = (None, None) if variable is None else _range(given, variable)
-        if variable is not None and low is not None and high is not None:
-            yield Slider(name, variable, low, high)
-
-
-def _variable(name: str, interfaces: Mapping[str, Interface]) -> Variable | None:
-    component, _, variable = name.partition(".")
-    interface = interfaces.get(component)
-    found = None if interface is None else interface.settable().get(variable)
-    return found if found is not None and found.type == "Real" else None
+        with suppress(ValueError):
+            yield _slider(name, given, interfaces)
 
 
 BOUND = 1e300
 """A limit beyond that is none."""
 
 
-def _range(given: Range, variable: Variable) -> Range:
-    """That of the file, else that of the FMU where it has one."""
-    own = (variable.low, variable.high)
-    low, high = (
-        mine if mine is not None else (x if x is not None and abs(x) < BOUND else None)
-        for mine, x in zip(given, own, strict=True)
+def _slider(name: str, given: Range, interfaces: Mapping[str, Interface]) -> Slider:
+    """A slider with its range, or that of the FMU; ValueError."""
+    real = {
+        f"{component}.{v.name}": v
+        for component, interface in interfaces.items()
+        for v in interface.settable().values()
+        if v.type == "Real"
+    }
+    if name not in real:
+        raise ValueError(f"there is no such parameter{did_you_mean(name, real)}")
+    variable = real[name]
+    least, largest = (
+        limit if limit is not None and abs(limit) < BOUND else None
+        for limit in (variable.low, variable.high)
     )
-    return low, high
+    low, high = (a if a is not None else b for a, b in zip(given, (least, largest), strict=True))
+    if low is None or high is None:
+        raise ValueError("has no range of its own, give one as [least, largest]")
+    if not low < high:
+        raise ValueError(f"{low:g} to {high:g} is no range")
+    if (least is not None and low < least) or (largest is not None and high > largest):
+        raise ValueError(f"{low:g} to {high:g} goes beyond what the FMU allows")
+    return Slider(name, variable, low, high)

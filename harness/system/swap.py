@@ -18,7 +18,7 @@ from harness.system.graph import read_interfaces
 from harness.system.interface import Interface, read_interface, units_agree
 from harness.system.model import Connection, Parameters, Port, System
 from harness.system.values import Variable, base
-from harness.system.wiring import drivers, output_owners
+from harness.system.wiring import ambiguous, drivers, output_owners
 
 _log = logging.getLogger("harness")
 
@@ -158,7 +158,8 @@ class _Exchange:
             if len(sources) == 1:
                 connections.append(Connection(sources[0], target))
             elif self.system.strict and (sources or not port.optional):
-                problems.append(_undriven(target, sources))
+                fault = ambiguous(sources) if sources else "no output of this name drives it"
+                problems.append(f"its input {target.signal}: {fault}")
         return connections, problems
 
     def _renamed(self) -> Iterator[Connection]:
@@ -222,10 +223,3 @@ class _Exchange:
 
 def _ports(interface: Interface) -> dict[str, Variable]:
     return {**interface.named("input"), **interface.outputs()}
-
-
-def _undriven(port: Port, sources: Sequence[Port]) -> str:
-    if not sources:
-        return f"its input {port.signal} is driven by no output of that name"
-    owners = " and ".join(s.component for s in sources)
-    return f"its input {port.signal} is ambiguous: {owners} have that output"

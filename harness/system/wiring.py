@@ -6,93 +6,64 @@ output of its name.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from harness.spelling import did_you_mean
 from harness.system.interface import Interface
 from harness.system.model import Connection, Port
-from harness.system.values import base, elements_of, with_arrays
+from harness.system.values import elements_of, with_arrays
 
 Owners = Mapping[str, Sequence[str]]
 """Components that have an output, by the name of the output, in execution order."""
 
 
-@dataclass
-class Wiring:
-    """Connections found between components, and what stood in the way of the others (one line
-    each); driven: inputs that have a connection.
+class Wiring(NamedTuple):
+    """Connections found between components, and what is wrong with those that were wished, a line
+    each.
     """
 
-    interfaces: Mapping[str, Interface]
-    connections: list[Connection] = field(default_factory=list)
-    problems: list[str] = field(default_factory=list)
-    driven: set[Port] = field(default_factory=set)
-
-    def connect(self, source: Port, target: Port) -> None:
-        """Let an output drive an input."""
-        self.connections.append(Connection(source, target))
-        self.driven.add(target)
-
-    def connect_named(self, target: str, source: str) -> None:
-        """Let an output drive an input, each a whole vector or a single element."""
-        try:
-            targets = ports(self.interfaces, target, "input")
-            sources = ports(self.interfaces, source, "output")
-        except ValueError as error:
-            self.problems.append(str(error))
-            return
-        if len(targets) != len(sources):
-            sizes = f"has {len(targets)} elements, {source} has {len(sources)}"
-            self.problems.append(f"{target}: {sizes}")
-        if not self.driven.isdisjoint(targets):
-            self.problems.append(f"{target}: is driven twice")
-        for output, port in zip(sources, targets, strict=False):
-            self.connect(output, port)
-
-    def connect_by_name(self, target: Port, owners: Owners, signals: Sequence[str]) -> None:
-        """Connect an input to the output of its name; signals: names that outputs have."""
-        sources = drivers(owners, target)
-        optional = self.interfaces[target.component].variables[target.variable].optional
-        if len(sources) == 1:
-            self.connect(sources[0], target)
-        elif sources:
-            components = " and ".join(source.component for source in sources)
-            self.problems.append(
-                f"{target.component}.{target.signal}: ambiguous, {components} have an output of "
-                "this name: choose in [connections]"
-            )
-        elif not optional:
-            self.problems.append(
-                f"{target.component}.{target.signal}: no output of this name"
-                f"{did_you_mean(target.signal, signals)}: connect it in [connections] or list it "
-                "in [open]"
-            )
+    connections: list[Connection]
+    problems: list[str]
 
 
 def wire(
     interfaces: Mapping[str, Interface],
-    explicit: Sequence[tuple[str, str]] = (),
+    explicit: Mapping[str, str] | None = None,
     left_open: Collection[Port] = (),
 ) -> Wiring:
-    """Connections of a system.
+    """Connections of a system; inputs that no output is called like stay open.
 
-    interfaces: by component, in execution order; explicit: exceptions (input, output) as
+    interfaces: by component, in execution order; explicit: exceptions, outputs by input, each
     `component.variable`, for whole vectors or single elements; left_open: inputs that nobody
-    drives. An optional input that no output is called like needs neither.
+    drives.
     """
-    wiring = Wiring(interfaces)
-    for target, source in explicit:
-        wiring.connect_named(target, source)
-    for port in (port for port in left_open if port in wiring.driven):
-        wiring.problems.append(f"{port.component}.{port.signal}: is driven and left open")
-    settled = wiring.driven.union(left_open)
+    connections, problems, driven = list[Connection](), list[str](), set[Port]()
+    for target, source in (explicit or {}).items():
+        try:
+            targets = ports(interfaces, target, "input")
+            sources = ports(interfaces, source, "output")
+        except ValueError as error:
+            problems.append(str(error))
+            continue
+        if len(targets) != len(sources):
+            sizes = f"has {len(targets)} elements, {source} has {len(sources)}"
+            problems.append(f"{target}: {sizes}")
+        if not driven.isdisjoint(targets):
+            problems.append(f"{target}: is driven twice")
+        connections += map(Connection, sources, targets)
+        driven.update(targets)
+    both = (port for port in left_open if port in driven)
+    problems += [f"{port.component}.{port.signal}: is driven and left open" for port in both]
+    driven.update(left_open)
     owners = output_owners(interfaces)
-    signals = sorted(set(map(base, owners)))
-    for component, interface in interfaces.items():
-        for name in interface.named("input"):
-            if (port := Port(component, name)) not in settled:
-                wiring.connect_by_name(port, owners, signals)
-    return wiring
+    inputs = (Port(c, name) for c, i in interfaces.items() for name in i.named("input"))
+    for target in (port for port in inputs if port not in driven):
+        sources = drivers(owners, target)
+        connections += [Connection(source, target) for source in sources[:1]]
+        if len(sources) > 1:
+            place = f"{target.component}.{target.signal}"
+            problems.append(f"{place}: {ambiguous(sources)}: choose in [connections]")
+    return Wiring(connections, problems)
 
 
 def output_owners(interfaces: Mapping[str, Interface]) -> Owners:
@@ -108,6 +79,12 @@ def drivers(owners: Owners, target: Port) -> list[Port]:
     """Outputs of the other components that are called like an input."""
     others = (c for c in owners.get(target.variable, ()) if c != target.component)
     return [Port(component, target.variable) for component in others]
+
+
+def ambiguous(sources: Sequence[Port]) -> str:
+    """Why an input is not driven by one of several outputs."""
+    owners = " and ".join(source.component for source in sources)
+    return f"ambiguous, {owners} have an output of this name"
 
 
 def ports(interfaces: Mapping[str, Interface], name: str, causality: str) -> list[Port]:

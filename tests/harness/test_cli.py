@@ -255,7 +255,7 @@ SSD = "SystemStructure.ssd"
         ),
         (
             lambda f: {SSD: re.sub(rb"(?s)<ssd:Connections>.*</ssd:Connections>", b"", f[SSD])},
-            "twice.u: is an open input, nothing drives it and it has no value",
+            "twice.u: no output of this name: connect it in [connections] or list it in [open]",
         ),
         (
             lambda f: {"resources/bad.ssv": f["resources/bad.ssv"].replace(b"100.0", b"NaN")},

@@ -273,7 +273,7 @@ def test_missing_ports_and_units_of_a_swapped_fmu_come_all_at_once(make, tmp_pat
     with pytest.raises(StructureError) as caught:
         apply(system, swap=[f"c={odd}"])
     assert list(caught.value.problems) == [
-        "--swap c=odd.fmu: its input lost is driven by no output of that name",
+        "--swap c=odd.fmu: its input lost: no output of this name drives it",
         "--swap c=odd.fmu: it has no output n, which g.u needs",
         "--swap c=odd.fmu: its output t_last is in m, v.u expects s",
     ]
@@ -285,7 +285,7 @@ def test_an_ambiguous_input_of_a_swapped_fmu_names_the_candidates(make, tmp_path
         strict=True,
     )
     reader = build(Model("reader", [u("y"), y("n")]), tmp_path)
-    with pytest.raises(StructureError, match="its input y is ambiguous: a and b have that output"):
+    with pytest.raises(StructureError, match="its input y: ambiguous, a and b have an output"):
         apply(system, swap=[f"c={reader}"])
 
 

@@ -476,7 +476,7 @@ def test_wiring_faults_are_shown_together_with_all_others(fmus, packed, tmp_path
     for wanted in (
         "twice.w: there is no such input",
         "count.m: there is no such output",
-        "component gone.y: there is no component 'gone'",
+        "gone.y to twice.u: there is no component 'gone'",
         "bad: gain.fmu: k: there are two variables of this name",
         "component lost: resources/nowhere.fmu is not in the archive",
     ):

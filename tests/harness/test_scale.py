@@ -52,20 +52,22 @@ def misspelt_connections(size):
 
 def misspelt_inputs(size):
     known = {"a": two(size)["a"], "b": interface(inputs=[f"signl_{i}" for i in range(size)])}
-    found = wire(known).problems
+    parts = tuple(Component(name, Path("x.fmu")) for name in "ab")
+    system = System("s", parts, (), Experiment(), strict=True)
+    found = list(problems(system, known))
     assert len(found) == size
     assert "b.signl_7: no output of this name (close: signal_7" in found[7]
 
 
 def misspelt_sources(size):
-    pairs = [(f"b.input_{i}", f"a.signl_{i}") for i in range(size)]
+    pairs = {f"b.input_{i}": f"a.signl_{i}" for i in range(size)}
     found = wire(two(size), pairs, [Port("b", name) for name in two(size)["b"].variables])
     assert len(found.problems) == size
     assert "a.signl_7: there is no such output (close: signal_7" in found.problems[7]
 
 
 def connected_vectors(size):
-    pairs = [(f"b.input_{i}", f"a.signal_{i}") for i in range(size)]
+    pairs = {f"b.input_{i}": f"a.signal_{i}" for i in range(size)}
     found = wire(two(size), pairs)
     assert (len(found.connections), found.problems) == (2 * size, [])
 

@@ -193,7 +193,7 @@ def test_a_controller_without_the_ports_gets_a_list_of_what_is_missing(tmp_path)
     with pytest.raises(StructureError) as caught:
         run("sync_approach", swap={"controller": lame})
     assert list(caught.value.problems) == [
-        "--swap controller=lame.fmu: its input beacon is driven by no output of that name",
+        "--swap controller=lame.fmu: its input beacon: no output of this name drives it",
         "--swap controller=lame.fmu: it has no output M_cmd_S, which propulsion.M_cmd_S needs",
         "--swap controller=lame.fmu: it has no output wheel_accel_cmd, "
         "which servicer.wheel_accel_cmd needs",
