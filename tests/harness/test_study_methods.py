@@ -152,8 +152,8 @@ def test_centres_by_few_flights_per_level_in_many_numbers_are_far_too_small():
 @pytest.mark.parametrize(("failures", "trusted"), [(189, False), (190, True)])
 def test_centres_that_are_means_of_few_failures_are_doubted(failures, trusted):
     d, margin, _ = linear(38, 4.2)
-    ask = probability.importance(d, 1, 500, np.full((1, d), 4.2 / math.sqrt(d)))
-    found = answer(probability.doubted(ask, failures, d), margin)
+    centre = np.full((1, d), 4.2 / math.sqrt(d))
+    found = answer(probability.importance(d, 1, 500, centre, failures), margin)
     assert ("189 failures are too few for centres in 38 numbers" in found.warning) is not trusted
 
 

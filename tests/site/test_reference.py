@@ -76,7 +76,7 @@ def test_every_key_of_a_campaign_is_in_the_reference_and_no_other(writer):
         "fixed": set(plan.Fixed.__struct_encode_fields__),
         "factors": set(factors.Varied.__struct_encode_fields__),
         "keep": set(plan.Keep.__struct_encode_fields__),
-        **{name: set(entries) for name, entries in study.ENTRIES.items()},
+        **{name: set(table.__struct_fields__) for name, table in study.TABLES.items()},
     }
 
 

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from harness.errors import UsageError
 from harness.studies.campaign.factors import normal_quantile
-from harness.studies.inquiry.flights import columns
-from harness.studies.inquiry.study import Study, begun, prepared
+from harness.studies.inquiry.study import Map, Study, begun, prepared
 
 Array = NDArray[np.float64]
 
@@ -73,13 +72,13 @@ def boundary(definition: Any, output: str | Path, **how: Any) -> Study:
     definition: path of a campaign TOML with a table [map], or the table itself; output: OUT.zarr;
     how: as for sensitivity(). Raises UsageError, StructureError.
     """
-    entry, flights = prepared("map", definition, how)
-    ((name, k),) = columns(entry["of"], flights, slope=False, most=1).items()
+    entry, flights = prepared(Map, definition, how)
+    ((name, k),) = flights.columns(entry.of, slope=False, most=1).items()
     small = [f for f, places in flights.groups.items() if len(places) == 1]
-    chosen = entry["factors"] or small
+    chosen = entry.factors or small
     if len(chosen) != 2 or any(f not in small for f in chosen):
         raise UsageError(f"map.factors: expected two of one number each, of {', '.join(small)}")
-    if entry["flights"] < COARSE**2:
+    if entry.flights < COARSE**2:
         raise UsageError(f"map.flights: at least {COARSE**2}, a coarse grid")
     places = [flights.groups[f][0] for f in chosen]
 
@@ -88,6 +87,6 @@ def boundary(definition: Any, output: str | Path, **how: Any) -> Study:
         numbers[:, places] = z
         return numbers
 
-    with begun("map", flights, int(entry["flights"]), output, how) as driver:
-        driver.answer(located(int(entry["flights"])), k, placed)
+    with begun("map", flights, entry.flights, output, how) as driver:
+        driver.answer(located(entry.flights), k, placed)
         return Study(driver.path, driver.finish({"of": {name: {"factors": chosen}}}))

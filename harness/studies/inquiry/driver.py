@@ -10,7 +10,8 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Generator
 from contextlib import ExitStack
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
+from importlib.util import find_spec
 from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -37,14 +38,6 @@ work, which is what a kill costs.
 """
 
 
-class Kept(NamedTuple):
-    """Of flights that the dataset has: numbers (runs, d), margins (runs, requirements), status."""
-
-    numbers: Array
-    margins: Array
-    status: NDArray[np.int8]
-
-
 class _Flight(NamedTuple):
     """A flight that waits for its block: generation, run, numbers, values of factors, record."""
 
@@ -53,6 +46,17 @@ class _Flight(NamedTuple):
     numbers: Array
     values: Values
     row: Row
+
+
+def answered(method: Generator[Array, Array, T], ask: Callable[[Array], Array]) -> T:
+    """What a method returns whose questions are answered."""
+    try:
+        z = next(method)
+        while True:
+            z = method.send(ask(z))
+    except StopIteration as end:
+        found: T = end.value
+        return found
 
 
 class Driver:
@@ -69,28 +73,24 @@ class Driver:
         resume: bool = False,
         progress: Callable[[Progress], None] | None = None,
     ) -> None:
-        self.flights, self.kind, self.path = flights, kind, path
+        self.flights, self.path, self.progress = flights, path, progress
         self.flown, self.generation, self.failed = 0, 0, 0
-        self.progress = progress
         self._life = ExitStack()
         self._waiting: list[_Flight] = []
-        self.store, self._kept = self._opened(resume)
-        self.nominal = self.ask(np.zeros((1, flights.d)))[0]
-
-    def _opened(self, resume: bool) -> tuple[Store, Kept]:
-        plan, task = self.flights.plan, self.flights.task
+        plan, task = flights.plan, flights.task
         laid = list(fields(plan, task))
-        if resume and self.path.exists():
-            store = Store.resumed(self.path, plan.digest, laid, self._life, self.kind)
+        if resume and path.exists():
+            self.store = Store.resumed(path, plan.digest, laid, self._life, kind)
         else:
-            refuse_existing(self.path)
+            refuse_existing(path)
             block = max(1, min(LARGEST_BLOCK, BLOCK_STEPS // task.steps))
-            store = Store.create(self.path, plan, block, laid)
-            store.group.attrs.update({"kind": self.kind, "versions": _versions()})
-            self._life.enter_context(store.alone())
-        kept = Kept(*(store.array(n) for n in ("numbers", "margin", "status")))
-        kept.margins[kept.status == FAILED] = -np.inf
-        return store, kept
+            self.store = Store.create(path, plan, block, laid)
+            self.store.group.attrs.update({"kind": kind, "versions": _versions()})
+            self._life.enter_context(self.store.alone())
+        names = ("numbers", "margin", "status")
+        self._numbers, self._margins, self._status = map(self.store.array, names)
+        self._margins[self._status == FAILED] = -np.inf
+        self.nominal = self.ask(np.zeros((1, flights.d)))[0]
 
     # ---- flights
 
@@ -103,46 +103,38 @@ class Driver:
         """What a method returns that is told the margins of one requirement, or of several; placed:
         the numbers of flights that it means.
         """
-        try:
-            z = next(method)
-            while True:
-                z = method.send(self.ask(placed(z))[:, columns])
-        except StopIteration as end:
-            found: T = end.value
-            return found
+        return answered(method, lambda z: self.ask(placed(z))[:, columns])
 
     def ask(self, numbers: Array) -> Array:
         """Margins (rows, requirements) of flights (rows, d), from the dataset or flown."""
         first, last = self.flown, self.flown + len(numbers)
         if last > self.store.runs and not self.store.decided:
             raise UsageError(f"{self.path}: asks for more than its {self.store.runs} flights")
-        there = np.flatnonzero(self._kept.status[first:last] != PENDING)
+        there = np.flatnonzero(self._status[first:last] != PENDING)
         for k in there:
             self._refuse_other(first + int(k), numbers[k])
         margins = np.full((len(numbers), len(self.flights.names)), np.nan)
-        margins[there] = self._kept.margins[first + there]
+        margins[there] = self._margins[first + there]
         missing = np.setdiff1d(np.arange(len(numbers)), there)
-        self._fly(numbers, margins, missing)
+        for start in range(0, len(missing), self.store.block):
+            part = missing[start : start + self.store.block]
+            margins[part] = self._fly(numbers[part], [first + int(place) for place in part])
+        self._say(last)
         self.flown, self.generation = last, self.generation + 1
         if len(numbers) > 1 and np.isneginf(margins).all():
             raise UsageError(f"all {len(numbers)} flights of a generation died; {self._first()}")
         return margins
 
-    def _fly(self, numbers: Array, margins: Array, missing: NDArray[np.intp]) -> None:
-        """Fly what is missing, at most a block at once, and keep it block by block."""
-        block = self.store.block
-        for k in range(0, len(missing), block):
-            part = missing[k : k + block]
-            runs = [self.flown + int(place) for place in part]
-            values = list(map(self.flights.values, numbers[part], runs))
-            rows = self.flights.fly(values)
-            margins[part] = margins_of(rows)
-            self.failed += sum(row.status == FAILED for row in rows)
-            each = zip(runs, numbers[part], values, rows, strict=True)
-            self._waiting += [_Flight(self.generation, *flight) for flight in each]
-            self._write((runs[-1] + 1) // block * block)
-            self._say(runs[-1] + 1)
-        self._say(self.flown + len(numbers))
+    def _fly(self, numbers: Array, runs: list[int]) -> Array:
+        """Margins of flights that were not there, at most a block; full blocks are kept."""
+        values = list(map(self.flights.values, numbers, runs))
+        rows = self.flights.fly(values)
+        self.failed += sum(row.status == FAILED for row in rows)
+        each = zip(runs, numbers, values, rows, strict=True)
+        self._waiting += [_Flight(self.generation, *flight) for flight in each]
+        self._write((runs[-1] + 1) // self.store.block * self.store.block)
+        self._say(runs[-1] + 1)
+        return margins_of(rows)
 
     def _say(self, done: int) -> None:
         if self.progress is not None:
@@ -164,7 +156,7 @@ class Driver:
 
     def _refuse_other(self, run: int, z: Array) -> None:
         """UsageError if a flight of the dataset is not the one that is asked for."""
-        if self._kept.numbers[run].tobytes() != np.ascontiguousarray(z).tobytes():
+        if self._numbers[run].tobytes() != np.ascontiguousarray(z).tobytes():
             then = self.store.group.attrs.get("versions", {})
             raise UsageError(
                 f"{self.path}: run {run} was asked by other versions ({then}; now {_versions()})"
@@ -182,7 +174,7 @@ class Driver:
         self._write(self.flown)
         if not self.store.decided:
             self.store.shorten(self.flown)
-        self.store.group.attrs["estimate"] = json.dumps(estimate)
+        keep(self.store, estimate)
         return self.store
 
     def close(self) -> None:
@@ -193,12 +185,12 @@ class Driver:
             self._life.close()
 
 
+def keep(store: Store, estimate: dict[str, Any]) -> None:
+    """Keep what was found, numbers of numpy as plain ones."""
+    store.group.attrs["estimate"] = json.dumps(estimate, default=lambda value: value.tolist())
+
+
 def _versions() -> dict[str, str]:
     """Of the packages on which the questions of a method depend."""
-    found = {}
-    for name in ("cma", "numpy", "scipy"):
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return found
+    names = ("cma", "numpy", "scipy")
+    return {name: version(name) for name in names if find_spec(name) is not None}

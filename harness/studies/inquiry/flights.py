@@ -60,7 +60,14 @@ class Flights:
         if file is None and not isinstance(definition, Mapping):
             file = Path(definition)
         table = {k: v for k, v in table_of(definition).items() if k not in UNUSED}
-        refuse_listed(table)
+        factors = table.get("factors")
+        given = factors.items() if isinstance(factors, Mapping) else ()
+        if listed := [n for n, f in given if isinstance(f, Mapping) and f.keys() & {*CHOICES}]:
+            raise StructureError(
+                f"factors.{name}: listed values cannot be asked about; one file per value, or "
+                "[fixed]"
+                for name in listed
+            )
         self.workers = Workers(workers)
         get_ready(self.workers)
         with said_once():
@@ -71,7 +78,7 @@ class Flights:
             raise UsageError("factors: nothing is drawn, so there is nothing to ask about")
         self.names = [*self.task.requirements]
         self.reserve(1)
-        self._said, self._life = said, ExitStack()
+        self.said, self._life = said, ExitStack()
         self._fly: Fly | None = None
 
     def reserve(self, runs: int) -> None:
@@ -79,8 +86,32 @@ class Flights:
         self.plan = self.plan.with_entries(runs=runs, asked=self.d)
         self.task = replace(self.task, key=self.plan.digest, table=self.plan.table)
 
+    def columns(
+        self, of: str | Sequence[str], slope: bool, most: int | None = None
+    ) -> dict[str, int]:
+        """Places among the margins of the requirements that a study is about, at most so many:
+        those named, or all.
+
+        UsageError if one is none, or has no slope although the method needs one.
+        """
+        if not self.names:
+            raise UsageError("there is no requirement to ask about: [requirements] makes one")
+        names = [of] if of and isinstance(of, str) else list(of or self.names)
+        for name in names[:most]:
+            if name not in self.names:
+                close = did_you_mean(name, self.names)
+                known = f"there are: {', '.join(self.names)}"
+                raise UsageError(f"of: there is no requirement {name}{close}; {known}")
+            text = self.task.requirements[name]
+            if slope and not has_slope(text):
+                raise UsageError(
+                    f"of: {name} ({text}) is met or not, without a slope that leads there; compare "
+                    f'quantities with < or >, or use method = "random"'
+                )
+        return {name: self.names.index(name) for name in names[:most]}
+
     def __enter__(self) -> Flights:
-        self._fly = self._life.enter_context(crew(self.workers, self._said))
+        self._fly = self._life.enter_context(crew(self.workers, self.said))
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -94,6 +125,15 @@ class Flights:
         if numbers.ndim != 2 or numbers.shape[1] != self.d:
             raise UsageError(f"flights: expected numbers (rows, {self.d}), got {numbers.shape}")
         return margins_of(self.fly([self.values(z, k) for k, z in enumerate(numbers)]))
+
+    def moved(self, numbers: Array, count: int = 5) -> str:
+        """The factors that a row of numbers moves most, in standard deviations."""
+        names: list[str] = []
+        for name, places in self.groups.items():
+            elements = [f"{name}[{k + 1}]" for k in range(len(places))]
+            names += elements if len(places) > 1 else [name]
+        order = np.argsort(-np.abs(numbers), kind="stable")[:count]
+        return ", ".join(f"{names[k]} {numbers[k]:+.1f} sigma" for k in order)
 
     def fly(self, values: Sequence[Values]) -> list[Row]:
         """Records of flights of values of the factors, in their order."""
@@ -123,45 +163,3 @@ def margins_of(rows: list[Row]) -> Array:
     died = np.array([row.status == FAILED for row in rows], dtype=bool)
     margins[died] = -np.inf
     return margins
-
-
-def refuse_listed(table: Mapping[str, Any]) -> None:
-    """StructureError if factors are gone through: a list has no normal number."""
-    factors = table.get("factors")
-    given = factors.items() if isinstance(factors, Mapping) else ()
-    listed = [n for n, each in given if isinstance(each, Mapping) and each.keys() & {*CHOICES}]
-    if listed:
-        raise StructureError(
-            f"factors.{name}: listed values cannot be asked about; one file per value, or [fixed]"
-            for name in listed
-        )
-
-
-def columns(
-    of: str | Sequence[str], flights: Flights, slope: bool, most: int | None = None
-) -> dict[str, int]:
-    """Places among the margins of the requirements that a study is about, at most so many: those
-    named, or all.
-
-    UsageError if one is none, or has no slope although the method needs one.
-    """
-    if not flights.names:
-        raise UsageError("there is no requirement to ask about: [requirements] makes one")
-    names = [of] if of and isinstance(of, str) else list(of or flights.names)
-    return {name: _column(flights, name, slope) for name in names[:most]}
-
-
-def _column(flights: Flights, name: str, slope: bool) -> int:
-    if name not in flights.names:
-        known = ", ".join(flights.names) or "none"
-        raise UsageError(
-            f"of: there is no requirement {name}{did_you_mean(name, flights.names)}; "
-            f"there are: {known}"
-        )
-    text = flights.task.requirements[name]
-    if slope and not has_slope(text):
-        raise UsageError(
-            f"of: {name} ({text}) is met or not, without a slope that leads there; compare "
-            f'quantities with < or >, or use method = "random"'
-        )
-    return flights.names.index(name)

@@ -6,7 +6,7 @@ Papaioannou et al. 2015, importance sampling. A flight fails where its margin is
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from harness.errors import UsageError
 from harness.studies.campaign.stopping import clopper_pearson
 from harness.studies.campaign.store import Store
-from harness.studies.inquiry.flights import columns
-from harness.studies.inquiry.study import Study, begun, plain, prepared, say_nominal
+from harness.studies.inquiry.study import Probability, Study, begun, prepared, say_nominal
 
 Array = NDArray[np.float64]
 
@@ -214,13 +213,14 @@ def pooled(found: Sequence[Sampled]) -> Estimate:
 # ---- importance sampling
 
 
-def importance(d: int, seed: int, flights: int, centres: Array) -> Ask:
+def importance(d: int, seed: int, flights: int, centres: Array, failures: int | None = None) -> Ask:
     """Flights about the centres (k, d), weighted by the ratio of the densities.
 
     p = mean(fails w),   w = phi(z) / mean over k of phi(z - c_k)
 
     Centres must be means of failures: a single one that was found carries chance in all numbers
-    that do not matter, and a region without a centre is not seen.
+    that do not matter, and a region without a centre is not seen. failures: how many the centres
+    are means of; an estimate by less than half of `fewest` is too small more often than not.
     """
     rng = np.random.default_rng([seed, len(centres)])
     z = centres[rng.integers(len(centres), size=flights)] + rng.standard_normal((flights, d))
@@ -235,26 +235,19 @@ def importance(d: int, seed: int, flights: int, centres: Array) -> Ask:
             0.0, 0.0, 1.0, math.inf, flights, warning="no flight near the centres fails"
         )
     cov = float(weighted.std(ddof=1)) / p / math.sqrt(flights)
-    return Estimate(p, max(0.0, p * (1 - Z95 * cov)), p * (1 + Z95 * cov), cov, flights)
+    warning, enough = "", fewest(d) // 2
+    if failures is not None and failures < enough:
+        warning = (
+            f"{failures} failures are too few for centres in {d} numbers, the estimate may be far "
+            f"too small: at least {enough}"
+        )
+    low, high = max(0.0, p * (1 - Z95 * cov)), p * (1 + Z95 * cov)
+    return Estimate(p, low, high, cov, flights, warning=warning)
 
 
 def fewest(d: int) -> int:
     """Flights per level whose failures have means fit for centres in d numbers."""
     return max(50, PER_NUMBER * d)
-
-
-def doubted(ask: Ask, failures: int, d: int) -> Ask:
-    """Importance sampling about centres that have been given, with a warning where these are means
-    of fewer failures than half of `fewest`: its estimate is too small more often than not.
-    """
-    estimate = yield from ask
-    if estimate.warning or failures >= fewest(d) // 2:
-        return estimate
-    few = (
-        f"{failures} failures are too few for centres in {d} numbers, the estimate may be far too "
-        f"small: at least {fewest(d) // 2}"
-    )
-    return estimate._replace(warning=few)
 
 
 def regions(failures: Array) -> Array:
@@ -305,43 +298,42 @@ def probability(definition: Any, output: str | Path, **how: Any) -> Study:
     definition: path of a campaign TOML with a table [probability], or the table itself; output:
     OUT.zarr; how: as for sensitivity(). Raises UsageError, StructureError.
     """
-    entry, flights = prepared("probability", definition, how)
-    slope = entry["method"] != "random"
-    ((name, k),) = columns(entry["of"], flights, slope, most=1).items()
+    entry, flights = prepared(Probability, definition, how)
+    slope = entry.method != "random"
+    ((name, k),) = flights.columns(entry.of, slope, most=1).items()
     method = _method(entry, name, flights.d, flights.plan.table.seed)
-    with begun("probability", flights, int(entry["flights"]), output, how) as driver:
-        say_nominal(driver, {name: k}, how.get("said", print))
+    with begun("probability", flights, entry.flights, output, how) as driver:
+        say_nominal(driver, {name: k})
         if driver.nominal[k] <= 0 and slope:
             raise UsageError(
                 f"{name}: the nominal flight fails, with a margin of {driver.nominal[k]:.4g}"
             )
         estimate = driver.answer(method, k)
-        found = plain(estimate._asdict()) | {"method": entry["method"]}
-        if below := entry["below"]:
-            met, missed = estimate.high < below, estimate.low > below
+        found = estimate._asdict() | {"method": entry.method}
+        if entry.below:
+            met, missed = estimate.high < entry.below, estimate.low > entry.below
             word = "met" if met and not estimate.warning else "NOT MET" if missed else "undecided"
-            found |= {"below": below, "verdict": word}
+            found |= {"below": entry.below, "verdict": word}
         return Study(driver.path, driver.finish({"of": {name: found}}))
 
 
-def _method(entry: Mapping[str, Any], name: str, d: int, seed: int) -> Ask:
+def _method(entry: Probability, name: str, d: int, seed: int) -> Ask:
     """The method of a table [probability] of a requirement; UsageError if its flights are few."""
-    budget = int(entry["flights"])
-    if entry["method"] == "random":
-        return random(d, seed, budget)
-    if entry["method"] == "subset":
-        if per_level(budget) < 50:
+    if entry.method == "random":
+        return random(d, seed, entry.flights)
+    if entry.method == "subset":
+        if per_level(entry.flights) < 50:
             raise UsageError("probability.flights: at least 1400, five repeats of 50 per level")
-        return subset(d, seed, budget)
-    if entry["centres"]:
-        failed = _failures(Path(entry["centres"]), name, d)
-        return doubted(importance(d, seed, budget, regions(failed)), len(failed), d)
-    if per_level(budget // 2) < fewest(d):
+        return subset(d, seed, entry.flights)
+    if entry.centres:
+        failed = _failures(Path(entry.centres), name, d)
+        return importance(d, seed, entry.flights, regions(failed), len(failed))
+    if per_level(entry.flights // 2) < fewest(d):
         raise UsageError(
             f"probability.flights: at least {math.ceil(55 * fewest(d) / 100)}00, half of them "
             f"to find the centres with {fewest(d)} flights per level in {d} numbers"
         )
-    return centred(d, seed, budget)
+    return centred(d, seed, entry.flights)
 
 
 def _failures(path: Path, name: str, d: int) -> Array:

@@ -7,11 +7,10 @@ A factor is a group of numbers that move together, so that a vector or an inerti
 
 from __future__ import annotations
 
-import json
 from collections.abc import Generator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +20,8 @@ from harness.studies.campaign.factors import normal_quantile
 from harness.studies.campaign.store import Store
 from harness.studies.campaign.summary import mean_ranks, rank_correlation
 from harness.studies.campaign.worker import PENDING
-from harness.studies.inquiry.flights import columns
-from harness.studies.inquiry.study import Study, begun, plain, prepared, say_nominal
+from harness.studies.inquiry.driver import answered, keep
+from harness.studies.inquiry.study import Sensitivity, Study, begun, prepared, say_nominal
 
 Array = NDArray[np.float64]
 Ask = Generator[Array, Array, "Effects"]
@@ -165,52 +164,36 @@ def sensitivity(definition: Any, output: str | Path | None = None, **how: Any) -
     """
     if not isinstance(definition, Mapping) and Path(definition).suffix == ".zarr":
         return Study(Path(definition), of_dataset(Path(definition)))
-    entry, flights = prepared("sensitivity", definition, how)
-    of = columns(entry["of"], flights, slope=False)
-    groups, seed, said = [*flights.groups.values()], flights.plan.table.seed, how.get("said", print)
-    count, per = _count(entry, len(groups))
-    method: Any = partial(METHODS[entry["method"]], groups, flights.d, count, seed)
-    if count * per != entry["flights"]:
-        said(f"{entry['method']}: {count} x {per} = {count * per} flights")
     if output is None:
         raise UsageError("-o OUT.zarr is missing")
+    entry, flights = prepared(Sensitivity, definition, how)
+    of, groups = flights.columns(entry.of, slope=False), [*flights.groups.values()]
+    count, per = _count(entry, len(groups))
+    method = {"morris": morris, "sobol": sobol}[entry.method]
+    asked = partial(method, groups, flights.d, count, flights.plan.table.seed)
+    if count * per != entry.flights:
+        flights.said(f"{entry.method}: {count} x {per} = {count * per} flights")
     with begun("sensitivity", flights, count * per, output, how) as driver:
-        say_nominal(driver, of, said)
-        numbers = next(method())
+        say_nominal(driver, of)
+        numbers = next(asked())  # once, and the same for each requirement
         margins = driver.ask(numbers)
         found = {}
         for name, k in of.items():
-            effects = _told(method(), margins[:, k])
-            signs = _signs(groups, numbers, margins[:, k])
-            found[name] = plain(effects._asdict()) | {"signs": signs}
-        factors = [*flights.groups]
-        estimate = {"of": found, "factors": factors, "method": entry["method"]}
+            effects = answered(asked(), lambda _, k=k: margins[:, k])  # type: ignore[misc]
+            found[name] = effects._asdict() | {"signs": _signs(groups, numbers, margins[:, k])}
+        estimate = {"of": found, "factors": [*flights.groups], "method": entry.method}
         return Study(driver.path, driver.finish(estimate))
 
 
-def _count(entry: Mapping[str, Any], factors: int) -> tuple[int, int]:
+def _count(entry: Sensitivity, factors: int) -> tuple[int, int]:
     """Paths, or points of Sobol, and flights of each; UsageError if there are too few."""
-    per = factors + (1 if entry["method"] == "morris" else 2)
-    count = max(1, int(entry["flights"]) // per)
-    if entry["method"] == "sobol":
+    per = factors + (1 if entry.method == "morris" else 2)
+    count = max(1, entry.flights // per)
+    if entry.method == "sobol":
         count = 1 << (count - 1).bit_length()
     elif count < 2:
         raise UsageError(f"sensitivity.flights: at least {2 * per}, two paths of {per} flights")
     return count, per
-
-
-METHODS = {"morris": morris, "sobol": sobol}
-"""Methods that ask once, by name."""
-
-
-def _told(method: Any, y: Array) -> Effects:
-    """What a method makes of the answer."""
-    next(method)
-    try:
-        method.send(y)
-    except StopIteration as end:
-        return cast(Effects, end.value)
-    raise AssertionError("asks once")
 
 
 def _signs(groups: list[list[int]], numbers: Array, y: Array) -> list[float]:
@@ -248,9 +231,8 @@ def of_dataset(path: Path) -> Store:
     for name, y in zip(store.array("requirement"), margins.T, strict=True):
         if np.isfinite(y).any():
             effects = hsic(groups, x, np.nan_to_num(y, nan=np.inf, neginf=-np.inf))
-            told = {"method": "given", "value": effects.value, "p": effects.p}
-            found[str(name)] = plain(told | {"died": effects.died})
-    store.group.attrs["estimate"] = json.dumps({"of": found, "factors": names, "method": "given"})
+            found[str(name)] = {k: getattr(effects, k) for k in ("method", "value", "p", "died")}
+    keep(store, {"of": found, "factors": names, "method": "given"})
     store.group.attrs["kind"] = "given"
     return store
 

@@ -6,40 +6,84 @@ is wrong with them, how they begin, what they leave, and how it reads.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
+import msgspec
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
 from harness.errors import StructureError, UsageError
-from harness.spelling import did_you_mean
 from harness.studies.campaign.campaign import Campaign
 from harness.studies.campaign.draft import table_of
-from harness.studies.campaign.plan import Plan
 from harness.studies.campaign.stopping import clopper_pearson
-from harness.studies.campaign.store import Store
 from harness.studies.campaign.worker import FAILED
 from harness.studies.inquiry.driver import Driver
 from harness.studies.inquiry.flights import Flights
+from harness.system.schema import Count, Positive, Text, problems
 
 Array = NDArray[np.float64]
-Said = Callable[[str], None]
+T = TypeVar("T")
 
-ENTRIES: dict[str, dict[str, Any]] = {
-    "sensitivity": {"of": [], "method": "morris", "flights": 130},
-    "worst": {"of": [], "flights": 200, "box": 3.0, "searches": 1},
-    "probability": {"of": "", "method": "subset", "flights": 20_000, "below": 0.0, "centres": ""},
-    "map": {"of": "", "factors": [], "flights": 100},
-    "tune": {"of": [], "gains": {}, "draws": 24, "archive": "", "flights": 2400, "box": 3.0},
-}
-"""Entries of the tables of studies with what they are if they are not given."""
-METHODS = {
-    "sensitivity": ("morris", "sobol"),
-    "probability": ("subset", "random", "importance"),
-}
+Names = Annotated[str | list[str], Meta(description="a name or a list of names")]
+Method = Annotated[Literal["morris", "sobol"], Meta(description="morris or sobol")]
+Estimator = Annotated[
+    Literal["subset", "random", "importance"], Meta(description="subset, random or importance")
+]
+Share = Annotated[float, Meta(gt=0, lt=1, description="a probability, above 0 and below 1")]
+
+
+class Sensitivity(msgspec.Struct):
+    """Entries of [sensitivity]; of: requirements, in all studies."""
+
+    of: Names = ""
+    method: Method = "morris"
+    flights: Count = 130
+
+
+class Worst(msgspec.Struct):
+    """Entries of [worst]."""
+
+    of: Names = ""
+    flights: Count = 200
+    box: Positive = 3.0
+    searches: Count = 1
+
+
+class Probability(msgspec.Struct):
+    """Entries of [probability]; below: what is required, 0: nothing."""
+
+    of: Text = ""
+    method: Estimator = "subset"
+    flights: Count = 20_000
+    below: Share = 0.0
+    centres: Text = ""
+
+
+class Map(msgspec.Struct):
+    """Entries of [map]."""
+
+    of: Text = ""
+    factors: list[str] = []
+    flights: Count = 100
+
+
+class Tune(msgspec.Struct):
+    """Entries of [tune]."""
+
+    of: Names = ""
+    gains: dict[str, Any] = {}
+    draws: Count = 24
+    archive: Text = ""
+    flights: Count = 2400
+    box: Positive = 3.0
+
+
+TABLES = {each.__name__.lower(): each for each in (Sensitivity, Worst, Probability, Map, Tune)}
+"""Tables of studies by their names in the file of a campaign."""
 
 
 class Study(Campaign):
@@ -74,46 +118,12 @@ class Study(Campaign):
         return all(each.get("verdict", "met") == "met" for each in found)
 
 
-def entries(kind: str, table: Mapping[str, Any]) -> dict[str, Any]:
-    """The table of a study with its defaults; StructureError with all that is wrong with it."""
-    given = table.get(kind, {})
-    if not isinstance(given, Mapping):
-        raise StructureError([f"{kind}: must be a table here, not {given!r:.60}"])
-    if problems := list(_wrong(kind, given)):
-        raise StructureError(problems)
-    return {**ENTRIES[kind], **given}
-
-
-def _wrong(kind: str, given: Mapping[str, Any]) -> Iterator[str]:
-    known = ENTRIES[kind]
-    for name, value in given.items():
-        if name not in known:
-            yield f"{kind}.{name}: there is no such entry{did_you_mean(name, known)}"
-        elif words := _expected(name, known[name], value):
-            yield f"{kind}.{name}: expected {words}, got {value!r:.60}"
-    method = given.get("method", METHODS.get(kind, ("",))[0])
-    if kind in METHODS and method not in METHODS[kind]:
-        close = did_you_mean(str(method), METHODS[kind])
-        yield f"{kind}.method: there is no {method}{close}; expected {', '.join(METHODS[kind])}"
-
-
-def is_number(value: Any) -> bool:
-    """Whether it is a number that a double holds; true and false are none."""
-    whole = isinstance(value, int) and not isinstance(value, bool)
-    return isinstance(value, float) or (whole and abs(value) < 2**1023)
-
-
-def _expected(name: str, wanted: Any, value: Any) -> str:
-    """What an entry must be that is `wanted` where it is not given; "" if it is that."""
-    if isinstance(wanted, float):
-        if not is_number(value) or not value > 0:
-            return "a number above 0"
-        return "a probability, below 1" if name == "below" and value >= 1 else ""
-    if isinstance(wanted, int):
-        whole = is_number(value) and value == int(value) and value >= 1
-        return "" if whole else "a whole number above 0"
-    either = (str, list) if name == "of" else type(wanted)
-    return "" if isinstance(value, either) else f"a {type(wanted).__name__}"
+def entries(kind: type[T], table: Mapping[str, Any]) -> T:
+    """The table of a study; StructureError with all that is wrong with it."""
+    name = kind.__name__.lower()
+    if wrong := list(problems(table.get(name, {}), kind, name)):
+        raise StructureError(wrong)
+    return msgspec.convert(table.get(name, {}), kind)
 
 
 @contextmanager
@@ -127,30 +137,22 @@ def begun(
         yield driver
 
 
-def prepared(kind: str, definition: Any, how: Mapping[str, Any]) -> tuple[dict[str, Any], Flights]:
+def prepared(kind: type[T], definition: Any, how: Mapping[str, Any]) -> tuple[T, Flights]:
     """The entries of a study with its flights."""
     entry = entries(kind, table_of(definition))
-    flights = Flights(definition, workers=how.get("workers"), said=how.get("said", lambda _: None))
-    return entry, flights
+    return entry, Flights(definition, workers=how.get("workers"), said=how.get("said", print))
 
 
-def say_nominal(driver: Driver, of: Mapping[str, int], said: Said) -> None:
+def say_nominal(driver: Driver, of: Mapping[str, int]) -> None:
     """Say which requirements the nominal flight fails; UsageError if it does not exercise one."""
     for name, k in of.items():
         margin = driver.nominal[k]
         if np.isnan(margin):
             raise UsageError(f"{name}: the nominal flight does not exercise it")
         if margin < 0:
-            said(f"{name}: the nominal flight fails already, with a margin of {margin:.4g}")
-
-
-def plain(value: Any) -> Any:
-    """Plain data that JSON holds."""
-    if isinstance(value, Mapping):
-        return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, np.ndarray | list | tuple):
-        return [plain(v) for v in value]
-    return value.item() if isinstance(value, np.generic) else value
+            driver.flights.said(
+                f"{name}: the nominal flight fails already, with a margin of {margin:.4g}"
+            )
 
 
 # ---- what was found, for reading
@@ -235,26 +237,12 @@ def _worst(of: _Of) -> Iterator[str]:
         )
     system = study.store.group.attrs["system"]
     yield f"  harness run {system} --like {study.path}#{found['run']}"
-    yield f"  moved most: {_moved(study.store, found['numbers'])}"
+    if "moved" in found:  # not by earlier versions
+        yield f"  moved most: {found['moved']}"
     if found.get("differs"):
         yield f"  with the system's own macro step the margin is {of_unit(found['own step'], unit)}"
     if seeds := found.get("other seeds"):
         yield f"  with {len(seeds)} other seeds: {of_unit(min(seeds), unit)} at worst"
-
-
-def _moved(store: Store, numbers: Any, count: int = 5) -> str:
-    """The factors that a row of numbers moves most, in standard deviations."""
-    z = np.array(numbers)
-    names: list[str] = []
-    for factor, places in _groups(store).items():
-        elements = [f"{factor}[{k + 1}]" for k in range(len(places))]
-        names += elements if len(places) > 1 else [factor]
-    order = np.argsort(-np.abs(z), kind="stable")[:count]
-    return ", ".join(f"{names[k]} {z[k]:+.1f} sigma" for k in order)
-
-
-def _groups(store: Store) -> dict[str, range]:
-    return Plan(*store.definition()).groups
 
 
 def _probability(of: _Of) -> Iterator[str]:

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from harness.errors import UsageError
 from harness.studies.campaign.draft import table_of
 from harness.studies.campaign.store import Store
-from harness.studies.inquiry.flights import Flights, columns
-from harness.studies.inquiry.study import Study, begun, entries, plain
+from harness.studies.inquiry.flights import Flights
+from harness.studies.inquiry.study import Study, Tune, begun, entries
 from harness.studies.inquiry.worst import generation, needs_cma, search
 
 Array = NDArray[np.float64]
@@ -40,23 +40,23 @@ class Tuned(NamedTuple):
 def tuned(
     flights: Flights,
     gains: list[int],
-    entry: Mapping[str, Any],
+    entry: Tune,
     archive: Store | None,
     of: list[str],
 ) -> tuple[Generator[Array, Array, Tuned], int]:
     """The method, and how many flights it takes."""
     rng = np.random.default_rng([flights.plan.table.seed, 1])
-    draws = rng.standard_normal((int(entry["draws"]), flights.d))
+    draws = rng.standard_normal((entry.draws, flights.d))
     if archive is not None:
         draws = np.concatenate([_archived(archive, flights, gains, of), draws])
-    unseen = rng.standard_normal((int(entry["draws"]), flights.d))
+    unseen = rng.standard_normal((entry.draws, flights.d))
     draws[:, gains] = unseen[:, gains] = 0
-    candidates = int(entry["flights"]) // len(draws)
+    candidates = entry.flights // len(draws)
     least = 2 * generation(len(gains))
     if candidates < least:
         raise UsageError(f"tune.flights: at least {least * len(draws)}, {least} candidates")
     runs = len(draws) * (1 + candidates) + 2 * len(unseen)
-    inner = search(len(gains), flights.plan.table.seed, candidates, float(entry["box"]))
+    inner = search(len(gains), flights.plan.table.seed, candidates, entry.box)
     return _tuned(draws, unseen, gains, inner), runs
 
 
@@ -131,19 +131,19 @@ def tune(definition: Any, output: str | Path, **how: Any) -> Study:
     """
     needs_cma()
     table = table_of(definition)
-    entry = entries("tune", table)
-    if not entry["gains"]:
+    entry = entries(Tune, table)
+    if not entry.gains:
         raise UsageError("tune.gains: expected a draw per gain, as in [factors]")
     file = Path("campaign.toml" if isinstance(definition, Mapping) else definition)
-    factors = {**table.get("factors", {}), **entry["gains"]}
+    factors = {**table.get("factors", {}), **entry.gains}
     flights = Flights({**table, "factors": factors}, workers=how.get("workers"), file=file)
-    of = columns(entry["of"], flights, slope=True)
-    gains = [p for n in entry["gains"] for p in flights.groups[n]]
-    archive = Store.open(file.parent / entry["archive"]) if entry["archive"] else None
+    of = flights.columns(entry.of, slope=True)
+    gains = [p for n in entry.gains for p in flights.groups[n]]
+    archive = Store.open(file.parent / entry.archive) if entry.archive else None
     method, runs = tuned(flights, gains, entry, archive, list(of))
     with begun("tune", flights, runs, output, how) as driver:
         found = driver.answer(method, list(of.values()))
         chosen = flights.values(found.numbers, 0)
-        gained = {n: chosen[n] for n in entry["gains"]}
-        numbers = plain(found._asdict()) | {"gains": plain(gained)}
+        gained = {name: chosen[name] for name in entry.gains}
+        numbers = found._asdict() | {"gains": gained}
         return Study(driver.path, driver.finish({"of": {", ".join(of): numbers}}))

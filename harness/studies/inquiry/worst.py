@@ -7,7 +7,7 @@ nothing worse.
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterable, Mapping
+from collections.abc import Generator, Iterable
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,8 +19,7 @@ from harness.errors import RunError, UsageError
 from harness.results.files import save
 from harness.results.requirements import margin
 from harness.studies.inquiry.driver import Driver
-from harness.studies.inquiry.flights import columns
-from harness.studies.inquiry.study import Study, begun, plain, prepared, say_nominal
+from harness.studies.inquiry.study import Study, Worst, begun, prepared, say_nominal
 from harness.studies.warm import Warm
 
 Array = NDArray[np.float64]
@@ -130,33 +129,32 @@ def worst(definition: Any, output: str | Path, **how: Any) -> Study:
     for sensitivity(). Raises UsageError, StructureError.
     """
     needs_cma()
-    entry, flights = prepared("worst", definition, how)
-    of = columns(entry["of"], flights, slope=True)
-    searches = int(entry["searches"])
-    each, least = int(entry["flights"]) // searches, generation(flights.d)
+    entry, flights = prepared(Worst, definition, how)
+    of = flights.columns(entry.of, slope=True)
+    each, least = entry.flights // entry.searches, generation(flights.d)
     if each < least:
         raise UsageError(f"worst.flights: at least {least}, one generation, for each search")
     seeds = SEEDS if flights.plan.table.seeds else 0
-    runs = len(of) * (each * searches + seeds)
+    runs = len(of) * (each * entry.searches + seeds)
     found: dict[str, Any] = {}
     with begun("worst", flights, runs, output, how) as driver:
-        say_nominal(driver, of, how.get("said", print))
+        say_nominal(driver, of)
         for name, k in of.items():
             found[name] = _searched(driver, k, entry)
             if seeds:
                 z = np.repeat(np.array([found[name]["numbers"]]), seeds, axis=0)
                 found[name]["other seeds"] = driver.ask(z)[:, k]
         _confirm(driver, found, Path(output))
-        return Study(driver.path, driver.finish({"of": plain(found), "box": entry["box"]}))
+        return Study(driver.path, driver.finish({"of": found, "box": entry.box}))
 
 
-def _searched(driver: Driver, column: int, entry: Mapping[str, Any]) -> dict[str, Any]:
+def _searched(driver: Driver, column: int, entry: Worst) -> dict[str, Any]:
     """The worst flight of a requirement, by searches of equal length from one seed each."""
-    first, searches, seed = driver.flown, int(entry["searches"]), driver.flights.plan.table.seed
-    each, d = int(entry["flights"]) // searches, driver.flights.d
+    first, seed, d = driver.flown, driver.flights.plan.table.seed, driver.flights.d
+    each = entry.flights // entry.searches
     results = [
-        driver.answer(search(d, seed + 1000 * n, each, entry["box"]), column)
-        for n in range(searches)
+        driver.answer(search(d, seed + 1000 * n, each, entry.box), column)
+        for n in range(entry.searches)
     ]
     k = int(np.argmin([r.margin for r in results]))
     failed = [n * each + r.first + 1 for n, r in enumerate(results) if r.first >= 0]
@@ -165,9 +163,10 @@ def _searched(driver: Driver, column: int, entry: Mapping[str, Any]) -> dict[str
         "margin": results[k].margin,
         "run": first + place,
         "first": failed[0] if failed else None,
-        "flights": each * searches,
+        "flights": each * entry.searches,
         "place": place,
         "numbers": results[k].numbers,
+        "moved": driver.flights.moved(results[k].numbers),
         "distance": np.linalg.norm(results[k].numbers),
         "nominal": driver.nominal[column],
         "converged": [r.margin for r in results],
