@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
-from harness.master.changes import Changes, Pairs, pairs
+from harness.master.changes import Changes, Pairs, pairs, timely
 from harness.master.isolated import PATIENCE, guarded, simulate
-from harness.master.pacer import Pacer, timely
+from harness.master.pacer import Pacer
 from harness.results.files import save
 from harness.results.requirements import say_inconsistencies
 from harness.results.result import Result

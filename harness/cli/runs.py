@@ -178,8 +178,8 @@ def _draw(result: Any, folder: Path) -> None:
 def _run(wanted: Any, file: Any, how: dict[str, Any], quiet: bool, late: str | None) -> Any:
     """Run, write, and say what there is to say; nothing that was recorded is lost."""
     from harness.files.signals import held
+    from harness.master.changes import timely
     from harness.master.isolated import simulate
-    from harness.master.pacer import timely
     from harness.results.requirements import say_inconsistencies
     from harness.ssp.library import load
     from harness.system.graph import say_warnings

@@ -11,8 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from harness.errors import UsageError
-from harness.master.changes import Changes, apply, pairs
-from harness.system.model import System
 
 SLICE = 0.1
 """Longest sleep between two looks at the keyboard [s]."""
@@ -94,24 +92,3 @@ class Pacer:
             float(over.max(initial=0.0)),
             float(late[-1]) if len(late) else 0.0,
         )
-
-
-def timely(system: System, changes: Changes, realtime: float | None, late: str | None) -> System:
-    """apply(), and what a component elsewhere does that answers later than the period of its
-    steps: wait, hold or stop. Raises what apply() raises.
-    """
-    if late is None:
-        return apply(system, **changes)
-    if realtime is None or not changes.get("on"):
-        raise UsageError(f"--late {late}: needs --realtime and a component elsewhere, --on")
-    rest: Changes = {**changes, "on": ()}
-    before = apply(system, **rest)
-    step = before.experiment.step or 0.0
-    periods = {c.name: c.every * step for c in before.components}
-    on = {}
-    for name, place in pairs("--on", changes["on"]):
-        where, _, options = str(place).partition("?")
-        deadline = f"late={late}&deadline={periods.get(name, step) / realtime!r}"
-        on[name] = f"{where}?{deadline}&{options}".rstrip("&")
-    moved: Changes = {**changes, "on": on}
-    return apply(system, **moved)

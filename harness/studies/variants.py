@@ -75,16 +75,16 @@ def combinations(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Vari
 
 def _with_maps(variants: Sequence[Variant]) -> Sequence[Variant]:
     """Every variant with those names of ports that its FMUs know; UsageError if one is for none."""
-    names = list(pairs("--map", variants[0].changes.get("map", ())))
+    names = dict(pairs("--map", variants[0].changes.get("map", ())))
     if not names:
         return variants
-    swaps = [list(pairs("--swap", v.changes.get("swap", ()))) for v in variants]
+    swaps = [dict(pairs("--swap", v.changes.get("swap", ()))) for v in variants]
     strange = [unmapped(each, names) for each in swaps]
-    for name, _ in names:
+    for name in names:
         if all(name in each for each in strange):
             raise UsageError(f"--map {name}: no FMU that is swapped has such a port")
     return [
-        replace(v, changes={**v.changes, "map": {a: b for a, b in names if a not in each}})
+        replace(v, changes={**v.changes, "map": {a: b for a, b in names.items() if a not in each}})
         for v, each in zip(variants, strange, strict=True)
     ]
 

@@ -140,7 +140,7 @@ def _settled(simulation):
     from harness.master.calls import cost
 
     controller = next(i for i in simulation.instances if i.name == "controller")
-    simulation.late = cost(controller).late
+    simulation.late = cost(controller.calls).late
 
 
 def test_wait_loses_nothing(board):
@@ -175,7 +175,7 @@ def test_late_needs_a_pace_and_a_place():
 
 
 def test_the_deadline_is_the_period_of_the_component_at_this_pace():
-    from harness.master.pacer import timely
+    from harness.master.changes import timely
 
     with load(SYSTEM) as system:
         on = {"controller": "tcp://localhost:1?timeout=3", "monitor": "tcp://localhost:2"}
