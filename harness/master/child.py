@@ -9,6 +9,7 @@ its own, hears no Ctrl-C, and ends with us, whatever ends us.
 from __future__ import annotations
 
 import logging
+import math
 import mmap
 import multiprocessing
 import os
@@ -30,7 +31,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from harness.errors import HarnessError, UsageError
 from harness.files.signals import held
-from harness.master.messages import NOTE_SIZE, keep_note_in, noted_call
+from harness.master.messages import NOTE_SIZE, Notes, keep_note_in, noted_call
 
 _log = logging.getLogger("harness")
 
@@ -39,11 +40,6 @@ FORK = sys.platform == "linux"
 
 Block = Any
 """Shared bytes that can be handed to a child."""
-
-
-def context() -> Any:
-    """How children are made."""
-    return multiprocessing.get_context("fork" if FORK else "spawn")
 
 
 def block(size: int) -> Block:
@@ -58,8 +54,7 @@ def block(size: int) -> Block:
 
 def array(shared: Block, shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
     """The bytes as an array."""
-    count = int(np.prod(shape))
-    return np.frombuffer(shared, dtype=dtype, count=count).reshape(shape)
+    return np.frombuffer(shared, dtype=dtype, count=math.prod(shape)).reshape(shape)
 
 
 LOOK_SECONDS = 0.2
@@ -71,8 +66,13 @@ GRACE_SECONDS = 0.5
 LAST_WORDS = 200
 """Characters kept of what was written last to the terminal of the child."""
 
-OUTCOME = "outcome"
-"""Kind of the last message: None or the error that the function has raised, beside its value."""
+PIPE = 1 << 16
+"""Bytes that a pipe holds."""
+
+NOTE, OUTCOME = "note", "outcome"
+"""Kinds of messages: a note for the user; the last one, None or the error that the function has
+raised, beside its value.
+"""
 
 Send = Callable[[str, Any], None]
 
@@ -86,10 +86,12 @@ class Child:
         self._code: int | None = None
         self._messages, theirs = multiprocessing.Pipe(duplex=False)
         self._terminal, terminal = multiprocessing.Pipe(duplex=False)
+        self._open: list[Any] = [self._messages, self._terminal]
         self._lines, self._words = 0, deque[str](maxlen=LAST_WORDS)
-        self.process = context().Process(
+        how: Any = multiprocessing.get_context("fork" if FORK else "spawn")
+        self.process = how.Process(
             target=_work,
-            args=(theirs, terminal, _open_files(), note, function, arguments),
+            args=((theirs, terminal), _open_files(), note, function, arguments),
             daemon=True,
         )
         # a daemonic process, as a worker of dask is, may have this child: it ends with its parent
@@ -111,48 +113,39 @@ class Child:
         self._messages.close()
         self._terminal.close()
 
-    def messages(self, seconds: float = float("inf")) -> Iterator[tuple[str, Any]]:
+    def messages(self, seconds: float = math.inf) -> Iterator[tuple[str, Any]]:
         """What the function sends until it has ended, with ("", None) now and then; at most for
         so many seconds.
         """
-        until = time.monotonic() + seconds
-        sources = [self._messages, self._terminal, self.process.sentinel]
-        while time.monotonic() < until and self.process.sentinel in sources:
-            for ready in wait(sources, LOOK_SECONDS):
-                if ready is self._messages:
-                    yield from self._received(sources)
-                elif ready is self._terminal:
-                    self._read_terminal(sources)
+        until, over = time.monotonic() + seconds, False
+        while time.monotonic() < until and not over:
+            ended = not self.process.is_alive()  # then all that will ever come is in the pipes
+            sources = self._open if ended else [*self._open, self.process.sentinel]
+            ready = wait(sources, 0 if ended else LOOK_SECONDS)
+            if self._terminal in ready:
+                self._read_terminal()
+            if self._messages in ready:
+                yield from self._received()
             yield "", None
-            if not self.process.is_alive():
-                yield from self._rest(sources)
-                sources.remove(self.process.sentinel)
+            over = ended and self._messages not in ready
 
-    def _rest(self, sources: list[Any]) -> Iterator[tuple[str, Any]]:
-        """What an ended child has left in its pipes."""
-        while self._messages in sources and self._messages.poll():
-            yield from self._received(sources)
-        while self._terminal in sources and self._terminal.poll():
-            self._read_terminal(sources)
-
-    def _received(self, sources: list[Any]) -> Iterator[tuple[str, Any]]:
+    def _received(self) -> Iterator[tuple[str, Any]]:
         try:
             kind, content = self._messages.recv()
         except Exception:  # the end of the pipe, or what foreign code has written into it
-            sources.remove(self._messages)
+            self._open.remove(self._messages)
             return
-        if kind == "note":
+        if kind == NOTE:
             _log.warning("%s", content)
         else:
             yield kind, content
 
-    def _read_terminal(self, sources: list[Any]) -> None:
-        try:
-            data = os.read(self._terminal.fileno(), 1 << 16)
-        except OSError:
-            data = b""
+    def _read_terminal(self) -> None:
+        data = b""
+        with suppress(OSError):
+            data = os.read(self._terminal.fileno(), PIPE)
         if not data:
-            sources.remove(self._terminal)
+            self._open.remove(self._terminal)
         self._lines += data.count(b"\n")
         self._words.extend(data[-4 * LAST_WORDS :].decode(errors="replace"))
 
@@ -174,15 +167,15 @@ class Child:
 
     def end(self) -> str:
         """In what way the process has ended."""
-        code = self._code if self._code is not None else self.process.exitcode
-        if code is not None and code < 0:
-            name = signal.Signals(-code).name if -code in set(signal.Signals) else f"signal {-code}"
-            text = f"crashed ({name}, {signal.strsignal(-code) or 'unknown'})".lower()
-            text = text.replace(name.lower(), name)
-        elif code is None:
+        code = self.process.exitcode if self._code is None else self._code
+        if code is None:
             text = "lost contact"
-        else:
+        elif code >= 0:
             text = f"ended the process by exit({code})"
+        else:
+            known = -code in set(signal.Signals)
+            name = signal.Signals(-code).name if known else f"signal {-code}"
+            text = f"crashed ({name}, {(signal.strsignal(-code) or 'unknown').lower()})"
         words = self.last_words()
         return text + (f", its last output: {words}" if words else "")
 
@@ -193,26 +186,38 @@ class Child:
             _log.warning("the FMUs wrote %d line%s, the last: %s", count, "s" * (count > 1), words)
 
 
+def _open_files() -> set[int]:
+    """Numbers of the files that a fork would inherit now."""
+    folder = Path("/proc/self/fd")
+    if not FORK or not folder.is_dir():
+        return set()
+    listed = list(folder.iterdir())  # with the number of this list itself, which is closed now
+    return {int(file.name) for file in listed if file.is_symlink()}
+
+
 # ---- in the child
 
 
-def _work(  # noqa: PLR0913, PLR0917 - what joins the two processes
-    messages: Connection,
-    terminal: Connection,
-    inherited: frozenset[int],
+def _work(
+    pipes: tuple[Connection, Connection],
+    inherited: set[int],
     note: Block,
     function: Callable[..., Any],
     arguments: tuple[Any, ...],
 ) -> None:
+    messages, terminal = pipes
     _stand_alone()
     _redirect(terminal)
-    _let_go_of_files(inherited, {messages.fileno(), terminal.fileno()})
+    # foreign code must not write into files of ours, nor keep pipes open that others wait for
+    for number in inherited - {0, 1, 2, messages.fileno(), terminal.fileno()}:
+        with suppress(OSError):
+            os.close(number)
     keep_note_in(array(note, (NOTE_SIZE,), "uint8"))
 
     def send(kind: str, content: Any) -> None:
         messages.send((kind, content))
 
-    _log.handlers, _log.propagate = [_Notes(send)], False
+    _log.handlers, _log.propagate = [Notes(lambda text: send(NOTE, text))], False
     try:
         value = function(send, *arguments)
     except Exception as error:
@@ -228,17 +233,6 @@ def portable(error: Exception) -> Exception:
     return RuntimeError(f"{type(error).__name__}: {error}")
 
 
-class _Notes(logging.Handler):
-    """Hands our notes to the parent."""
-
-    def __init__(self, send: Send) -> None:
-        super().__init__()
-        self._send = send
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self._send("note", record.getMessage())
-
-
 def _stand_alone() -> None:
     """Hear none of the signals of a terminal, and end with the parent."""
     for name in ("SIGINT", "SIGHUP", "SIGTERM"):
@@ -251,38 +245,13 @@ def _stand_alone() -> None:
 
 def end_with_parent() -> None:
     """Let this process end when the one that has made it ends, whatever it is doing then."""
-    threading.Thread(target=_wait_for_parent, daemon=True).start()
 
+    def wait_for_parent() -> None:
+        if parent := multiprocessing.parent_process():
+            parent.join()
+            os._exit(1)
 
-def _wait_for_parent() -> None:
-    if parent := multiprocessing.parent_process():
-        parent.join()
-        os._exit(1)
-
-
-def _open_files() -> frozenset[int]:
-    """Numbers of the files that a fork would inherit now."""
-    folder = Path("/proc/self/fd")
-    if not FORK or not folder.is_dir():
-        return frozenset()
-    return frozenset(filter(_is_open, [int(file.name) for file in folder.iterdir()]))
-
-
-def _is_open(number: int) -> bool:
-    try:
-        os.fstat(number)
-    except OSError:  # the one that has listed the others
-        return False
-    return True
-
-
-def _let_go_of_files(inherited: frozenset[int], needed: set[int]) -> None:
-    """Close what a fork has inherited: foreign code must not write into files of ours, nor keep
-    pipes open that others wait for.
-    """
-    for number in inherited - needed - {0, 1, 2}:
-        with suppress(OSError):
-            os.close(number)
+    threading.Thread(target=wait_for_parent, daemon=True).start()
 
 
 def _redirect(terminal: Connection) -> None:

@@ -6,18 +6,19 @@ bit.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Iterator, Sequence
-from typing import NamedTuple, Protocol
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import UsageError
 from harness.files.paths import loop_library
+from harness.master.calls import layout
 from harness.master.fmu import Instance
 from harness.master.recorder import Recorder
-from harness.master.transfer import TYPES_3, CFunction, Transfer
-from harness.system.schedule import NOT_FINITE, TOO_WIDE, Action, Verb
+from harness.master.transfer import Transfer
+from harness.system.schedule import Action, Verb
 
 
 class Clock(NamedTuple):
@@ -40,24 +41,16 @@ class Loop(NamedTuple):
     clock: Clock
 
 
-class Executor(Protocol):
-    """Something that performs macro steps; RunError names the instance that failed.
-
-    calls: instance and verb of every call of a macro step, in the order that the recorder marks.
-    """
-
-    calls: list[tuple[str, str]]
-
-    def run(self, first: int, last: int) -> None:
-        """Macro steps first .. last - 1, recording each."""
-
-
 class PythonExecutor:
-    """The loop as it is meant."""
+    """The loop as it is meant.
+
+    calls: instance and function of every call of a macro step, in the order that the recorder
+    marks.
+    """
 
     def __init__(self, loop: Loop) -> None:
         self.loop = loop
-        self.calls = [_marked(action) for action in loop.plan]
+        self.calls = _marked(loop.plan)
 
     def run(self, first: int, last: int) -> None:
         """Macro steps first .. last - 1, recording each; RunError names the instance that
@@ -72,73 +65,45 @@ class PythonExecutor:
             recorder.record(k + 1, bus)
 
 
-_SET_AFFINE, _SET_FLOAT64, _GET_FLOAT64 = 5, 6, 7
-_SET_OTHER, _GET_OTHER, _STEP_3, _SET_AFFINE_3 = 8, 9, 10, 11
 _KINDS = {
-    (2, Verb.SET, True): 0,
-    (2, Verb.SET, False): 1,
-    (2, Verb.STEP, True): 2,
-    (2, Verb.GET, True): 3,
-    (2, Verb.GET, False): 4,
-    (3, Verb.SET, True): _SET_FLOAT64,
-    (3, Verb.SET, False): _SET_OTHER,
-    (3, Verb.STEP, True): _STEP_3,
-    (3, Verb.GET, True): _GET_FLOAT64,
-    (3, Verb.GET, False): _GET_OTHER,
+    2: {Verb.SET: (0, 1, 5), Verb.STEP: (2,), Verb.GET: (3, 4)},
+    3: {Verb.SET: (6, 8, 11), Verb.STEP: (10,), Verb.GET: (7, 9)},
 }
-"""Call.kind in loop.c by version of FMI, verb, and whether the values are doubles."""
+"""Call.kind in loop.c by version of FMI and verb: of doubles, of other types, of doubles that are
+changed on the way.
+"""
 
 
-def _marked(action: Action[Instance]) -> tuple[str, str]:
-    """Instance and call, as the recorder marks them."""
-    return action.instance.name, action.verb.call(action.instance.node.interface.fmi)
+def _marked(actions: Iterable[Action[Instance]]) -> list[tuple[str, str]]:
+    """Instances and functions, as the recorder marks them."""
+    return [(a.instance.name, a.verb.call(a.instance.node.interface.fmi)) for a in actions]
 
 
 class _Call(ctypes.Structure):
     """Struct Call of loop.c."""
 
-    _fields_ = [
-        ("kind", ctypes.c_int),
-        ("every", ctypes.c_int),
-        ("phase", ctypes.c_int),
-        ("no_rollback", ctypes.c_int),
-        ("function", ctypes.c_void_p),
-        ("component", ctypes.c_void_p),
-        ("count", ctypes.c_size_t),
-        ("reference", ctypes.c_void_p),
-        ("slot", ctypes.c_void_p),
-        ("piece", ctypes.c_void_p),
-        ("pieces", ctypes.c_size_t),
-        ("value", ctypes.c_void_p),
-        ("factor", ctypes.c_void_p),
-        ("offset", ctypes.c_void_p),
-        ("wires", ctypes.c_size_t),
-        ("values", ctypes.c_size_t),
-        ("at", ctypes.c_void_p),
-        ("type", ctypes.c_int),
-        ("finite", ctypes.c_int),
-    ]
+    _fields_ = layout(
+        (ctypes.c_int, "kind every phase no_rollback type finite"),
+        (ctypes.c_size_t, "count pieces wires values"),
+        (ctypes.c_void_p, "function component reference slot at piece value factor offset"),
+    )
 
 
 class _Run(ctypes.Structure):
     """Struct Run of loop.c."""
 
-    _fields_ = [
-        ("start", ctypes.c_double),
-        ("step", ctypes.c_double),
-        ("bus", ctypes.c_void_p),
-        ("slots", ctypes.c_size_t),
-        ("table", ctypes.c_void_p),
-        ("every", ctypes.c_long),
-        ("steps", ctypes.c_long),
-        ("marks", ctypes.c_void_p),
-    ]
+    _fields_ = layout(
+        (ctypes.c_double, "start step"),
+        (ctypes.c_size_t, "slots"),
+        (ctypes.c_long, "every steps"),
+        (ctypes.c_void_p, "bus table marks"),
+    )
 
 
 class _Stop(ctypes.Structure):
     """Struct Stop of loop.c."""
 
-    _fields_ = [("done", ctypes.c_long), ("call", ctypes.c_size_t), ("status", ctypes.c_int)]
+    _fields_ = layout((ctypes.c_long, "done"), (ctypes.c_size_t, "call"), (ctypes.c_int, "status"))
 
 
 class CExecutor:
@@ -148,19 +113,12 @@ class CExecutor:
         self.loop = loop  # what C points into
         self._execute = _library()
         self._origin = list(_origins(loop.plan))
-        self.calls = [_marked(action) for action, _ in self._origin]
+        self.calls = _marked(action for action, _ in self._origin)
         self._calls = (_Call * len(self._origin))(*(_call(*origin) for origin in self._origin))
-        recorder, clock = loop.recorder, loop.clock
-        self._run = _Run(
-            clock.start,
-            clock.step,
-            loop.bus.ctypes.data,
-            len(loop.bus),
-            recorder.table.ctypes.data,
-            recorder.every,
-            recorder.steps,
-            recorder.marks.ctypes.data,
-        )
+        bus, recorder, clock = loop.bus, loop.recorder, loop.clock
+        numbers = (*clock, len(bus), recorder.every, recorder.steps)
+        arrays = bus, recorder.table, recorder.marks
+        self._run = _Run(*numbers, *(array.ctypes.data for array in arrays))
 
     def run(self, first: int, last: int) -> None:
         """Macro steps first .. last - 1, recording each; RunError names the instance that
@@ -170,14 +128,8 @@ class CExecutor:
         self.loop.recorder.done = stop.done
         if stop.done < last:
             action, transfer = self._origin[stop.call]
-            self._fail(action, transfer, stop.status, self.loop.clock.time(stop.done))
-
-    def _fail(
-        self, action: Action[Instance], transfer: Transfer | None, status: int, time: float
-    ) -> None:
-        if status in (NOT_FINITE, TOO_WIDE) and transfer is not None:
-            action.instance.raise_if_no_number(transfer, time)
-        action.instance.raise_if_failed(action.verb, status, time)
+            time = self.loop.clock.time(stop.done)
+            action.instance.raise_if_failed(action.verb, stop.status, time, transfer)
 
 
 def _origins(
@@ -192,40 +144,26 @@ def _origins(
 
 
 def _call(action: Action[Instance], transfer: Transfer | None) -> _Call:
-    instance, period = action.instance, (action.every, action.phase, action.instance.no_rollback)
-    fmi = instance.node.interface.fmi
+    instance = action.instance
+    kinds = _KINDS[instance.node.interface.fmi][action.verb]
+    period = action.every, action.phase, instance.no_rollback
     if transfer is None:
-        kind = _KINDS[fmi, Verb.STEP, True]
-        return _Call(kind, *period, _address(instance.do_step), instance.handle)
-    kind = _KINDS[fmi, action.verb, transfer.real]
-    if not transfer.plain and transfer.real:
-        kind = _SET_AFFINE if fmi == 2 else _SET_AFFINE_3
-    return _Call(
-        kind,
-        *period,
-        _address(transfer.function),
-        instance.handle,
-        len(transfer.references),
-        ctypes.addressof(transfer.references),
-        transfer.slots.ctypes.data,
-        ctypes.addressof(transfer.pieces),
-        len(transfer.pieces),
-        ctypes.addressof(transfer.values),
-        transfer.factors.ctypes.data,
-        transfer.offsets.ctypes.data,
-        len(transfer.names),
-        len(transfer.values),
-        transfer.at.ctypes.data,
-        TYPES_3.index(transfer.access) if transfer.access else 0,
-        instance.ours,
-    )
+        step = {"function": _address(instance.calls.do_step), "component": instance.calls.handle}
+        return _Call(kinds[0], *period, **step)
+    t = transfer
+    kind = kinds[(0 if t.plain else 2) if t.real else 1]
+    sizes = len(t.references), len(t.pieces), len(t.names), len(t.values)
+    places = (t.slots.ctypes.data, t.at.ctypes.data, ctypes.addressof(t.pieces))
+    values = ctypes.addressof(t.values), t.factors.ctypes.data, t.offsets.ctypes.data
+    called = _address(t.function), t.handle, ctypes.addressof(t.references)
+    return _Call(kind, *period, t.type, instance.ours, *sizes, *called, *places, *values)
 
 
-def _address(function: CFunction) -> int | None:
+def _address(function: Any) -> int | None:
     return ctypes.cast(function, ctypes.c_void_p).value
 
 
-def _library() -> CFunction:
+def _library() -> Any:
     path = loop_library()
     if path is None:
         raise UsageError(
@@ -233,22 +171,17 @@ def _library() -> CFunction:
         )
     execute = ctypes.CDLL(str(path)).execute
     execute.restype = _Stop
-    execute.argtypes = [
-        ctypes.c_void_p,
-        ctypes.c_size_t,
-        ctypes.c_void_p,
-        ctypes.c_long,
-        ctypes.c_long,
-    ]
+    calls, run = (ctypes.c_void_p, ctypes.c_size_t), ctypes.c_void_p
+    execute.argtypes = [*calls, run, ctypes.c_long, ctypes.c_long]
     return execute
 
 
-Factory = Callable[[Loop], Executor]
+Executor = PythonExecutor | CExecutor
 
 FUSED = "fused"
 """The loop in C over one FMU of the whole system (harness.master.fused)."""
 
-EXECUTORS: dict[str, Factory] = {"c": CExecutor, "python": PythonExecutor, FUSED: CExecutor}
+EXECUTORS: dict[str, type[Executor]] = {"c": CExecutor, "python": PythonExecutor, FUSED: CExecutor}
 
 
 def known_executor(name: str) -> str:

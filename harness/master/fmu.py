@@ -22,7 +22,7 @@ from harness.errors import FmuError, RefusalError, RunError
 from harness.files import cache, machine
 from harness.files.archive import unpack
 from harness.files.paths import is_ours
-from harness.master import calls, messages
+from harness.master import messages
 from harness.master.calls import FATAL, NAMES, OK, WARNING, Calls
 from harness.master.refusals import refusals
 from harness.master.transfer import Transfer, transfers
@@ -40,35 +40,18 @@ SAID = {
 }
 """What a step of FMI 3.0 may say although it has not failed."""
 
+DOING = {
+    Verb.SET: "setting inputs failed",
+    Verb.STEP: "step failed",
+    Verb.GET: "reading outputs failed",
+}
+
 HEARD = (*ERROR_CATEGORIES, messages.STATISTICS)
 
 
 def _is_python(interface: Interface) -> bool:
     """Whether an FMU was built by PythonFMU, which names its exceptions only with logging on."""
     return "PythonFMU" in str(interface.model.generationTool or "")
-
-
-def loaded(  # noqa: PLR0913, PLR0917 - of an instance
-    name: str,
-    interface: Interface,
-    folder: Callable[[], Path],
-    files: ExitStack,
-    label: str = "",
-    ours: bool | None = None,
-) -> Calls:
-    """An instance of an FMU, unpacked below folder() until `files` are closed; FmuError, which
-    begins with the label. ours: whether it keeps no globals (None: as its place says).
-    """
-    label += interface.path.name
-    ours = is_ours(interface.path) if ours is None else ours
-    unpacked = _unpacked(interface.path, folder, files, ours)
-    library = _library(interface, unpacked, label)
-    messages.forget(name)
-    try:
-        return calls.load(name, interface, unpacked, library, logging=_is_python(interface))
-    except Exception as error:  # FMPy raises bare Exceptions, ctypes its own
-        reason = messages.take_error(name) or " ".join(str(error).split())
-        raise FmuError(f"{label} cannot be loaded: {reason}") from error
 
 
 def _unpacked(path: Path, folder: Callable[[], Path], files: ExitStack, ours: bool) -> Path:
@@ -103,8 +86,8 @@ class Instance:
 
     def __init__(self, node: Node, folder: Callable[[], Path], ours: bool | None = None) -> None:
         """Unpack below folder(), load and instantiate; FmuError if that fails. ours: whether it is
-        an FMU of the project (None: as its place says): it keeps no globals, and gives no output
-        that is not finite.
+        an FMU of the project (None: as its place says): it keeps no globals, leaves nothing behind
+        when it is reset, and gives no output that is not finite.
         """
         self.name = node.component.name
         self._states: list[ctypes.c_void_p] = []
@@ -113,25 +96,24 @@ class Instance:
         self._used = False
         self.node = node
         self.ours = is_ours(node.interface.path) if ours is None else ours
-        self._files = ExitStack()
-        try:
-            label = f"{self.name}: "
-            self.calls = loaded(self.name, node.interface, folder, self._files, label, self.ours)
+        with ExitStack() as files:
+            self.calls = self._loaded(_unpacked(node.interface.path, folder, files, self.ours))
             self._listen()
-        except BaseException:
-            self._files.close()
-            raise
-        self.library, self.handle, self.do_step = (
-            self.calls.library,
-            self.calls.handle,
-            self.calls.do_step,
-        )
-        self.slave = getattr(self.calls, "slave", None)
-        """What FMPy has loaded, of FMI 2.0."""
+            self._files = files.pop_all()
         self.no_rollback = 0 if node.interface.model.coSimulation.canGetAndSetFMUstate else 1
         self.transfers = self._transfers()
-        self.resettable = True if self.ours else None
-        """Whether a reset leaves nothing of a run behind; None: not known yet."""
+
+    def _loaded(self, folder: Path) -> Calls:
+        """The calls of an unpacked FMU; FmuError."""
+        interface = self.node.interface
+        label = f"{self.name}: {interface.path.name}"
+        library = _library(interface, folder, label)
+        messages.forget(self.name)
+        try:
+            return Calls(self.name, interface, folder, library, logging=_is_python(interface))
+        except Exception as error:  # whatever the library has made of it
+            reason = messages.take_error(self.name) or " ".join(str(error).split())
+            raise FmuError(f"{label} cannot be loaded: {reason}") from error
 
     @property
     def every(self) -> int:
@@ -144,13 +126,12 @@ class Instance:
         return self.node.component.latency
 
     def _transfers(self) -> dict[Verb, list[Transfer]]:
-        held = {variable.name: value for variable, value in self.node.settings}
+        calls, node = self.calls, self.node
+        held = {variable.name: value for variable, value in node.settings}
         return {
-            Verb.SET: list(
-                transfers("Set", self.calls, self.node.inputs, self.node.interface, held)
-            ),
+            Verb.SET: list(transfers("Set", calls, node.inputs, node.interface, held)),
             Verb.STEP: [],
-            Verb.GET: list(transfers("Get", self.calls, self.node.outputs, self.node.interface)),
+            Verb.GET: list(transfers("Get", calls, node.outputs, node.interface, {})),
         }
 
     # ---- life
@@ -164,15 +145,11 @@ class Instance:
         if categories and not _is_python(interface):
             self.calls.listen(categories)
 
-    def renew(self, node: Node, *, trial: bool = False) -> bool:
+    def renew(self, node: Node) -> bool:
         """Go back to what instantiation left, in a place of the same FMU; False if that cannot be
-        done.
-
-        trial: also an FMU whose reset is not proved.
+        done, or nobody knows what the FMU would keep of the last run.
         """
-        if node.interface is not self.node.interface:
-            return False
-        if self._used and not self._reset(trial):
+        if node.interface is not self.node.interface or (self._used and not self._reset()):
             return False
         self._used = False
         old, self.node = self.node, node
@@ -183,15 +160,11 @@ class Instance:
         self._listen()
         return True
 
-    def _reset(self, trial: bool) -> bool:
-        unable = self.resettable is False or (self.resettable is None and not trial)
-        if unable or self._status not in (OK, WARNING):
+    def _reset(self) -> bool:
+        if not self.ours or self._status not in (OK, WARNING):
             return False
         self._terminate()
-        if self.calls.call("Reset") not in (OK, WARNING):
-            self.resettable = False
-            messages.note_irreversible([self.name])
-        return self.resettable is not False
+        return self.calls.call("Reset") in (OK, WARNING)
 
     def set_start_values(self, time: float) -> None:
         """Set parameters and start values one by one, so that a refused one is named; in FMI 3.0 an
@@ -210,21 +183,14 @@ class Instance:
         """
         interface = self.node.interface
         if interface.fmi == 2:
-            yield from (
-                ((variable,), [value], variable.name) for variable, value in self.node.settings
-            )
+            yield from (((v,), [value], v.name) for v, value in self.node.settings)
             return
-        rows: dict[tuple[int, str], dict[int, Scalar]] = {}
-        first: dict[tuple[int, str], Variable] = {}
-        for variable, value in self.node.settings:
-            key = variable.reference, variable.access
-            rows.setdefault(key, {})[variable.element] = value
-            first.setdefault(key, variable)
-        for key, given in rows.items():
-            row = interface.row(first[key])
-            values = [given.get(v.element, resting(v)) for v in row]
-            name = first[key].name if len(given) == 1 else base(first[key].name)
-            yield row, values, name
+        given = {variable.name: value for variable, value in self.node.settings}
+        rows = {(v.reference, v.access): interface.row(v) for v, _ in self.node.settings}
+        for row in rows.values():
+            names = [v.name for v in row if v.name in given]
+            name = names[0] if len(names) == 1 else base(row[0].name)
+            yield row, [given.get(v.name, resting(v)) for v in row], name
 
     def enter_initialization(self, start: float, stop: float) -> None:
         """The calls that lead to initialization mode."""
@@ -261,59 +227,41 @@ class Instance:
         fails.
         """
         if verb is Verb.STEP:
-            self.raise_if_failed(
-                verb, self.calls.step(time, self.every * step, self.no_rollback), time
-            )
+            status = self.calls.step(time, self.every * step, self.no_rollback)
+            self.raise_if_failed(verb, status, time)
         for transfer in self.transfers[verb]:
-            self.raise_if_failed(
-                verb, transfer.write(bus) if verb is Verb.SET else transfer.read(bus), time
-            )
-            if verb is Verb.GET:
-                self.raise_if_no_number(transfer, time)
+            status = transfer.write(bus) if verb is Verb.SET else transfer.read(bus)
+            self.raise_if_failed(verb, status, time, transfer)
 
-    def propagate_inputs(self, bus: NDArray[np.float64], time: float) -> None:
-        """Set the inputs in initialization mode, as far as what drives them has been computed
-        yet.
+    def propagate(self, verb: Verb, bus: NDArray[np.float64], time: float) -> None:
+        """SET or GET in initialization mode: inputs as far as what drives them has been computed
+        yet, outputs that may not be finite yet.
         """
-        messages.note_call(self.name, Verb.SET.call(self.node.interface.fmi))
-        for transfer in self.transfers[Verb.SET]:
-            if np.isfinite(bus[transfer.slots]).all():
-                self.raise_if_failed(Verb.SET, transfer.write(bus), time)
-
-    def propagate_outputs(self, bus: NDArray[np.float64], time: float) -> None:
-        """Read the outputs in initialization mode, where they may not be finite yet."""
-        messages.note_call(self.name, Verb.GET.call(self.node.interface.fmi))
-        for transfer in self.transfers[Verb.GET]:
-            self.raise_if_failed(Verb.GET, transfer.read(bus), time)
-
-    def raise_if_failed(self, verb: Verb, status: int, time: float) -> None:
-        """RunError if an FMI call has failed, or a step has said that there is no next one."""
-        if status in SAID:
-            raise RunError(self.name, time, SAID[status])
-        if status not in (OK, WARNING):
-            doing = {
-                Verb.SET: "setting inputs failed",
-                Verb.STEP: "step failed",
-                Verb.GET: "reading outputs failed",
-            }
-            raise self._failure(status, doing[verb], time)
+        messages.note_call(self.name, verb.call(self.node.interface.fmi))
+        for transfer in self.transfers[verb]:
+            if verb is Verb.GET:
+                self.raise_if_failed(verb, transfer.read(bus), time)
+            elif np.isfinite(bus[transfer.slots]).all():
+                self.raise_if_failed(verb, transfer.write(bus), time)
 
     def check_outputs(self, time: float) -> None:
-        """RunError if an output that was read last is infinite or not a number."""
+        """RunError if an output that was read last is no number of the bus."""
         for transfer in self.transfers[Verb.GET]:
-            self.raise_if_no_number(transfer, time)
+            self.raise_if_failed(Verb.GET, OK, time, transfer)
 
-    def raise_if_no_number(self, transfer: Transfer, time: float) -> None:
-        """RunError if an output is infinite, not a number, or a whole number that is none of the
-        bus.
+    def raise_if_failed(
+        self, verb: Verb, status: int, time: float, transfer: Transfer | None = None
+    ) -> None:
+        """RunError if an FMI call has failed, a step has said that there is no next one, or an
+        output of this transfer is no number of the bus.
         """
-        if transfer.real and not np.isfinite(transfer.view).all():
-            name = transfer.not_finite()
-            raise RunError(self.name, time, "output is not a finite number", name)
-        if transfer.wide and (found := transfer.too_wide()) is not None:
-            name, value = found
-            line = f"{name} = {value}: is beyond 2^53, which the bus cannot carry"
-            raise RunError(self.name, time, line)
+        if status in SAID:
+            raise RunError(self.name, time, SAID[status])
+        read = transfer if verb is Verb.GET and status <= WARNING else None
+        if read is not None and (problem := read.problem()):
+            raise RunError(self.name, time, *problem)
+        if status not in (OK, WARNING):
+            raise self._failure(status, DOING[verb], time)
 
     # ---- rollback
 
@@ -346,10 +294,8 @@ class Instance:
         self, status: int, doing: str, time: float, variable: str | None = None
     ) -> RunError:
         self._status = status
-        reason = messages.take_error(self.name) or f"{self._word(status)}, without a message"
+        word = f"{self.calls.prefix}{NAMES[status]}" if status in NAMES else f"status {status}"
+        reason = messages.take_error(self.name) or f"{word}, without a message"
         if not self._stepping and (found := refusals(reason, self.node.interface.settable())):
             return RefusalError(self.name, time, found)
         return RunError(self.name, time, f"{doing}: {reason}", variable)
-
-    def _word(self, status: int) -> str:
-        return f"{self.calls.prefix}{NAMES[status]}" if status in NAMES else f"status {status}"

@@ -67,7 +67,7 @@ class Whole:
 
     def __init__(self, system: System, graph: Graph, compiler: str = COMPILER) -> None:
         """Compile it, unless that was done before; NotFusedError."""
-        self._graph, self._algorithm = graph, system.experiment.algorithm
+        self._graph, self._structure = graph, _structure(system, graph)
         plan = _plan(system, graph, "whole")
         command = _command(compiler)
         file = cache.made("whole.fmu", _key(plan, command), lambda to: _make(plan, to, command))
@@ -82,16 +82,9 @@ class Whole:
 
     def fits(self, system: System, graph: Graph) -> bool:
         """Whether a system differs from the one that this was made of in values only."""
-        return system.experiment.algorithm == self._algorithm and (
-            graph is self._graph
-            or (
-                graph.slots == self._graph.slots
-                and len(graph.nodes) == len(self._graph.nodes)
-                and all(map(_same_place, graph.nodes, self._graph.nodes))
-            )
-        )
+        return _structure(system, graph) == self._structure
 
-    def node(self, graph: Graph, kept: Sequence[int] | None) -> Node:
+    def node(self, kept: Sequence[int] | None) -> Node:
         """The one node of a run; kept: the slots that are wanted, in order (None: all)."""
         component = Component("whole", self.interface.path)
         outputs = self.outputs
@@ -104,9 +97,8 @@ class Whole:
         values = self._starts.copy()
         values[self._places[MACRO_STEP]] = system.experiment.step or 0.0
         for node in graph.nodes:
-            name = node.component.name
             for variable, value in node.settings:
-                place = self._places.get(f"{name}.{variable.name}")
+                place = self._places.get(f"{node.component.name}.{variable.name}")
                 if place is not None:  # an input that somebody drives has no start value
                     values[place] = value
         return values
@@ -121,13 +113,11 @@ def compiled(system: System, graph: Graph) -> Whole | None:
         return None
 
 
-def _same_place(a: Node, b: Node) -> bool:
-    one, other = a.component, b.component
-    return (
-        a.interface is b.interface
-        and a.inputs == b.inputs
-        and (one.name, one.every, one.latency) == (other.name, other.every, other.latency)
-    )
+def _structure(system: System, graph: Graph) -> tuple[Any, ...]:
+    """What a whole is made of, but for values."""
+    places = [(n.component.name, n.component.every, n.component.latency) for n in graph.nodes]
+    inputs = [(id(node.interface), node.inputs) for node in graph.nodes]
+    return system.experiment.algorithm, graph.slots, places, inputs
 
 
 @lru_cache(maxsize=8)
@@ -145,14 +135,14 @@ class WholeInstance(Instance):
         n = len(whole.references)
         self._references = (ctypes.c_uint * n)(*whole.references)
         self.values: NDArray[np.float64] = np.zeros(n)
-        self._get = Transfer(self.library.fmi2GetReal, self.handle, whole.outputs, ctypes.c_double)
+        self._get = Transfer(self.calls, "GetReal", whole.outputs)
 
     def set_start_values(self, time: float) -> None:
         """All parameters and open inputs at once; RunError without the name of a refused one."""
         self._used = True
         address = self.values.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
         count = len(self.values)
-        status = self.library.fmi2SetReal(self.handle, self._references, count, address)
+        status = self.calls.call("SetReal", self._references, count, address)
         if status not in (OK, WARNING):
             raise self._failure(status, "setReal refused", time)
 
@@ -223,7 +213,8 @@ def module_of(system: System, found: Checked) -> Module:
 
 def _plan(system: System, graph: Graph, name: str) -> dict[str, Any]:
     """The system in its words; NotFusedError if there are variables other than Real."""
-    if others := sorted({node.component.name for node in graph.nodes if not _only_real(node)}):
+    found = ((n.component.name, n.interface.variables.values()) for n in graph.nodes)
+    if others := sorted(n for n, known in found if any(v.type != "Real" for v in known)):
         raise NotFusedError(f"{', '.join(others)}: has variables that are not Real")
     experiment = system.experiment
     driver = {w.slot: (i, w.variable.name) for i, n in enumerate(graph.nodes) for w in n.outputs}
@@ -238,10 +229,6 @@ def _plan(system: System, graph: Graph, name: str) -> dict[str, Any]:
         "parts": [_part(node, driver, experiment.algorithm) for node in graph.nodes],
         "plan": [[a.verb.value, place[a.instance.name], a.every, a.phase] for a in actions],
     }
-
-
-def _only_real(node: Node) -> bool:
-    return all(v.type == "Real" for v in node.interface.variables.values())
 
 
 def _part(node: Node, driver: dict[int, tuple[int, str]], algorithm: str) -> dict[str, Any]:

@@ -10,8 +10,7 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,11 +19,13 @@ import numpy as np
 from harness.errors import FmuError, HarnessError, InterruptionError, RunError
 from harness.files import signals
 from harness.files.paths import is_ours
+from harness.master import child
 from harness.master import simulation as here
-from harness.master.child import GRACE_SECONDS, OUTCOME, Block, Child, Send, array, block, context
+from harness.master.child import GRACE_SECONDS, OUTCOME, Block, Child, Send, array, block
+from harness.master.messages import noted
 from harness.master.pacer import Pacer
 from harness.master.progress import Watch, shown
-from harness.master.simulation import Simulation
+from harness.master.simulation import Progress, Simulation
 from harness.results.result import Result
 from harness.system.model import System
 
@@ -33,9 +34,10 @@ _log = logging.getLogger("harness")
 PATIENCE = 60.0
 """How long an FMU that is not ours may take for one call where many runs wait for it [s]."""
 
-BEGUN, PACE, OVER = "begun", "pace", "over"
-"""Messages: the initial row stands, with the names of the calls of a macro step; the time of one
-[s] and how well the pacer was followed; the last row stands, or the error that has ended the run.
+BEGUN, OVER = "begun", "over"
+"""Messages: the initial row stands, with the names of the calls of a macro step; the last row
+stands, or here is the error that has ended the run, with the time of a macro step [s] and how well
+the pacer was followed.
 """
 
 
@@ -52,11 +54,10 @@ def simulate(  # noqa: PLR0913 - every one is an option of the command line
     """Run a system as it is, with foreign FMUs in a child process unless in_process; the arguments
     are those of run().
     """
+    how: Any = {"executor": executor, "every": every, "pacer": pacer}
     if in_process or all_ours(system):
-        how: Any = {"executor": executor, "every": every, "progress": progress}
-        return here.simulate(system, pacer=pacer, **how)
-    with _Run(system, executor, every, patience, pacer) as run:
-        return run.result(progress)
+        return here.simulate(system, progress=progress, **how)
+    return _Run(system, how, patience).result(progress)
 
 
 def all_ours(system: System) -> bool:
@@ -72,8 +73,8 @@ def timed(
 
     patience: how long one FMI call may take; then the process is ended [s].
     """
-    with _Run(system, executor, every, patience) as run:
-        return run.result(progress=False), run.simulation.pace
+    run = _Run(system, {"executor": executor, "every": every}, patience)
+    return run.result(progress=False), run.simulation.pace
 
 
 def guarded(fmus: Iterable[Path], function: Callable[..., Any], *arguments: Any) -> Any:
@@ -88,109 +89,94 @@ def guarded(fmus: Iterable[Path], function: Callable[..., Any], *arguments: Any)
 
 def in_child(function: Callable[..., Any], *arguments: Any) -> Any:
     """The value of a function that is called in a child process; FmuError if that ends."""
-    with Child(_call, function, *arguments) as child:
-        for kind, content in child.messages():
+    with Child(_call, function, *arguments) as process:
+        for kind, content in process.messages():
             if kind == OUTCOME:
                 error, value = content
-                child.report_output()
+                process.report_output()
                 if error is not None:
                     raise error
                 return value
-    instance, call = child.place
-    raise FmuError(f"{instance}: {call} {child.end()}")
+    instance, call = process.place
+    raise FmuError(f"{instance}: {call} {process.end()}")
 
 
 def _call(_send: Send, function: Callable[..., Any], *arguments: Any) -> Any:
     return function(*arguments)
 
 
-class _Order(NamedTuple):
-    """What the child is to run, and the memory for its rows."""
+class _Memory(NamedTuple):
+    """Where both processes see the rows of a run."""
 
-    system: System
-    how: dict[str, Any]
     table: Block
     marks: Block
-
-    def simulation(self) -> Simulation:
-        """One that fills this memory."""
-        with silence():  # the parent has said it already
-            made = Simulation(self.system, **self.how)
-        self.share(made)
-        return made
 
     def share(self, simulation: Simulation) -> None:
         """Let a simulation record there."""
         recorder = simulation.recorder
-        recorder.keep_in(
-            array(self.table, recorder.table.shape, np.float64),
-            array(self.marks, recorder.marks.shape, np.int64),
-        )
+        recorder.table = array(self.table, recorder.table.shape, np.float64)
+        recorder.marks = array(self.marks, recorder.marks.shape, np.int64)
 
 
 class _Run:
-    """The run as seen from here: a Simulation that is never entered, whose rows a child fills."""
+    """The run as seen from here: a Simulation that is never entered, whose rows a child fills.
 
-    def __init__(
-        self,
-        system: System,
-        executor: str,
-        every: int | None,
-        patience: float = math.inf,
-        pacer: Pacer | None = None,
-    ) -> None:
-        how: Any = {"executor": executor, "every": every, "pacer": pacer}
+    over: its last row stands; closed: its FMUs are freed; verdict: why the child was ended.
+    """
+
+    def __init__(self, system: System, how: Any, patience: float) -> None:
         self.simulation = Simulation(system, **how)
         recorder = self.simulation.recorder
-        memory = block(recorder.table.nbytes), block(recorder.marks.nbytes)
-        self._order = _Order(system, how, *memory)
-        self._order.share(self.simulation)
+        memory = _Memory(block(recorder.table.nbytes), block(recorder.marks.nbytes))
+        memory.share(self.simulation)
+        ready = self.simulation if child.FORK else None  # a fork needs no second one
+        self._order = system, how, memory, ready
         self.calls: list[tuple[str, str]] | None = None
         self.error: Exception | None = None
         self.over = self.closed = False
-        self.watch = _Watch(patience)
-
-    def __enter__(self) -> _Run:
-        forked = context().get_start_method() == "fork"
-        ready = self.simulation if forked else None  # a fork needs no second one
-        self.child = Child(_run, self._order, ready)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.child.__exit__()
+        self.patience, self.verdict = patience, ""
+        self._seen: tuple[object, float] = None, 0.0
 
     def result(self, progress: bool | Watch) -> Result:
         """The rows when the child has ended; RunError with the rows so far, FmuError."""
-        simulation = self.simulation
-        try:
-            with shown(simulation, progress) as show:
-                self._follow(show)
-        except KeyboardInterrupt:
-            self._interrupt()
-        self._judge()
-        return simulation.result()
+        with Child(_run, *self._order) as self.child:
+            try:
+                with shown(self.simulation, progress) as show:
+                    self._follow(show)
+            except KeyboardInterrupt:
+                self._interrupt()
+            self._judge()
+            return self.simulation.result()
 
-    def _follow(self, show: Callable[[int], None] | None, seconds: float = float("inf")) -> None:
+    def _follow(self, show: Progress, seconds: float = math.inf) -> None:
         for kind, content in self.child.messages(seconds):
             if kind == BEGUN:
                 self.calls = content
-            elif kind == PACE:
-                self.simulation.pace, self.simulation.timing = content
             elif kind == OVER:
-                self.over, self.error = True, content
+                self.over = True
+                self.error, self.simulation.pace, self.simulation.timing = content
             elif kind == OUTCOME:
                 self.error = self.error or content[0]
                 self.over = self.closed = True
             if show is not None and self.calls is not None:
                 show(self.simulation.step)
             signals.check()
-            if self.watch.is_stuck((self.simulation.recorder.marks.tobytes(), self.child.place)):
-                self.child.kill()
+            self._look()
+
+    def _look(self) -> None:
+        """End a child in which nothing has changed for too long."""
+        state, now = (self.simulation.recorder.marks.tobytes(), self.child.place), time.monotonic()
+        if state != self._seen[0]:
+            self._seen = state, now
+        elif now - self._seen[1] > self.patience:
+            self.verdict = f"has not returned for {self.patience:g} s"
+            self.child.kill()
 
     def _interrupt(self) -> None:
         """Ask the child to stop, and end it if it does not or the user insists."""
+        simulation = self.simulation
         if not self.over:
-            self.simulation.recorder.stop()
+            simulation.recorder.stop()
             try:
                 self._follow(None, GRACE_SECONDS)
             except KeyboardInterrupt:
@@ -198,64 +184,49 @@ class _Run:
         self.child.kill()
         self.closed = True
         if not self.over:
-            simulation = self.simulation
             self.error = InterruptionError(simulation.system.name, simulation.time)
 
     def _judge(self) -> None:
         """Raise what has ended the run early; a complete run is not lost to what came after it."""
-        self.simulation.recorder.mend()
-        complete = self.calls is not None and self.simulation.step == self.simulation.steps
+        simulation = self.simulation
+        simulation.recorder.mend()
+        complete = self.calls is not None and simulation.step == simulation.steps
+        instance, call = self.child.place
         if self.closed:
             self.child.report_output()
         elif self.over or complete:
-            instance, call = self.child.place
             _log.warning("%s: %s %s; the run was over", instance, call, self._end())
         else:
-            self.error = self._crash()
+            self.error = self._crash(instance, call)
         if isinstance(self.error, RunError) and self.calls is not None:
-            self.error.partial = self.simulation.result(str(self.error))
+            self.error.partial = simulation.result(str(self.error))
         if self.error is not None:
             raise self.error
 
-    def _crash(self) -> HarnessError:
+    def _crash(self, instance: str, call: str) -> HarnessError:
         simulation = self.simulation
-        instance, call = self.child.place
         if self.calls is not None and 0 <= simulation.recorder.call < len(self.calls):
             instance, call = self.calls[simulation.recorder.call]
-        return RunError(
-            instance or simulation.system.name, simulation.time, f"{call} {self._end()}"
-        )
+        name = instance or simulation.system.name
+        return RunError(name, simulation.time, f"{call} {self._end()}")
 
     def _end(self) -> str:
         """In what way the child has ended."""
-        return self.watch.verdict or self.child.end()
-
-
-class _Watch:
-    """Looks whether anything changes; patience: for how long nothing may [s]."""
-
-    def __init__(self, patience: float) -> None:
-        self.patience, self.verdict = patience, ""
-        self._seen: object = None
-        self._since = time.monotonic()
-
-    def is_stuck(self, state: object) -> bool:
-        """Whether the state has been the same for too long; the verdict says so."""
-        now = time.monotonic()
-        if state != self._seen:
-            self._seen, self._since = state, now
-        elif now - self._since > self.patience:
-            self.verdict = f"has not returned for {self.patience:g} s"
-        return bool(self.verdict)
+        return self.verdict or self.child.end()
 
 
 # ---- in the child
 
 
-def _run(send: Send, order: _Order, ready: Simulation | None) -> None:
+def _run(
+    send: Send, system: System, how: Any, memory: _Memory, simulation: Simulation | None
+) -> None:
     """Run the system into shared memory; the outcome is sent before the FMUs are freed."""
-    simulation = order.simulation() if ready is None else ready
-    recorder = simulation.recorder
+    if simulation is None:
+        with noted():  # the parent has said it already
+            simulation = Simulation(system, **how)
+        memory.share(simulation)
+    recorder, error = simulation.recorder, None
 
     def obey(_: int) -> None:
         if recorder.stopped:
@@ -266,18 +237,6 @@ def _run(send: Send, order: _Order, ready: Simulation | None) -> None:
             simulation.advance(to=0)
             send(BEGUN, simulation.calls())
             simulation.advance(progress=obey)
-        except RunError as error:
-            send(OVER, error)
-        else:
-            send(PACE, (simulation.pace, simulation.timing))
-            send(OVER, None)
-
-
-@contextmanager
-def silence() -> Iterator[None]:
-    """Say nothing of what there is to note."""
-    disabled, _log.disabled = _log.disabled, True
-    try:
-        yield
-    finally:
-        _log.disabled = disabled
+        except RunError as ended:
+            error = ended
+        send(OVER, (error, simulation.pace, simulation.timing))

@@ -44,30 +44,26 @@ typedef struct {
 } Piece;
 
 typedef struct {
-    int kind;
-    int every, phase;       /* due in macro step k if k % every == phase */
-    int no_rollback;        /* noSetFMUStatePriorToCurrentPoint of a step */
-    void (*function)(void); /* fmi2SetReal, fmi2DoStep, ... of the FMU's library */
+    int kind, every, phase;              /* due in macro step k if k % every == phase */
+    int no_rollback;                     /* noSetFMUStatePriorToCurrentPoint of a step */
+    int type;                            /* of FMI 3.0, see Conversion */
+    int finite;                          /* the FMU looks at its outputs itself */
+    size_t count, pieces, wires, values; /* of the arrays below; all elements of the buffer */
+    void (*function)(void);              /* fmi2SetReal, fmi2DoStep, ... of the FMU's library */
     void *component;
-    size_t count; /* of value references in a SET or GET */
     const unsigned *reference;
-    const size_t *slot; /* place of each value on the bus */
-    const Piece *piece; /* the same places in pieces */
-    size_t pieces;
+    const size_t *slot, *at;       /* place of each signal on the bus and in the buffer */
+    const Piece *piece;            /* the same places in pieces */
     void *value;                   /* buffer in the type of the function */
     const double *factor, *offset; /* of SET_AFFINE: input = factor * bus + offset */
-    size_t wires, values;          /* signals; elements of the buffer, which may be more */
-    const size_t *at;              /* place of each signal in the buffer */
-    int type;                      /* of FMI 3.0, see Conversion */
-    int finite;                    /* the FMU looks at its outputs itself */
 } Call;
 
 typedef struct {
     double start, step; /* s; macro step k goes from start + k step to start + (k + 1) step */
-    double *bus;
     size_t slots;
-    double *table; /* recorded rows, row r = bus after r * every macro steps, the last after all */
     long every, steps;
+    double *bus;
+    double *table; /* recorded rows, row r = bus after r * every macro steps, the last after all */
     volatile int64_t *marks; /* macro steps completed, call being made: for who finds us dead */
 } Run;
 

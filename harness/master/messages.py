@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import ctypes
 import logging
-from collections import Counter, deque
-from collections.abc import Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from fmpy import calloc, free
@@ -22,6 +23,7 @@ from fmpy.fmi2 import (
     fmi2CallbackFunctions,
     fmi2CallbackLoggerTYPE,
 )
+from fmpy.fmi3 import fmi3LogMessageCallback
 from fmpy.logging import addLoggerProxy
 from numpy.typing import NDArray
 
@@ -33,49 +35,42 @@ STATISTICS = "logStatistics"
 
 _log = logging.getLogger("harness")
 _errors: deque[tuple[str, str]] = deque(maxlen=20)
-_warnings: Counter[str] = Counter()
-_last_warning: dict[str, str] = {}
+_warnings: dict[str, tuple[int, str]] = {}
 
 
-def receive(
-    instance: bytes | None, status: int, category: bytes | None, message: bytes | None
-) -> None:
+def _receive(instance: bytes | None, status: int, category: bytes | None, said: Any) -> None:
     """Note what an instance says."""
-    name, text = _text(instance), " ".join(_text(message).split())
+    name, text = _text(instance), " ".join(_text(said).split())
     if status >= DISCARD:
         _errors.append((name, text))
     elif status == WARNING:
-        _warnings[name] += 1
-        _last_warning[name] = text
+        count, _ = _warnings.get(name, (0, ""))
+        _warnings[name] = count + 1, text
     elif category == STATISTICS.encode():
         _log.warning("%s: %s", name, text)
-
-
-def _receive(
-    _environment: object,
-    instance: bytes | None,
-    status: int,
-    category: bytes | None,
-    message: bytes | None,
-) -> None:
-    receive(instance, status, category, message)
 
 
 def _text(raw: bytes | None) -> str:
     return (raw or b"").decode("utf-8", errors="replace")
 
 
-_logger = fmi2CallbackLoggerTYPE(_receive)
+_logger = fmi2CallbackLoggerTYPE(lambda _environment, *said: _receive(*said))
 _allocate = fmi2CallbackAllocateMemoryTYPE(calloc)
 _free = fmi2CallbackFreeMemoryTYPE(free)
 
 
 def callbacks() -> ctypes.Structure:
-    """FMI callback functions for one instance; they log to this module."""
+    """Callback functions of FMI 2.0 for one instance; they log to this module."""
     functions: ctypes.Structure = fmi2CallbackFunctions()
     functions.logger, functions.allocateMemory, functions.freeMemory = _logger, _allocate, _free
     addLoggerProxy(ctypes.byref(functions))
     return functions
+
+
+def logger(instance: str) -> Any:
+    """The callback of FMI 3.0 for the messages of one instance."""
+    name = instance.encode()
+    return fmi3LogMessageCallback(lambda _environment, *said: _receive(name, *said))
 
 
 def take_error(instance: str) -> str | None:
@@ -91,28 +86,16 @@ def report_warnings(instance: str) -> None:
     """Pass on how often an instance has warned, and its last warning, as one line of Python's
     logging.
     """
-    if count := _warnings.pop(instance, 0):
-        _log.warning(
-            "%s: %d warning%s, the last: %s",
-            instance,
-            count,
-            "s" * (count > 1),
-            _last_warning.pop(instance),
-        )
+    count, last = _warnings.pop(instance, (0, ""))
+    if count:
+        several = "s" * (count > 1)
+        _log.warning("%s: %d warning%s, the last: %s", instance, count, several, last)
 
 
 def forget(instance: str) -> None:
     """Drop what an earlier instance of the same name has said."""
     _warnings.pop(instance, None)
     take_error(instance)
-
-
-def note_irreversible(instances: Sequence[str]) -> None:
-    """Say that these instances are loaded anew for every further run."""
-    _log.warning(
-        "%s: fmi2Reset does not bring back the beginning, loaded anew for every further run",
-        " or ".join(instances),
-    )
 
 
 # ---- the call that is being made, kept where others can read it if the process ends in it
@@ -152,38 +135,37 @@ def noted_call(note: Note) -> tuple[str, str]:
 # ---- notes of the harness on several runs of one system: what holds for all is said once
 
 
-class _Keeper(logging.Handler):
-    def __init__(self) -> None:
+class Notes(logging.Handler):
+    """Hands every note to a function."""
+
+    def __init__(self, hear: Callable[[str], object]) -> None:
         super().__init__(logging.WARNING)
-        self.lines: dict[str, None] = {}
+        self._hear = hear
 
     def emit(self, record: logging.LogRecord) -> None:
-        self.lines[record.getMessage()] = None
+        """Hand on the line."""
+        self._hear(record.getMessage())
 
 
 @contextmanager
-def noted() -> Iterator[list[str]]:
-    """What the harness notes in the `with` block, each line once, in place of its log; filled when
-    the block is over.
-    """
-    keeper, kept = _Keeper(), list[str]()
-    spread, _log.propagate = _log.propagate, False
-    _log.addHandler(keeper)
+def noted() -> Iterator[dict[str, None]]:
+    """What the harness notes in the `with` block, each line once, in place of its log."""
+    lines: dict[str, None] = {}
+    before = _log.handlers, _log.propagate
+    _log.handlers, _log.propagate = [Notes(lines.setdefault)], False
     try:
-        yield kept
+        yield lines
     finally:
-        _log.removeHandler(keeper)
-        _log.propagate = spread
-        kept += keeper.lines
+        _log.handlers, _log.propagate = before
 
 
 @contextmanager
 def said_once() -> Iterator[None]:
     """Let the notes of the `with` block through when it is over, each line once."""
-    notes: list[str] = []
+    lines: dict[str, None] = {}
     try:
-        with noted() as notes:
+        with noted() as lines:
             yield
     finally:
-        for note in notes:
-            _log.warning("%s", note)
+        for line in lines:
+            _log.warning("%s", line)

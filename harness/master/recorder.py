@@ -47,7 +47,8 @@ class Recorder:
         rows = -(-steps // every) + 1
         self.table: NDArray[np.float64]
         if earlier is not None and earlier.table.shape == (rows, slots) and earlier.unseen:
-            self.table = earlier.table
+            self.table, self.marks = earlier.table, earlier.marks
+            self.done = 0
             return
         try:
             self.table = np.empty((rows, slots))
@@ -60,10 +61,6 @@ class Recorder:
     def unseen(self) -> bool:
         """Whether no result and no view shows the table."""
         return _references(self) == ALONE
-
-    def keep_in(self, table: NDArray[np.float64], marks: NDArray[np.int64]) -> None:
-        """Use other arrays of the same shapes, which another process shares."""
-        self.table, self.marks = table, marks
 
     @property
     def done(self) -> int:

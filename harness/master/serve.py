@@ -18,6 +18,7 @@ from harness.errors import FmuError, UsageError
 from harness.files.archive import unpack
 from harness.files.paths import board_library
 from harness.files.temporary import PrivateFolder
+from harness.master.calls import layout
 from harness.remote.firmware import ALWAYS, STATES, functions
 from harness.system.interface import binaries, binary_problem, read_interface
 
@@ -32,28 +33,24 @@ Send = Callable[[bytes], object]
 class _Software(ctypes.Structure):
     """Struct Software of board.h."""
 
-    _fields_ = [
-        ("name", ctypes.c_char_p),
-        ("guid", ctypes.c_char_p),
-        ("variables", ctypes.c_uint32),
-        *((member, ctypes.c_void_p) for member in (*ALWAYS, *STATES)),
-    ]
+    _fields_ = layout(
+        (ctypes.c_char_p, "name guid"),
+        (ctypes.c_uint32, "variables"),
+        (ctypes.c_void_p, " ".join((*ALWAYS, *STATES))),
+    )
 
 
 class _Slot(ctypes.Structure):
     """Struct Slot of board.h."""
 
-    _fields_ = [
-        ("instance", ctypes.c_void_p),
-        ("first", ctypes.c_uint32),
-        ("last", ctypes.c_uint32),
-        ("described", ctypes.c_bool),
-        ("memory", ctypes.c_uint32),
-        ("steps", ctypes.c_uint64),
-        ("total", ctypes.c_uint64),
-        ("largest", ctypes.c_uint64),
-        ("when", ctypes.c_double),
-    ]
+    _fields_ = layout(
+        (ctypes.c_void_p, "instance"),
+        (ctypes.c_uint32, "first last"),
+        (ctypes.c_bool, "described"),
+        (ctypes.c_uint32, "memory"),
+        (ctypes.c_uint64, "steps total largest"),
+        (ctypes.c_double, "when"),
+    )
 
 
 _READ = ctypes.CFUNCTYPE(ctypes.c_size_t, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t)
@@ -63,18 +60,15 @@ _WRITE = ctypes.CFUNCTYPE(ctypes.c_bool, ctypes.c_void_p, ctypes.c_void_p, ctype
 class _Board(ctypes.Structure):
     """Struct Board of board.h."""
 
-    _fields_ = [
-        ("target", ctypes.c_char_p),
-        ("software", ctypes.POINTER(_Software)),
-        ("slot", ctypes.POINTER(_Slot)),
-        ("count", ctypes.c_size_t),
-        ("read", _READ),
-        ("write", _WRITE),
-        ("port", ctypes.c_void_p),
-        ("counter", ctypes.c_void_p),
-        ("paint_stack", ctypes.c_void_p),
-        ("measure_stack", ctypes.c_void_p),
-    ]
+    _fields_ = layout(
+        (ctypes.c_char_p, "target"),
+        (ctypes.POINTER(_Software), "software"),
+        (ctypes.POINTER(_Slot), "slot"),
+        (ctypes.c_size_t, "count"),
+        (_READ, "read"),
+        (_WRITE, "write"),
+        (ctypes.c_void_p, "port counter paint_stack measure_stack"),
+    )
 
 
 class StandIn:

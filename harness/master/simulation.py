@@ -23,27 +23,31 @@ from harness.master.changes import Changes, apply
 from harness.master.executors import EXECUTORS, FUSED, Clock, Loop, known_executor
 from harness.master.fmu import Instance
 from harness.master.fused import Whole, WholeInstance, compiled, slots_of
-from harness.master.initialization import initialize
 from harness.master.pacer import Pacer
 from harness.master.progress import Watch, shown
 from harness.master.recorder import Recorder
 from harness.master.refusals import as_typed
 from harness.results.provenance import flown, now
 from harness.results.result import Result
+from harness.spelling import some
 from harness.system.graph import Checked, Node, checked, columns, constants, rechecked
 from harness.system.model import System
-from harness.system.schedule import schedule
+from harness.system.schedule import Verb, schedule
 
 CHUNK_SECONDS = 0.1
 """Wall-clock time between two looks at the keyboard and two updates of the progress bar."""
 
-REHEARSED = 100
-"""Rows of a run that are repeated to see whether an FMU from elsewhere can be reset."""
+MAX_ROUNDS = 200
+"""Rounds of initial propagation; a loop of two units and gain 1/2 has settled to the last bit after
+half of them.
+"""
 
 _log = logging.getLogger("harness")
 
 Kept = tuple[int, ...] | None
 """Slots that are recorded, in order; None: all."""
+Progress = Callable[[int], None] | None
+"""Called now and then with the number of complete steps."""
 
 
 @dataclass(frozen=True)
@@ -96,35 +100,22 @@ class Simulation:
         self._files: ExitStack | None = None
         self._folder: Path | None = None
         changed = apply(system, **changes)
-        found = checked(changed)
-        self._lay_out(changed, found, self._recorder(found, changed))
-
-    def _recorder(
-        self,
-        found: Checked,
-        system: System,
-        every: int | None = None,
-        kept: Kept = None,
-        earlier: Recorder | None = None,
-    ) -> Recorder:
-        """Every: the first that is said, of this run, of the simulation, of the system."""
-        told = next(n for n in (every, self.every, system.experiment.every) if n is not None)
-        width = len(found.graph.slots if kept is None else kept)
-        return Recorder(found.steps, width, told, earlier)
+        self._lay_out(changed, checked(changed))
 
     def _lay_out(
-        self, system: System, found: Checked, recorder: Recorder, kept: Kept = None
+        self, system: System, found: Checked, every: int | None = None, kept: Kept = None
     ) -> None:
-        self.system = system
-        self.graph, self.steps = found
-        self.kept = kept
-        """Slots that are recorded, in order; None: all."""
+        """Room for a run; every: the first that is said, of this run, of the simulation, of the
+        system; kept: slots that are recorded, in order (None: all).
+        """
+        told = next(n for n in (every, self.every, system.experiment.every) if n is not None)
+        width = len(found.graph.slots if kept is None else kept)
+        self.recorder = Recorder(found.steps, width, told, getattr(self, "recorder", None))
+        self.system, (self.graph, self.steps), self.kept = system, found, kept
         self.clock = Clock(system.experiment.start, system.experiment.step or 0.0)
-        width = len(self.graph.slots if kept is None else kept)
         self.bus: NDArray[np.float64] = np.zeros(width)
         self.settled: NDArray[np.intp] = np.zeros(width, dtype=np.intp)
         """Per slot the round of initial propagation in which it changed last."""
-        self.recorder = recorder
         self.pace = math.inf
         """Time of a macro step so far, of the quickest stretch between two looks [s]."""
         self._initialised = False
@@ -155,11 +146,7 @@ class Simulation:
     # ---- a further run
 
     def fly(
-        self,
-        *,
-        every: int | None = None,
-        progress: Callable[[int], None] | None = None,
-        **changes: Unpack[Changes],
+        self, *, every: int | None = None, progress: Progress = None, **changes: Unpack[Changes]
     ) -> Result:
         """Run the system that the simulation was made with, with these changes: the same bits as
         run().
@@ -174,7 +161,7 @@ class Simulation:
         system: System,
         *,
         every: int | None = None,
-        progress: Callable[[int], None] | None = None,
+        progress: Progress = None,
         wanted: Collection[str] | None = None,
     ) -> Result:
         """The same for a system that was changed already.
@@ -191,15 +178,12 @@ class Simulation:
                 messages.report_warnings(instance.name)
 
     def begin(
-        self,
-        system: System,
-        every: int | None = None,
-        wanted: Collection[str] | None = None,
+        self, system: System, every: int | None = None, wanted: Collection[str] | None = None
     ) -> None:
         """Go back to before the initialization, with this system in the place of the present one.
 
-        FMUs are reset; only those that were not there before, or cannot be reset to the bit, are
-        loaded. Raises what the constructor and `with` raise.
+        FMUs of the project are reset; others, and those that were not there before, are loaded.
+        Raises what the constructor and `with` raise.
         """
         if self._files is None:
             raise UsageError("a Simulation can run inside its `with` block only")
@@ -207,10 +191,7 @@ class Simulation:
         self._apart = self._executor_name != FUSED
         everything = self._apart or wanted is None
         kept = None if everything else slots_of(found.graph.slots, frozenset(wanted or ()))
-        recorder = self._recorder(found, system, every, kept, self.recorder)
-        if self._initialised and self.step >= self.recorder.every and self._unproved():
-            self._rehearse()
-        self._lay_out(system, found, recorder, kept)
+        self._lay_out(system, found, every, kept)
         self._assemble()
 
     def _nodes(self) -> tuple[Node, ...]:
@@ -225,27 +206,29 @@ class Simulation:
             self._executor_name = "c"
             self._separate()
             return self.graph.nodes
-        return (self._whole.node(self.graph, self.kept),)
+        return (self._whole.node(self.kept),)
 
     def _separate(self) -> None:
         """The same run with the FMUs one by one, from its beginning, and all of it recorded."""
         self._apart = True
-        every, found = self.recorder.every, Checked(self.graph, self.steps)
-        recorder = self.recorder if self.kept is None else self._recorder(found, self.system, every)
-        recorder.done = 0
-        self._lay_out(self.system, found, recorder)
+        self._lay_out(self.system, Checked(self.graph, self.steps), self.recorder.every)
 
-    def _assemble(self, *, trial: bool = False) -> None:
+    def _assemble(self) -> None:
         """An instance for every node: the one of that name if it can go back, else a new one."""
         before = {instance.name: instance for instance in self.instances}
         self.instances = []
         try:
             for node in self._nodes():
-                earlier = before.get(node.component.name)
-                if earlier is not None and earlier.renew(node, trial=trial):
-                    self.instances.append(before.pop(node.component.name))
+                name = node.component.name
+                if name in before and before[name].renew(node):
+                    self.instances.append(before.pop(name))
+                    continue
+                if name in before:
+                    before.pop(name).close()
+                if self._apart or self._whole is None:
+                    self.instances.append(Instance(node, self._own_folder))
                 else:
-                    self.instances.append(self._loaded(node, before.pop(node.component.name, None)))
+                    self.instances.append(WholeInstance(node, self._own_folder, self._whole))
         finally:
             for left in before.values():
                 left.close()
@@ -253,59 +236,12 @@ class Simulation:
         loop = Loop(plan, self.bus, self.recorder, self.clock)
         self._executor = EXECUTORS[self._executor_name](loop)
 
-    def _loaded(self, node: Node, earlier: Instance | None) -> Instance:
-        """A new instance; of the earlier one only what is known of its reset is kept."""
-        if earlier is not None:
-            earlier.close()
-        if self._apart or self._whole is None:
-            instance = Instance(node, self._own_folder)
-        else:
-            instance = WholeInstance(node, self._own_folder, self._whole)
-        if earlier is not None and earlier.node.interface is node.interface:
-            instance.resettable = earlier.resettable
-        return instance
-
     def _own_folder(self) -> Path:
         """Where FMUs are unpacked that no cache keeps, made when the first one is."""
         if self._folder is None:
             assert self._files is not None
             self._folder = self._files.enter_context(PrivateFolder())
         return self._folder
-
-    # ---- whether a reset leaves nothing behind
-
-    def _unproved(self) -> list[Instance]:
-        return [i for i in self.instances if i.resettable is None]
-
-    def _rehearse(self) -> None:
-        """Repeat the beginning of the run that is over: an FMU from elsewhere may reset itself
-        badly, then the same run has other bits.
-
-        If it has, every FMU whose reset was not proved is loaded anew for every run from now on.
-        """
-        every = self.recorder.every
-        regular = min(max(REHEARSED // every, 1), self.step // every) + 1
-        wanted = self.recorder.rows[:regular].copy()
-        again = Recorder((len(wanted) - 1) * every, len(self.bus), every)
-        self._lay_out(self.system, Checked(self.graph, self.steps), again, self.kept)
-        self._assemble(trial=True)
-        same = self._repeats(wanted)
-        unproved = self._unproved()
-        for instance in unproved:
-            instance.resettable = same
-        if unproved and not same:
-            messages.note_irreversible([instance.name for instance in unproved])
-
-    def _repeats(self, wanted: NDArray[np.float64]) -> bool:
-        last = (len(wanted) - 1) * self.recorder.every
-        try:
-            self._advance(last, None)
-        except RunError:
-            return False
-        finally:
-            for instance in self.instances:
-                messages.forget(instance.name)
-        return self.recorder.rows.tobytes() == wanted.tobytes()
 
     # ---- initialization
 
@@ -318,17 +254,38 @@ class Simulation:
         for instance in self.instances:
             if isinstance(instance, WholeInstance):
                 instance.values = instance.whole.values(self.system, self.graph)
-        self.settled, undecided = initialize(
-            self.instances, self.bus, self.clock.start, self.clock.time(self.steps)
-        )
+        for instance in self.instances:
+            instance.set_start_values(self.clock.start)
+            instance.enter_initialization(self.clock.start, self.clock.time(self.steps))
+        undecided = self._settle()
+        for instance in self.instances:
+            instance.exit_initialization(self.clock.start)
+        for instance in self.instances:
+            instance.propagate(Verb.GET, self.bus, self.clock.start)
+            instance.check_outputs(self.clock.start)
         if names := [self.graph.slots[i].name for i in np.flatnonzero(undecided)]:
-            more = f" and {len(names) - 5} more" if len(names) > 5 else ""
-            loop = f"{', '.join(names[:5])}{more}"
-            _log.warning(
-                "%s: initial values do not settle (an algebraic loop): %s", self.system.name, loop
-            )
+            note = "%s: initial values do not settle (an algebraic loop): %s"
+            _log.warning(note, self.system.name, some(names))
         self._initialised = True
         self.recorder.record(0, self.bus)
+
+    def _settle(self) -> NDArray[np.bool_]:
+        """Rounds of GET and SET until nothing changes; a chain of n units needs n + 1.
+
+        Where flight software reads back its own command there is a loop. If it does not settle, its
+        last values are taken: returns which slots (NaN counts as a value).
+        """
+        changed = np.zeros(len(self.bus), dtype=np.bool_)
+        for count in range(1, MAX_ROUNDS + 1):
+            before = self.bus.copy()
+            for verb in (Verb.GET, Verb.SET):
+                for instance in self.instances:
+                    instance.propagate(verb, self.bus, self.clock.start)
+            changed = self.bus.view(np.uint64) != before.view(np.uint64)
+            self.settled[changed] = count
+            if not changed.any():
+                break
+        return changed
 
     # ---- running
 
@@ -342,7 +299,7 @@ class Simulation:
         """Present time [s]."""
         return self.clock.time(self.step)
 
-    def advance(self, to: int | None = None, progress: Callable[[int], None] | None = None) -> None:
+    def advance(self, to: int | None = None, progress: Progress = None) -> None:
         """Perform macro steps until `to` are complete (default: all), initialising first if that
         was not done.
 
@@ -370,7 +327,7 @@ class Simulation:
         except RunError as error:
             raise self._partial(error) from error.__cause__
 
-    def _advance(self, to: int, progress: Callable[[int], None] | None) -> None:
+    def _advance(self, to: int, progress: Progress) -> None:
         if not self._initialised:
             self.initialize()
         chunk = 1
@@ -387,7 +344,7 @@ class Simulation:
         if self.pacer is not None:
             self.timing = str(self.pacer.timing())
 
-    def _look(self, progress: Callable[[int], None] | None) -> None:
+    def _look(self, progress: Progress) -> None:
         if progress is not None:
             progress(self.step)
         signals.check()
@@ -431,22 +388,14 @@ class Simulation:
         """
         slots = self.graph.slots
         recorded = slots if self.kept is None else tuple(slots[i] for i in self.kept)
-        names, units, descriptions = columns(recorded)
+        names, units, texts = columns(recorded)
         time = np.asarray(
-            self.clock.start + self.recorder.macro_steps * self.clock.step, dtype=np.float64
+            self.clock.start + self.recorder.macro_steps * self.clock.step, dtype=float
         )
-        return Result(
-            self.system.name,
-            time,
-            names,
-            units,
-            self.recorder.rows,
-            descriptions,
-            complete=self.step == self.steps,
-            message=message,
-            parameters=self.parameters(),
-            provenance=flown(self.system, self._executor_name, self.recorder.every, self.timing),
-        )
+        name, rows, complete = self.system.name, self.recorder.rows, self.step == self.steps
+        made = flown(self.system, self._executor_name, self.recorder.every, self.timing)
+        about = complete, message, self.parameters(), made
+        return Result(name, time, names, units, rows, texts, *about)
 
     def last(self) -> NDArray[np.float64]:
         """Present values of all slots of the system, recorded or not."""
@@ -460,15 +409,9 @@ class Simulation:
         """All parameters as a table of one row."""
         found = list(constants(self.graph))
         slots, values = zip(*found, strict=True) if found else ((), ())
-        names, units, descriptions = columns(slots)
-        return Result(
-            self.system.name,
-            np.array([self.clock.start]),
-            names,
-            units,
-            np.array([values]),
-            descriptions,
-        )
+        names, units, texts = columns(slots)
+        start = np.array([self.clock.start])
+        return Result(self.system.name, start, names, units, np.array([values]), texts)
 
 
 def simulate(

@@ -12,7 +12,8 @@ from typing import Any
 
 from harness.errors import FmuError, HarnessError, RefusalError, RunError
 from harness.files.paths import is_file, is_ours
-from harness.master.isolated import in_child, silence, timed
+from harness.master.isolated import in_child, timed
+from harness.master.messages import noted
 from harness.master.refusals import as_typed, without
 from harness.master.simulation import Simulation
 from harness.system.model import Origin, System
@@ -84,7 +85,7 @@ def _alone(system: System, name: str) -> System:
 
 def _try(system: System, patience: float) -> None:
     (component,) = system.components
-    with silence():
+    with noted():
         if not is_ours(component.fmu):
             timed(system, patience=patience)
             return

@@ -154,7 +154,7 @@ def _flown(system: System, linked: Sequence[str] = ()) -> tuple[Result, dict[str
     """Result of a run, and what the steps of these components have cost."""
     with Simulation(system) as simulation:
         simulation.advance()
-        costs = {i.name: cost(i) for i in simulation.instances if i.name in linked}
+        costs = {i.name: cost(i.calls) for i in simulation.instances if i.name in linked}
         return simulation.result(), costs
 
 

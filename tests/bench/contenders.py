@@ -10,6 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Self
 
+from fmpy.fmi2 import FMU2Slave
+
 from harness.files.paths import systems
 from harness.master.fmu import Instance
 from harness.master.simulation import Simulation
@@ -114,7 +116,7 @@ class FMPyLoop(Contender):
         simulation = self.simulation()
         self.bus = list(simulation.bus)
         self.plan = [
-            (u.slave, *_lists(u, Verb.SET), *_lists(u, Verb.GET)) for u in simulation.instances
+            (_slave(u), *_lists(u, Verb.SET), *_lists(u, Verb.GET)) for u in simulation.instances
         ]
         return self
 
@@ -127,6 +129,15 @@ class FMPyLoop(Contender):
                 )
                 for slot, value in zip(slots, slave.getReal(outputs), strict=True):
                     self.bus[slot] = value
+
+
+def _slave(unit: Instance) -> FMU2Slave:
+    """FMPy's methods over an FMU that is loaded and initialised."""
+    slave = FMU2Slave.__new__(FMU2Slave)
+    slave.dll, slave.component = unit.calls.library, unit.calls.handle
+    slave.fmiCallLogger, slave._functions = None, {}
+    slave._loadFunctions()
+    return slave
 
 
 def _lists(unit: Instance, verb: Verb) -> tuple[list[int], list[int]]:

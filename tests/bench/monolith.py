@@ -208,16 +208,16 @@ def _only(instance: Instance, verb: Verb) -> Transfer:
     """The Real transfer of an instance, empty if it has none."""
     return next(
         (t for t in instance.transfers[verb] if t.real),
-        Transfer(None, instance.handle, (), ctypes.c_double),
+        Transfer(instance.calls, f"{verb.name.title()}Real", ()),
     )
 
 
 def _slave(instance: Instance, sources: ctypes.Array[ctypes.c_void_p]) -> _Slave:
     read, write = _only(instance, Verb.SET), _only(instance, Verb.GET)
-    library = instance.do_step, instance.library.fmi2SetReal, instance.library.fmi2GetReal
-    step, setter, getter = (ctypes.cast(f, ctypes.c_void_p).value for f in library)
+    functions = map(instance.calls.function, ("DoStep", "SetReal", "GetReal"))
+    step, setter, getter = (ctypes.cast(f, ctypes.c_void_p).value for f in functions)
     return _Slave(
-        instance.handle,
+        instance.calls.handle,
         setter,
         step,
         getter,

@@ -12,11 +12,11 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from fmpy import extract, read_model_description
-
-from harness.master.calls import FMU2Library
+from fmpy.fmi2 import FMU2Slave
 
 Values = Mapping[str, object]
 ROOT = Path(__file__).resolve().parents[2]
@@ -51,6 +51,24 @@ class Kind:
             self.references.setdefault(vector, []).append(v.valueReference)
             if v.causality == "output":
                 self.outputs[vector] = None
+
+
+class FMU2Library(FMU2Slave):
+    """FMPy's, which looks up the types of its functions for every instance anew: here the first one
+    hands them on. From the beginning of the name FMPy knows which version of FMI it is.
+    """
+
+    types: ClassVar = {}
+
+    def _loadFunctions(self):
+        if not self.types:
+            super()._loadFunctions()
+            self.types.update(
+                {n: (f.argnames, f.argtypes, f.restype) for n, f in self._functions.items()}
+            )
+        for name, types in self.types.items():
+            self._functions[name] = function = getattr(self.dll, name)
+            function.argnames, function.argtypes, function.restype = types
 
 
 class Unit:

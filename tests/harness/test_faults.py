@@ -468,21 +468,21 @@ def test_marks_that_foreign_code_has_written_over_do_no_harm(folder, monkeypatch
 
     crash = isolated._run
 
-    def scribble(send, order, simulation):
+    def scribble(send, *order):
         def begun(kind, content):
             if kind == isolated.BEGUN:
                 send(kind, content)
 
-        crash(begun, order, simulation)
-        simulation.recorder.marks[:] = 2**62
+        crash(begun, *order)
+        order[-1].recorder.marks[:] = 2**62
         os.abort()
 
     monkeypatch.setattr(isolated, "_run", scribble)
     assert run(folder / "two.ssp").complete  # all rows are there, as far as anybody can tell
 
-    def nonsense(send, order, simulation):
+    def nonsense(send, *order):
         send(isolated.BEGUN, [("b", "fmi2DoStep")])
-        simulation.recorder.marks[:] = -(2**62)
+        order[-1].recorder.marks[:] = -(2**62)
         os.abort()
 
     monkeypatch.setattr(isolated, "_run", nonsense)

@@ -431,23 +431,27 @@ def test_a_warning_about_inputs_does_not_keep_the_state_from_being_saved(board):
 def test_a_state_that_was_written_down_continues_bit_for_bit(board):
     with board() as found, moved(found.place) as simulation:
         simulation.advance(10)
-        snapshot, slave = simulation.save(), linked(simulation).slave
+        snapshot, calls = simulation.save(), linked(simulation).calls
         place = simulation.instances.index(linked(simulation))
-        data = slave.serializeFMUstate(snapshot.states[place])
+        state, size, read = snapshot.states[place], ctypes.c_size_t(), ctypes.c_void_p()
+        calls.library.fmi2SerializedFMUstateSize(calls.handle, state, ctypes.byref(size))
+        data = (ctypes.c_char * size.value)()
+        assert calls.library.fmi2SerializeFMUstate(calls.handle, state, data, size) == 0
         simulation.advance()
         once = simulation.result().values.copy()
-        read = slave.deSerializeFMUstate(data)
+        put = ctypes.byref(read)
+        assert calls.library.fmi2DeSerializeFMUstate(calls.handle, data, size, put) == 0
         states = (*snapshot.states[:place], read, *snapshot.states[place + 1 :])
         simulation.restore(replace(snapshot, states=states))
         simulation.advance()
         assert simulation.result().values.tobytes() == once.tobytes()
-        slave.freeFMUstate(read)
+        calls.library.fmi2FreeFMUstate(calls.handle, ctypes.byref(read))
 
 
 def test_a_state_that_is_not_there_or_does_not_fit_is_not_written_down(board):
     with board() as found, moved(found.place) as simulation:
         simulation.advance(1)
-        library, handle = linked(simulation).library, linked(simulation).handle
+        library, handle = linked(simulation).calls.library, linked(simulation).calls.handle
         state, size = linked(simulation).save(simulation.time), ctypes.c_size_t()
         assert library.fmi2SerializedFMUstateSize(handle, state, ctypes.byref(size)) == 0
         room = (ctypes.c_char * size.value)()

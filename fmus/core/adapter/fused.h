@@ -85,7 +85,7 @@ static inline void check_part(const Part *part, const double m[], double work[],
 
 /* ---- initialization ----
  * Outputs of all parts, then inputs of all parts, until no output changes: the rounds of
- * harness/master/initialization.py. A part is evaluated again if one of its inputs has changed,
+ * harness/master/simulation.py. A part is evaluated again if one of its inputs has changed,
  * from its start values as the adapter does it. */
 
 /* whether an output of a part differs from what it was */
