@@ -35,10 +35,10 @@ ROUNDING = 1e-12
 
 def unlike(paper: Paper, result: Result) -> list[str]:
     """How a result differs from the cases of a paper, from the nearest one, one text each."""
+    if paper.cases and result.parameters is None:
+        return ["the file does not hold the parameters of the run"]
     held = deviations(result, paper.cases)
-    shown = [c for c in paper.conditions if held is None or c.chosen]
-    texts = [text for c in shown if len(result.time) and (text := c.difference(result))]
-    return texts if held is None else [*held[1], *texts]
+    return [*(held[1] if held else ()), *(paper.differs(result) if len(result.time) else ())]
 
 
 def deviations(result: Result, cases: Sequence[Case]) -> tuple[str, list[str]] | None:

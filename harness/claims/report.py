@@ -121,7 +121,7 @@ def judged(result: Result) -> list[PaperJudged]:
 
 def _section(result: Result, paper: PaperJudged) -> Iterator[Line]:
     """The claims of a paper."""
-    yield from (Line(""), Line(paper.paper.title), Line(""), Line(_about(result)))
+    yield from (Line(""), Line(paper.paper.title), Line(""), Line(f"Run {result.summary}"))
     if paper.deviations:
         yield Line(f"Not the case of the paper: {listed(paper.deviations)}")
     for claim, judgement in paper.claims:
@@ -144,16 +144,6 @@ def _judgement(claim: Claim, found: Judgement, other: bool) -> Iterator[Line]:
     mark = f", {OTHER}" if other and found.verdict not in OPEN else ""
     verdict = None if other else found.verdict
     yield Line(Kind.CLAIM.word(found.verdict) + mark, verdict, CELL.format("verdict"))
-
-
-def _about(result: Result) -> str:
-    span = (
-        f"{result.time[0]:g} to {result.time[-1]:g} s" if len(result.time) else "nothing recorded"
-    )
-    state = (
-        "complete" if result.complete else f"incomplete: {result.message or 'the run ended early'}"
-    )
-    return f"Run {result.system}: {span}, {len(result.time)} rows, {state}"
 
 
 HEADING = "Safety: least margin of every rule in force, between samples too"

@@ -80,7 +80,7 @@ class Watcher:
 
 
 def _ends(result: Result) -> Result:
-    """The first two rows, by which results.derived knows how rows are aligned, and the last two."""
+    """The first two rows, by which missions may know how rows are aligned, and the last two."""
     rows = len(result.time)
     kept = [0, 1, rows - 2, rows - 1] if rows > 3 else list(range(rows))
     return replace(result, time=result.time[kept], values=result.values[kept])

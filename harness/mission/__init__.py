@@ -11,7 +11,6 @@ from harness.mission.claim import (
     Band,
     Case,
     Claim,
-    Condition,
     Judgement,
     Paper,
     RuleFinding,
@@ -33,7 +32,7 @@ from harness.mission.mission import (
 from harness.results.verdict import Verdict
 
 __all__ = [
-    "Band", "Case", "Claim", "Condition", "Curve", "Drawing", "Exchange", "Figure", "Gauge",
+    "Band", "Case", "Claim", "Curve", "Drawing", "Exchange", "Figure", "Gauge",
     "Judgement", "Level", "Limits", "Measure", "Mission", "Overlay", "Panel", "Paper", "Phase",
     "Plan", "RuleFinding", "Scene", "Start", "Verdict", "at_least", "at_most", "inherit",
 ]  # fmt: skip

@@ -6,7 +6,7 @@ result, the bands that decide), a safety rule that was in force, numbers made by
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -127,35 +127,6 @@ class Claim:
 
 
 @dataclass(frozen=True)
-class Condition:
-    """Something by which a result shows whether it was run as in the paper; measured in `unit`,
-    equal within 1e-6.
-
-    chosen: of a parameter that the cases of the paper leave free, so that they do not say it.
-    """
-
-    text: str
-    paper: float
-    unit: str
-    needs: tuple[str, ...]
-    measure: Callable[[Result], float]
-    chosen: bool = False
-
-    def difference(self, result: Result) -> str | None:
-        """How the result differs from the paper's case, None if it does not or does not show it."""
-        if any(name not in result for name in self.needs):
-            return None
-        try:
-            ours = self.measure(result)
-        except CannotJudgeError:
-            return None
-        if math.isclose(ours, self.paper, rel_tol=1e-6):
-            return None
-        unit = f" {self.unit}".rstrip()
-        return f"{self.text} {ours:.6g}{unit} instead of {self.paper:g}{unit}"
-
-
-@dataclass(frozen=True)
 class Case:
     """A run that a paper describes.
 
@@ -180,17 +151,17 @@ class Paper:
     """A paper, or one part, and its claims.
 
     It belongs to every result that holds all variables of `needs` and all `parameters` and that is
-    `meant`. cases: the runs that it describes (none: the claims are about every run); conditions:
-    by what a result that does not keep its parameters shows that it is none of them.
+    `meant`. cases: the runs that it describes (none: the claims are about every run); differs: how
+    a result is none of them in parameters that they leave free, a text each.
     """
 
     title: str
     needs: tuple[str, ...]
     claims: tuple[Claim, ...]
-    conditions: tuple[Condition, ...] = ()
     parameters: tuple[str, ...] = ()
     meant: Callable[[Result], bool] = lambda result: True
     cases: tuple[Case, ...] = ()
+    differs: Callable[[Result], Iterable[str]] = lambda result: ()
 
     def belongs_to(self, result: Result) -> bool:
         """Whether these claims are about a result like this."""

@@ -1,14 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Arithmetic on histories, (rows, elements): vectors, quaternions (scalar first, v_N = q v_B q*);
-which rows of a sampled component belong to which rows of the plants.
+"""Arithmetic on histories, (rows, elements): vectors, quaternions (scalar first, v_N = q v_B q*).
 
 Vectors go column by column: numpy takes several times as long for many rows of a few elements. The
 bits are those of the plain operations.
-
-A row holds the states of the plants at its time, and what a sampled component made of the states at
-its last sample, one sample earlier. Where every sample was recorded, what belongs to a state
-therefore stands in the next row. With rows further apart than samples the same row is taken, and an
-error contains the motion during one sample.
 """
 
 from __future__ import annotations
@@ -20,12 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from harness.results.result import Array, Result
+from harness.results.result import Array
 
 PAIRWISE = 8
 """So many numbers in a row numpy adds in pairs, fewer from the first to the last."""
-PERIOD = "sample_period"
-"""Parameter of sampled components [s]; 0: at every step."""
 
 
 # ---- vectors
@@ -93,15 +85,6 @@ def rotation_angle(a: Array, b: Array) -> Array:
     return np.asarray(2 * np.arctan2(np.sqrt(x * x + y * y + z * z), scalar))
 
 
-def relative_mrp(actual: Array, reference: Array) -> Array:
-    """MRP of the rotation reference -> actual from quaternions (rows, 4), the shorter way round."""
-    scalar = np.sum(actual * reference, axis=1)
-    vector = reference[:, :1] * actual[:, 1:] - actual[:, :1] * reference[:, 1:]
-    vector -= np.cross(reference[:, 1:], actual[:, 1:])
-    sign = np.where(scalar < 0, -1.0, 1.0)
-    return np.asarray((sign / (1 + np.abs(scalar)))[:, None] * vector)
-
-
 def turned(q: Array, v: Array) -> Array:
     """v_N = q v_B q* for quaternions (rows, 4), scalar first, and vectors (rows, 3)."""
     t = 2 * np.cross(q[:, 1:], v)
@@ -124,36 +107,3 @@ def quaternion(x: Array, y: Array, z: Array) -> Array:
         best = np.where(larger[:, None], np.stack(rows[k], axis=1), best)
         most = np.where(larger, rows[k][k], most)
     return np.asarray(best / np.linalg.norm(best, axis=1)[:, None])
-
-
-# ---- rows that belong together
-
-
-def is_late(result: Result, name: str) -> bool:
-    """Whether what belongs to a row stands in the next one, for a variable of a sampled component.
-
-    The schedule of the run says it; where the result holds none, the first two rows do, which are
-    the same: the outputs at the start and those of the first sample.
-    """
-    known = result.provenance
-    component = name.partition(".")[0]
-    slot = next((s for s in (known.schedule if known else ()) if s.component == component), None)
-    if known is None or slot is None or not known.step or len(result.time) < 2:
-        values = result[name]
-        return len(values) > 1 and np.array_equal(values[0], values[1])
-    sampled = f"{component}.{PERIOD}"
-    held = result.holds(parameters=(sampled,))
-    period = max(slot.every * known.step, float(result.parameter(sampled)) if held else 0.0)
-    return float(result.time[1] - result.time[0]) <= period * (1 + 1e-9)
-
-
-def aligned(
-    actual: Array, reference: Array, error: Callable[[Array, Array], Array], late: bool
-) -> Array:
-    """Error of every row against the reference that belongs to it; the last row, which has no next
-    one, repeats the error of the row before.
-    """
-    if not late or len(actual) < 2:
-        return error(actual, reference)
-    errors = error(actual[:-1], reference[1:])
-    return np.concatenate((errors, errors[-1:]))

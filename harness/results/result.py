@@ -5,15 +5,16 @@ in.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.results.provenance import Provenance
-from harness.results.views import Views
+from harness.results.views import as_page, attributes, labelled, time_labels
 from harness.spelling import did_you_mean
 from harness.system.values import base, grid, index
 
@@ -24,7 +25,7 @@ Rows = NDArray[np.intp]
 
 
 @dataclass(frozen=True, repr=False)
-class Result(Views):
+class Result:
     """The recorded rows of a run, with parameters and provenance.
 
     time: (rows,) [s]; columns: `component.variable[i]`; units, descriptions: per column ("" if
@@ -43,6 +44,10 @@ class Result(Views):
     message: str = ""
     parameters: Result | None = None
     provenance: Provenance | None = None
+
+    plot: ClassVar[Callable[..., Any]]
+    save: ClassVar[Callable[..., Any]]
+    report: ClassVar[Callable[..., Any]]
 
     def __post_init__(self) -> None:
         """What was recorded stays as it is, whatever is computed from it."""
@@ -110,6 +115,44 @@ class Result(Views):
         """Variables of their own shape, then the elements of what is not whole."""
         whole = {column for columns in self.vectors.values() for column in columns.flat}
         return (*self.vectors, *(n for i, n in enumerate(self.columns) if i not in whole))
+
+    # ---- for others
+
+    def __repr__(self) -> str:
+        return f"<Result {self.summary}>"
+
+    @property
+    def summary(self) -> str:
+        """System, time span, size and state in one line."""
+        span = f"{self.time[0]:g} to {self.time[-1]:g} s" if len(self.time) else "nothing recorded"
+        state = "" if self.complete else f", incomplete: {self.message or 'the run ended early'}"
+        return f"{self.system}: {span}, {len(self.time)} rows, {len(self.columns)} columns{state}"
+
+    def _repr_html_(self) -> str:
+        return as_page(self)
+
+    def to_xarray(self) -> Any:
+        """The result as an xarray.Dataset, what xarray.open_dataset() makes of its .nc: vectors
+        with an axis, parameters without time, units as attributes.
+        """
+        import xarray
+
+        time = ("time", self.time, time_labels(self))
+        found = xarray.Dataset(labelled(self), coords={"time": time}, attrs=attributes(self))
+        return xarray.decode_cf(found)
+
+    def to_dataframe(self) -> Any:
+        """The result as a pandas.DataFrame: a column per scalar, time [s] as index; `attrs` holds
+        system and units by column.
+        """
+        import pandas as pd
+
+        frame = pd.DataFrame(
+            self.values, index=pd.Index(self.time, name="time"), columns=list(self.columns)
+        )
+        units = dict(zip(self.columns, self.units, strict=True))
+        frame.attrs = {"system": self.system, "units": units}
+        return frame
 
 
 @lru_cache(maxsize=16)

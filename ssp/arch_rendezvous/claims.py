@@ -8,9 +8,11 @@ means that this flight keeps the published verdict, not that it is proved again.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
-from harness.mission.claim import Band, Case, Claim, Condition, Paper, at_least, parameter, scalar
+from harness.mission.claim import Band, Case, Claim, Paper, at_least, parameter, scalar
 from harness.results.result import Result
 
 LEAST, PHASE = "monitor.least_margin", "controller.phase"
@@ -110,17 +112,12 @@ TITLE = (
 )
 
 
-def outside_start_box(result: Result) -> float:
+def outside_start_box(result: Result) -> Iterator[str]:
     """How far the start lies from x in [-925, -875] m, y in [-425, -375] m."""
     off = np.abs(parameter(result, "servicer.rho_0_H") - (-900, -400, 0)) - (25, 25, 0)
-    return float(np.max(np.maximum(off, 0)))
+    if (distance := float(np.max(off))) > 0:
+        yield f"start outside the box by {distance:.6g} m instead of 0 m"
 
-
-CONDITIONS = (
-    Condition("it ends at", STOP, "s", (), lambda result: float(result.time[-1])),
-    Condition("mass", 500.0, "kg", (), lambda result: scalar(result, "servicer.mass_0")),
-    Condition("start outside the box by", 0.0, "m", (), outside_start_box, True),
-)
 
 CASES = (Case("arch_rendezvous", free=("servicer.rho_0_H", ABORT)),)
 """Start within a box and abort time, by which the instances differ, are a part of the benchmark."""
@@ -130,7 +127,7 @@ PAPERS = (
         title=f"{TITLE}: an instance that is safe",
         needs=(LEAST, PHASE),
         claims=(LINE_OF_SIGHT, SPEED, SAFE),
-        conditions=CONDITIONS,
+        differs=outside_start_box,
         cases=CASES,
         parameters=(ABORT,),
         meant=lambda result: not unsafe(result),
@@ -139,7 +136,7 @@ PAPERS = (
         title=f"{TITLE}: an instance that is unsafe",
         needs=(LEAST, PHASE),
         claims=(LINE_OF_SIGHT, SPEED, UNSAFE),
-        conditions=CONDITIONS,
+        differs=outside_start_box,
         cases=CASES,
         parameters=(ABORT,),
         meant=unsafe,

@@ -8,7 +8,7 @@ tests/systems/test_ppc_claims.py and in `harness compare`.
 
 from __future__ import annotations
 
-from harness.mission.claim import Band, Case, Claim, Condition, Paper, at_least, at_most
+from harness.mission.claim import Band, Case, Claim, Paper, at_least, at_most
 from harness.results.result import Result
 
 from . import evaluations as measures
@@ -203,19 +203,6 @@ def _paper(controller: str, manoeuvre: bool, claims: tuple[Claim, ...]) -> Paper
         claims=claims,
         meant=meant,
         cases=_cases(controller, manoeuvre),
-        conditions=(
-            Condition("it ends at", measures.STOP, "s", (), lambda result: float(result.time[-1])),
-            Condition(
-                "range at the start", 300.0, "m", (RANGE,), lambda result: float(result[RANGE][0])
-            ),
-            Condition(
-                "range to hover at",
-                measures.HOVER,
-                "m",
-                (),
-                lambda r: float(r.parameter("guidance.rho_f")),
-            ),
-        ),
     )
 
 

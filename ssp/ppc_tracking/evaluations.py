@@ -21,8 +21,6 @@ FUNNEL = tuple(f"controller.{name}" for name in ("kappa", "kappa_att", "theta", 
 
 STOP = 120.0
 """Duration of the run [s]; the paper does not say it."""
-HOVER = 20.0
-"""Range of the paper's hovering point [m]."""
 BAND = 0.02
 """Part of the first range error within which the approach counts as converged."""
 LATE, SETTLED, LAST = 40.0, 60.0, 20.0

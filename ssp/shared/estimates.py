@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from harness.results.histories import is_late
 from harness.results.result import Array, Result
+
+from .samples import is_late
 
 FILTER = "relative_filter"
 BODIES = (
@@ -47,7 +48,7 @@ class Errors(NamedTuple):
 
 
 def rows(result: Result) -> tuple[slice, slice]:
-    """Rows of the truth and of what the software made of it (harness.results.histories)."""
+    """Rows of the truth and of what the software made of it (ssp.shared.samples)."""
     if len(result.time) > 2 and is_late(result, f"{FILTER}.q_TN"):
         return slice(0, -1), slice(1, None)
     return slice(None), slice(None)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Motion of the servicer relative to the target and to its reference, from the rows of a result.
-Which row of the reference belongs to a state: harness.results.histories.
+Which row of the reference belongs to a state: ssp.shared.samples.
 """
 
 from __future__ import annotations
@@ -10,15 +10,14 @@ from collections.abc import Callable
 import numpy as np
 
 from harness.results.histories import (
-    aligned,
-    is_late,
     minus,
     norm,
-    relative_mrp,
     rotation_angle,
     turned,
 )
 from harness.results.result import Array, Result
+
+from .samples import aligned, is_late
 
 SERVICER, TARGET, REFERENCE = "servicer.r_SN_N", "target.r_TN_N", "guidance.rho_ref_N"
 VELOCITIES = ("servicer.v_SN_N", "target.v_TN_N")
@@ -53,9 +52,18 @@ def position_error_H(result: Result) -> Array:
     return np.asarray(result[POSITION_H[0]] - result[POSITION_H[1]])
 
 
+def _relative_mrp(actual: Array, reference: Array) -> Array:
+    """MRP of the rotation reference -> actual from quaternions (rows, 4), the shorter way round."""
+    scalar = np.sum(actual * reference, axis=1)
+    vector = reference[:, :1] * actual[:, 1:] - actual[:, :1] * reference[:, 1:]
+    vector -= np.cross(reference[:, 1:], actual[:, 1:])
+    sign = np.where(scalar < 0, -1.0, 1.0)
+    return np.asarray((sign / (1 + np.abs(scalar)))[:, None] * vector)
+
+
 def attitude_error_vector(result: Result) -> Array:
     """Attitude of S relative to D as modified Rodrigues parameters, |sigma| <= 1, (rows, 3)."""
-    return _turned_from(result, relative_mrp)
+    return _turned_from(result, _relative_mrp)
 
 
 def force_H(result: Result) -> Array:

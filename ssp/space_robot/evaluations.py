@@ -6,8 +6,6 @@ Every measure returns the number that is judged and then those that are shown wi
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from harness.mission.claim import parameter
@@ -25,11 +23,6 @@ SHAPE = tuple(f"robot.{name}" for name in ("e", "mass", "Ixx", "Iyy", "Izz", "l"
 def locked(result: Result) -> bool:
     """Whether the joints have not moved."""
     return bool(np.ptp(result[ANGLES], axis=0).max() < 1e-9)
-
-
-def joint(k: int) -> Callable[[Result], float]:
-    """Angle of a joint at the start [deg]."""
-    return lambda result: float(np.degrees(result[ANGLES][0, k]))
 
 
 def pitch_constants(result: Result) -> tuple[float, float]:

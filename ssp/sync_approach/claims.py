@@ -7,7 +7,7 @@ we take it to mean.
 
 from __future__ import annotations
 
-from harness.mission.claim import Case, Claim, Condition, Paper, at_least, at_most
+from harness.mission.claim import Case, Claim, Paper, at_least, at_most
 
 from ..shared.relative_motion import FORCE_H, POSITION_H, RATE
 from . import evaluations as measures
@@ -217,19 +217,4 @@ PAPER = Paper(
     needs=(RANGE, REFERENCE, BETA_T, BETA_P),
     claims=CLAIMS,
     cases=(Case("sync_approach"),),
-    conditions=(
-        Condition("it ends at", measures.STOP, "s", (), lambda result: float(result.time[-1])),
-        Condition(
-            "range at the start", 20.0, "m", (RANGE,), lambda result: float(result[RANGE][0])
-        ),
-        Condition("mass", 100.0, "kg", (MASS,), lambda result: float(result[MASS][0])),
-        Condition(
-            "mass estimate at the start",
-            95.0,
-            "kg",
-            (MASS_ESTIMATE,),
-            lambda result: result[MASS_ESTIMATE][0],
-        ),
-        Condition("attitude control from", 1200.0, "s", (RATE,), measures.attitude_start),
-    ),
 )

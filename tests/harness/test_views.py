@@ -12,8 +12,8 @@ import xarray
 from harness import Simulation, campaign, load, read, run
 from harness.api import _texts
 from harness.errors import ResultsError, UsageError
-from harness.results.histories import is_late
 from harness.results.result import Result
+from ssp.shared.samples import is_late
 
 
 @pytest.fixture(scope="module")

@@ -88,7 +88,7 @@ def test_verdict_of_each_instance_is_the_published_one(instance):
     (paper,) = [p for p in PAPERS if p.belongs_to(result)]
     assert (paper is PAPERS[0]) == instance.safe
     assert [c.evaluate(result).verdict for c in paper.claims] == [Verdict.REPRODUCED] * 3
-    assert not [c for c in paper.conditions if c.difference(result)]
+    assert not list(paper.differs(result))
     abort = result.parameters["controller.t_abort"] / 60
     assert instance.abort[0] <= abort <= instance.abort[1] or instance.abort[0] == NEVER
     violated = result["monitor.violated"][-1]
