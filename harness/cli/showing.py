@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import io
 import shutil
-import sys
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -23,9 +22,6 @@ from harness.system.interface import read_interface
 from harness.system.model import Experiment
 
 NARROWEST, WIDEST = 70, 100
-LEGIBLE = 26
-"""Characters that a description gets at least, as long as words need not be folded."""
-LEAST = 10
 GAP = 2
 
 
@@ -146,38 +142,23 @@ def _limits(s: Signal) -> str:
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Columns that fold at blanks where the line would be too long; the first one never does."""
+    """Columns that fold at blanks where the line would be too long, the widest first; the one of
+    names never does.
+    """
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
     cells = [[printable(" ".join(cell.split())) for cell in row] for row in (head, *rows)]
     table = Table(box=None, pad_edge=False, padding=(0, GAP, 0, 0), show_header=False)
-    for width in _widths(list(zip(*cells, strict=True))):
-        table.add_column(width=width, overflow="fold")
+    for k in range(len(head)):
+        table.add_column(no_wrap=not k, overflow="fold")
     for row in cells:
         table.add_row(*map(Text, row))
     page = io.StringIO()
-    Console(file=page, width=sys.maxsize, no_color=True, legacy_windows=False).print(table)
+    Console(file=page, width=_width(), no_color=True, legacy_windows=False).print(table)
     lines = page.getvalue().replace(TIED, " ").split("\n")
     return "\n".join(line.rstrip() for line in lines).rstrip()
-
-
-def _widths(columns: Sequence[Sequence[str]]) -> list[int]:
-    """Widths that fit the page: the last column gives way first, then the widest of those between
-    it and the first, as far as their words allow, then the last again; at worst, words are folded.
-    """
-    widths = [max(map(len, column)) for column in columns]
-    words = [max(len(word) for cell in c for word in cell.split(" ")) for c in columns]
-    last, between = len(columns) - 1, range(1, len(columns) - 1)
-    tight = [(last, LEGIBLE), *((k, words[k]) for k in between)]
-    folded = [(k, LEAST) for k in between]
-    for way in ([tight[0]], tight[1:], [(last, LEAST)], folded, [(0, LEAST)]):
-        for _ in range(sum(widths) + GAP * last - _width()):
-            loose = [k for k, floor in way if widths[k] > floor]
-            if loose:
-                widths[max(loose, key=widths.__getitem__)] -= 1
-    return widths
 
 
 def _width() -> int:

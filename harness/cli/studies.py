@@ -5,6 +5,7 @@ sensitivity`, `worst`, `probability`, `map`, `tune`; all of a file of the projec
 
 from __future__ import annotations
 
+import inspect
 import math
 import sys
 from collections.abc import Mapping
@@ -34,7 +35,8 @@ from harness.spelling import did_you_mean, is_number, printable
 app = typer.Typer()
 
 StudyArgument = Annotated[
-    Path, argument("CAMPAIGN.toml", "System, factors, requirements, the study")
+    Path,
+    argument("CAMPAIGN.toml", "File with system, factors, study; or NAME of the project"),
 ]
 DatasetOption = Annotated[Path | None, output("Dataset to write (default: results/NAME.zarr)")]
 WorkersOption = Annotated[
@@ -243,20 +245,42 @@ class Campaign:
 
 @app.command("campaign")
 @takes()
-def campaign_command(
-    definition: Annotated[
-        Path, argument("CAMPAIGN.toml", "Campaign file: system, factors, metrics")
-    ],
-    campaign: Campaign,
-) -> None:
+def campaign_command(definition: StudyArgument, campaign: Campaign) -> None:
     """Run a system thousands of times.
 
     The file sets what varies; metrics, failures and histories go to one Zarr dataset.
     """
-    campaign.run(definition)
+    campaign.run(_file(definition))
+
+
+def _file(given: Path) -> Path:
+    """The file of a campaign; one of the missions at hand by its name."""
+    from harness.mission.library import campaigns
+
+    return given if given.suffix else campaigns().get(str(given), given)
 
 
 # ---- studies that ask on
+
+STUDIES = {
+    "sensitivity": """Find out which factors matter.
+
+    By Morris or Sobol; for the dataset of a complete campaign, OUT.zarr, by dependence (HSIC),
+    without further flights.
+    """,
+    "worst": """Search for the worst flight of each requirement.
+
+    Status 1 if a requirement fails in a flight that was found.
+    """,
+    "probability": """Estimate how probable a failure is.
+
+    By subset simulation, importance sampling or random flights. Status 1 unless the probability is
+    below the entry `below`.
+    """,
+    "map": "Map where a requirement fails, over two factors.",
+    "tune": "Tune gains for the best worst margin over draws and an archive of worst flights.",
+}
+"""Commands and their help, by the name of their table in the file."""
 
 
 @dataclass(frozen=True)
@@ -268,98 +292,57 @@ class How:
     resume: ResumeOption = False
     quiet: QuietOption = False
 
+    def ask(self, kind: str, definition: Path) -> bool:
+        """Run a study and print what it found; whether that is well."""
+        from harness.cli.campaigns import counting
+        from harness.studies.inquiry import STUDIES
 
-@app.command("sensitivity")
-@takes()
-def sensitivity_command(
-    definition: Annotated[
-        Path, argument("CAMPAIGN.toml|OUT.zarr", "File, or dataset of a complete campaign")
-    ],
-    how: How,
-) -> None:
-    """Find out which factors matter.
-
-    By Morris or Sobol; for a complete campaign by dependence (HSIC), without further flights.
-    """
-    _study("sensitivity", definition, how)
-
-
-@app.command("worst")
-@takes()
-def worst_command(definition: StudyArgument, how: How) -> None:
-    """Search for the worst flight of each requirement.
-
-    Status 1 if a requirement fails in a flight that was found.
-    """
-    _study("worst", definition, how)
+        target = self.output or Path("results") / f"{definition.stem}_{kind}.zarr"
+        with counting(kind, not self.quiet and sys.stderr.isatty()) as show:
+            found = STUDIES[kind](
+                definition,
+                target,
+                workers=self.workers,
+                resume=self.resume,
+                progress=show,
+                said=lambda text: None if self.quiet else typer.echo(printable(text)),
+            )
+        if not self.quiet:
+            typer.echo(f"{printable(found.summary())}\n\ndataset {found.path}")
+        return found.verdict
 
 
-@app.command("probability")
-@takes()
-def probability_command(definition: StudyArgument, how: How) -> None:
-    """Estimate how probable a failure is.
+def _add(kind: str, text: str) -> None:
+    """Add the command of a study."""
 
-    By subset simulation, importance sampling or random flights. Status 1 unless the probability is
-    below the entry `below`.
-    """
-    _study("probability", definition, how)
-
-
-@app.command("map")
-@takes()
-def map_command(definition: StudyArgument, how: How) -> None:
-    """Map where a requirement fails, over two factors."""
-    _study("map", definition, how)
+    @app.command(kind, help=inspect.cleandoc(text))
+    @takes()
+    def command(definition: StudyArgument, how: How) -> None:
+        if not how.ask(kind, _file(definition)):
+            raise typer.Exit(1)
 
 
-@app.command("tune")
-@takes()
-def tune_command(definition: StudyArgument, how: How) -> None:
-    """Tune gains for the best worst margin over draws and an archive of worst flights."""
-    _study("tune", definition, how)
-
-
-def _study(kind: str, definition: Path, how: How) -> None:
-    if not ask(kind, definition, how):
-        raise typer.Exit(1)
-
-
-def ask(kind: str, definition: Path, how: How) -> bool:
-    """Run a study and print what it found; whether that is well."""
-    from harness.cli.campaigns import counting
-    from harness.studies.inquiry import STUDIES
-
-    target = how.output or Path("results") / f"{definition.stem}_{kind}.zarr"
-    with counting(kind, not how.quiet and sys.stderr.isatty()) as show:
-        found = STUDIES[kind](
-            definition,
-            target,
-            workers=how.workers,
-            resume=how.resume,
-            progress=show,
-            said=(lambda text: None) if how.quiet else (lambda text: typer.echo(printable(text))),
-        )
-    if not how.quiet:
-        typer.echo(f"{printable(found.summary())}\n\ndataset {found.path}")
-    return found.verdict
+for each in STUDIES.items():
+    _add(*each)
 
 
 @app.command("study")
 @takes()
 def study_command(
-    *,
     name: Annotated[
         str | None, argument("[NAME]", "Campaign of the project; without a name: list them")
     ] = None,
-    kind: Annotated[str | None, option("KIND", "Run this study of the file, or campaign")] = None,
-    campaign: Campaign,
+    *,
+    how: How,
 ) -> None:
     """Run a campaign or the studies of a file of the project.
 
     A file with tables such as [worst] is asked these questions, one after the other, each into
-    results/NAME_KIND.zarr; --kind chooses one of them, or the plain campaign.
+    results/NAME_KIND.zarr. `harness worst NAME` asks one of them, `harness campaign NAME` runs the
+    plain campaign.
     """
     from harness.mission.library import campaigns
+    from harness.studies.campaign.draft import table_of
 
     known = campaigns()
     if name is None:
@@ -367,32 +350,18 @@ def study_command(
         return
     if name not in known:
         raise UsageError(f"{name}: there is no such study{did_you_mean(name, known)}")
-    kinds = _kinds(known[name], kind)
-    if kinds == ["campaign"]:
-        campaign.run(known[name])
-        return
-    if len(kinds) > 1 and campaign.output:
-        raise UsageError(f"--output: one dataset, {len(kinds)} studies; --kind chooses one")
-    workers = campaign.cluster.workers
-    if campaign.require or campaign.strict or campaign.cluster != Cluster(workers=workers):
-        raise UsageError("--require, --strict, clusters: of campaigns; studies take --workers")
-    how = How(campaign.output, workers, campaign.resume, campaign.quiet)
-    answers = [ask(each, known[name], how) for each in kinds]
-    raise typer.Exit(0 if all(answers) else 1)
-
-
-def _kinds(path: Path, wanted: str | None) -> list[str]:
-    """What a file is run for: the studies that it describes, else a campaign; or what is wanted."""
-    from harness.studies.campaign.draft import table_of
-    from harness.studies.inquiry import STUDIES
-
-    table = table_of(path)
-    described = [kind for kind in STUDIES if isinstance(table.get(kind), Mapping)]
-    if wanted is None:
-        return described or ["campaign"]
-    if wanted not in (known := [*described, "campaign"]):
-        raise UsageError(
-            f"--kind {wanted}: not in {path.name}{did_you_mean(wanted, known)}; "
-            f"there are: {', '.join(known)}"
+    table = table_of(known[name])
+    kinds = [kind for kind in STUDIES if isinstance(table.get(kind), Mapping)]
+    if len(kinds) > 1 and how.output:
+        raise UsageError(f"--output: {len(kinds)} studies; ask one, as harness {kinds[0]} {name}")
+    if not kinds:
+        campaign = Campaign(
+            output=how.output,
+            cluster=Cluster(workers=how.workers),
+            resume=how.resume,
+            pictures=Pictures(),
+            quiet=how.quiet,
         )
-    return [wanted]
+        campaign.run(known[name])
+    answers = [how.ask(kind, known[name]) for kind in kinds]
+    raise typer.Exit(0 if all(answers) else 1)
