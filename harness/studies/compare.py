@@ -1,50 +1,41 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Several runs of one system side by side, in parallel, measured and put into one table.
-
-They are run by as many processes as there are processors, each with a simulation that stays warm.
-A run with FMUs that are not ours has a process of its own below. Whatever an FMU does costs its own
-run only.
+"""Several runs of one system side by side, measured and put into one table: by the engine of a
+campaign, but every result is kept whole.
 """
 
 from __future__ import annotations
 
 import csv
-import logging
 import math
 import os
 import re
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, as_completed
-from contextlib import closing, contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 from harness.errors import HarnessError, ResultsError, RunError, UsageError
 from harness.files.output import command_line, work_for, written
 from harness.master.changes import apply
-from harness.master.executors import FUSED, known_executor
-from harness.master.fused import Whole, compiled
+from harness.master.executors import known_executor
 from harness.master.isolated import PATIENCE
 from harness.master.messages import said_once
-from harness.master.trial import always_refused
 from harness.mission import Limits
 from harness.mission.library import of_result
 from harness.mission.mission import Mission, apart, measured, together
 from harness.results.files import ResultFile, read
-from harness.results.requirements import findings, say_inconsistencies
+from harness.results.requirements import findings
 from harness.results.result import Result
 from harness.spelling import one_line
 from harness.ssp.library import load
-from harness.studies.crew import CRASH, Crew, LostError, prepare
+from harness.studies.campaign.clusters import Workers
+from harness.studies.campaign.engine import Block, crew, get_ready
 from harness.studies.variants import Variant
-from harness.studies.warm import Warm
-from harness.system.graph import checked, say_warnings
+from harness.studies.warm import Warm, kept, quietly, refused_before
+from harness.system.graph import checked
 from harness.system.model import System
 from harness.system.values import base
-
-_log = logging.getLogger("harness")
 
 ROWS = 20_000
 """Rows that a run has at most unless the user wants otherwise."""
@@ -56,25 +47,74 @@ Measures = Mapping[tuple[str, str], Mapping[str, float]]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a variant: its results file, if there are results (of a run that ended early the
+    """What came of a run: its results file, if there are results (of a run that ended early the
     partial one), and the one line that says why it ended early ("": it did not).
 
     pace: time of a macro step, of the quickest tenth of a second of the run [us].
     """
 
-    variant: Variant
     file: Path | None
     failure: str = ""
     pace: float = math.nan
 
 
 @dataclass(frozen=True)
+class Flights:
+    """What all runs of a comparison have in common, and how one process runs them; command: the
+    command line that they come of.
+    """
+
+    system: str | Path
+    executor: str
+    patience: float
+    command: str | None
+    piece = 1
+
+    def fly(self, part: Sequence[tuple[Variant, Path, int]]) -> list[Outcome]:
+        """Variants, with the file of the result and the macro steps per row."""
+        work_for(self.command)
+        with quietly():
+            warm = kept(self, lambda: Warm(self.system, self.executor))
+            return [_flown(warm, *each, self.patience) for each in part]
+
+    @staticmethod
+    def lost(message: str) -> Outcome:
+        """Of a run that has left nothing but a message."""
+        return Outcome(None, message)
+
+
+def _flown(warm: Warm, variant: Variant, path: Path, every: int, patience: float) -> Outcome:
+    file = ResultFile(path)
+    try:
+        result = warm.fly(variant.changes, every, patience)
+        with suppress(OSError):  # of an earlier comparison
+            (path.parent / TABLE).unlink()
+        file.write(result)
+    except RunError as error:
+        return _ended(file, error)
+    except HarnessError as error:
+        return Outcome(None, _as_given(variant, str(error)))
+    return Outcome(path, "", warm.pace)
+
+
+def _ended(file: ResultFile, error: RunError) -> Outcome:
+    """What came of a run that ended early."""
+    if error.partial is None:
+        return Outcome(None, str(error))
+    try:
+        file.keep(error.partial)
+    except HarnessError as lost:
+        return Outcome(None, f"{error}; {lost}")
+    return Outcome(file.partial if file.partial.is_file() else None, str(error))
+
+
+@dataclass(frozen=True)
 class Comparison:
-    """Outcomes with their results by label, the limits they are held against, the measures of all:
+    """Outcomes and results by label, the limits they are held against, the measures of all:
     (name, unit) -> label -> value, and which actuator limits were in force, in a line.
     """
 
-    outcomes: tuple[Outcome, ...]
+    outcomes: Mapping[str, Outcome]
     results: Mapping[str, Result]
     limits: Limits
     measures: Measures
@@ -107,16 +147,13 @@ class Comparison:
     @property
     def labels(self) -> list[str]:
         """Labels of the variants in the order of the table."""
-        return [outcome.variant.label for outcome in self.outcomes]
+        return [*self.outcomes]
 
     @property
     def failures(self) -> list[str]:
         """One line per run that ended early."""
-        return [
-            f"{outcome.variant.label}: {outcome.failure}"
-            for outcome in self.outcomes
-            if outcome.failure
-        ]
+        ended = {label: each.failure for label, each in self.outcomes.items() if each.failure}
+        return [f"{label}: {failure}" for label, failure in ended.items()]
 
 
 def _wrapped(line: str) -> str:
@@ -144,24 +181,30 @@ def compare(  # noqa: PLR0913 - what a comparison can be told
     step, and ResultsError; a run that fails under way ends early, the others go on.
     """
     known_executor(executor)
-    prepare(__name__)
+    workers = Workers(min(len(variants), os.cpu_count() or 1))
+    get_ready(workers, __name__)
     variants, in_force = _in_force(system, variants)
     if every is not None and every < 1:
         raise UsageError(f"--every must be at least 1, not {every}")
-    steps = _check((system, executor), variants, ResultFile(directory / "any.nc"), patience)
+    work = Flights(system, executor, patience, command_line())
+    steps = _check(work, variants, ResultFile(directory / "any.nc"))
     files = [ResultFile(directory / f"{variant.file}.nc").path for variant in variants]
     thinning = [_thinning(n) if every is None else every for n in steps]
-    flights = list(zip(variants, files, thinning, strict=True))
-    outcomes = _run_all((system, executor), flights, patience, progress)
-    results = {outcome.variant.label: read(outcome.file) for outcome in outcomes if outcome.file}
+    orders = list(zip(variants, files, thinning, strict=True))
+    over: dict[int, Outcome] = {}
+    with crew(workers) as fly:
+        for k, (outcome,) in fly(work, (Block(k, [each]) for k, each in enumerate(orders))):
+            over[k] = outcome
+            if progress is not None:
+                progress(len(over))
+    outcomes = {each.label: over[k] for k, each in enumerate(variants)}
+    results = {label: read(each.file) for label, each in outcomes.items() if each.file}
     offered = together(map(of_result, results.values()))
     held = offered.limits(limits or Limits(), results)
-    taken = measured(offered.measures, results, held)
-    labels = [outcome.variant.label for outcome in outcomes]
-    paces = {outcome.variant.label: outcome.pace for outcome in outcomes if not outcome.failure}
-    taken = taken | {("macro step", "us"): paces}
+    paces = {label: each.pace for label, each in outcomes.items() if not each.failure}
+    taken = measured(offered.measures, results, held) | {("macro step", "us"): paces}
     comparison = Comparison(outcomes, results, held, taken, offered, in_force)
-    write_csv(comparison.measures, labels, directory / TABLE)
+    write_csv(comparison.measures, comparison.labels, directory / TABLE)
     return comparison
 
 
@@ -190,38 +233,21 @@ def _in_force(system: str | Path, variants: Sequence[Variant]) -> tuple[Sequence
     return [replace(v, changes={**v.changes, "params": chosen.name}) for v in variants], text
 
 
-def _check(
-    flown: tuple[str | Path, str],
-    variants: Sequence[Variant],
-    file: ResultFile,
-    patience: float,
-) -> list[int]:
+def _check(work: Flights, variants: Sequence[Variant], file: ResultFile) -> list[int]:
     """Find everything that is wrong with a variant before any is run; returns the macro steps of
     each.
     """
-    steps = []
-    system, executor = flown
-    with load(system) as found, said_once():
+    with load(work.system) as found, said_once():
         systems = [_applied(found, variant) for variant in variants]
-        say_warnings(*systems)
-        say_inconsistencies(*systems)
-        wholes: list[Whole | None] = []
         for changed in systems:
             file.accept(changed)
-            graph, count = checked(changed)
-            steps.append(count)
-            if executor == FUSED and not any(w and w.fits(changed, graph) for w in wholes):
-                wholes.append(compiled(changed, graph))  # said here if it cannot be
-        kinds: dict[object, System] = {}
-        for variant, changed in zip(variants, systems, strict=True):
-            kind = variant.changes.get("params"), *changed.origin.swaps.values()
-            kinds.setdefault(kind, changed)
+        ready = [(changed, checked(changed)) for changed in systems]
         varied = variants[0].varied
         fixed = {n: value for n, value in systems[0].origin.set.items() if n not in varied}
-        for error in always_refused(kinds.values(), fixed, varied, patience):
+        for error in refused_before(ready, fixed, varied, work.patience, work.executor):
             if isinstance(error, UsageError):
                 raise error
-    return steps
+    return [each.steps for _, each in ready]
 
 
 def _applied(system: System, variant: Variant) -> System:
@@ -245,86 +271,6 @@ def _thinning(steps: int) -> int:
     """
     least = math.ceil(steps / ROWS)
     return next((n for n in range(least, 2 * least) if steps % n == 0), least)
-
-
-# ---- running
-
-
-def _run_all(
-    flown: tuple[str | Path, str],
-    variants: Sequence[tuple[Variant, Path, int]],
-    patience: float,
-    progress: Callable[[int], None] | None,
-) -> tuple[Outcome, ...]:
-    """Run as many variants at once as there are processors.
-
-    flown: the system and the executor; variants: with the file for the results and the macro steps
-    per row.
-    """
-    count = min(len(variants), os.cpu_count() or 1)
-    with Crew(count, partial(_at_work, *flown, command_line())) as crew:
-        jobs = [crew.submit(_attempt, *variant, patience) for variant in variants]
-        for done, job in enumerate(as_completed(jobs), start=1):
-            with suppress(LostError):
-                job.result()
-            if progress is not None:
-                progress(done)
-    return tuple(_outcome(job, v) for job, (v, *_) in zip(jobs, variants, strict=True))
-
-
-def _outcome(job: Future[Outcome], variant: Variant) -> Outcome:
-    try:
-        return job.result()
-    except LostError:
-        return Outcome(variant, None, CRASH)
-
-
-# ---- in the process
-
-
-_warm: Warm | None = None
-
-
-@contextmanager
-def _at_work(system: str | Path, executor: str, command: str | None) -> Iterator[None]:
-    """Leave the warnings that _check() has already logged to the parent."""
-    global _warm  # noqa: PLW0603 - a process has one simulation
-    _log.setLevel(logging.ERROR)
-    work_for(command)
-    _warm = Warm(system, executor)
-    with closing(_warm):
-        yield
-
-
-def _attempt(variant: Variant, path: Path, every: int, patience: float) -> Outcome:
-    file = ResultFile(path)
-    try:
-        assert _warm is not None
-        result = _warm.fly(variant.changes, every, patience)
-        _retire_table(path.parent)
-        file.write(result)
-    except RunError as error:
-        return _ended(variant, file, error)
-    except HarnessError as error:
-        return Outcome(variant, None, _as_given(variant, str(error)))
-    return Outcome(variant, path, "", _warm.pace)
-
-
-def _ended(variant: Variant, file: ResultFile, error: RunError) -> Outcome:
-    """What came of a run that ended early."""
-    if error.partial is None:
-        return Outcome(variant, None, str(error))
-    try:
-        file.keep(error.partial)
-    except HarnessError as lost:
-        return Outcome(variant, None, f"{error}; {lost}")
-    return Outcome(variant, file.partial if file.partial.is_file() else None, str(error))
-
-
-def _retire_table(folder: Path) -> None:
-    """Remove the table of an earlier comparison when its first results are replaced."""
-    with suppress(OSError):
-        (folder / TABLE).unlink()
 
 
 # ---- the table, for reading and as .csv

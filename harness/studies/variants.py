@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a comparison runs: every combination of the options that were given several values."""
+"""What a comparison runs: every combination of the options that were given several values, which
+are factors as a campaign has them.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +9,15 @@ import itertools
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
 
 from harness.errors import UsageError
 from harness.master.changes import Changes, joined, pairs, unmapped
 from harness.spelling import is_number
-from harness.system.values import parse
-
-NAMED = ("swap", "latency", "set")
-"""Options whose values stand after `component=` or `component.parameter=`."""
+from harness.studies.campaign.factors import Factor
+from harness.studies.campaign.plan import changes_of, kind_of, option_of
 
 MAX_RUNS = 10_000
 """Runs of one comparison."""
@@ -36,14 +35,6 @@ class Variant:
     """Parameters that --vary gives, not --set."""
 
 
-class _Choice(NamedTuple):
-    """One value of one option: its label and the change it stands for."""
-
-    label: str
-    option: str
-    value: str | tuple[str, str]
-
-
 def combinations(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Variant]:
     """All combinations, the last option changing fastest.
 
@@ -52,25 +43,93 @@ def combinations(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Vari
     parameter may also be given as a range first:last:step. Only options with several values appear
     in the labels. Raises UsageError if there is nothing to compare.
     """
-    choices = [list(_choices(option, text)) for option, text in varied]
-    _refuse_doubles(choices)
-    several = [len(each) > 1 for each in choices]
-    if (count := math.prod(map(len, choices))) > MAX_RUNS:
+    factors = [_factor(option, text) for option, text in varied]
+    for name, times in Counter(f.name for f in factors).items():
+        if times > 1:
+            raise UsageError(f"{_given(name)}: is given twice")
+    several = [f for f in factors if len(f.choices) > 1]
+    if (count := math.prod(len(f.choices) for f in factors)) > MAX_RUNS:
         raise UsageError(f"these are {count} runs, more than the limit of {MAX_RUNS}")
-    if not any(several):
+    if not several:
         raise UsageError(
             "there is nothing to compare: give several values, e.g. --swap controller=A,B or "
             "--params A,B"
         )
-    swaps = [each[0].option for each, many in zip(choices, several, strict=True) if many]
-    if swaps.count("swap") > 1:
-        for each in choices:
-            if each[0].option == "swap":  # several are swapped: whose is the FMU of a label?
-                each[:] = [c._replace(label=f"{c.value[0]}={c.label}") for c in each]
-    variants = [
-        _variant(fixed, combination, several) for combination in itertools.product(*choices)
-    ]
+    labels = {f.name: _labels(f, several) for f in several}
+    own = frozenset(f.name for f in factors if option_of(f.name)[0] == "set")
+    variants = []
+    for values in itertools.product(*(f.choices for f in factors)):
+        run = dict(zip((f.name for f in factors), values, strict=True))
+        label = ", ".join(known[run[name]] for name, known in labels.items())
+        variants.append(Variant(label, joined(fixed, changes_of(run)), varied=own))
     return with_files(_with_maps(variants))
+
+
+def _factor(option: str, text: str) -> Factor:
+    """An option and its values, separated by commas outside all brackets."""
+    shown = f"--{'vary' if option == 'set' else option}"
+    name, given = "", text
+    if option in ("swap", "latency", "set"):
+        name, given = next(pairs(shown, [text]))
+    if option == "set" and kind_of(name):
+        raise UsageError(f"{shown} {text}: expected component.parameter")
+    pieces, depth = [""], 0
+    for character in given:
+        depth += (character == "[") - (character == "]")
+        if character == "," and depth == 0:
+            pieces.append("")
+        else:
+            pieces[-1] += character
+    texts = [piece.strip() for piece in pieces]
+    if option == "set":
+        texts = [value for each in texts for value in _range(each, f"{shown} {name}={each}")]
+    for value, times in Counter(texts).items():
+        if not value or times > 1:
+            wrong = f"{value} is given twice" if value else "a value is missing"
+            raise UsageError(f"{shown} {text}: {wrong}")
+    return Factor(name if option == "set" else ".".join(filter(None, (option, name))), tuple(texts))
+
+
+def _given(factor: str) -> str:
+    """A factor as the option that gives it."""
+    option, name = option_of(factor)
+    return f"--{'vary' if option == 'set' else option} {name}".rstrip()
+
+
+def _range(text: str, place: str) -> Sequence[str]:
+    """The numbers of `first:last:step`, both ends included; anything else is itself."""
+    parts = text.split(":")
+    if len(parts) != 3 and (len(parts) == 1 or not all(map(is_number, parts))):
+        return [text]
+    wanted = "a range first:last:step that ends at last after whole steps"
+    wrong = UsageError(f"{place}: expected {wanted}, not more than the limit of {MAX_RUNS} values")
+    try:
+        first, last, step = map(float, parts)
+        count = round((last - first) / step)
+    except (ValueError, ZeroDivisionError, OverflowError) as error:
+        raise wrong from error
+    if not 0 <= count < MAX_RUNS or abs(first + count * step - last) > 1e-9 * abs(step):
+        raise wrong
+    return [f"{first + k * step:.12g}" for k in range(count + 1)]
+
+
+def _labels(factor: Factor, several: Sequence[Factor]) -> dict[str, str]:
+    """What a factor's values are called: FMUs and files by their stems unless these are equal, with
+    the component where FMUs of several are compared.
+    """
+    option, name = option_of(factor.name)
+    if option == "set":
+        return {value: f"{name}={value}" for value in factor.choices}
+    if option == "latency":
+        late = {v: "on time" if v == "0" else f"{v} late" for v in factor.choices}
+        return {value: f"{name} {text}" for value, text in late.items()}
+    if option != "swap":
+        return {value: value for value in factor.choices}
+    alike = Counter(Path(value).stem for value in factor.choices)
+    swaps = [f for f in several if option_of(f.name)[0] == "swap"]
+    before = f"{name}=" if len(swaps) > 1 else ""
+    stems = {value: Path(value).stem for value in factor.choices}
+    return {value: before + (value if alike[s] > 1 else s) for value, s in stems.items()}
 
 
 def _with_maps(variants: Sequence[Variant]) -> Sequence[Variant]:
@@ -101,93 +160,3 @@ def with_files(variants: Sequence[Variant]) -> list[Variant]:
         taken.add(file.casefold())
         found.append(replace(variant, file=file))
     return found
-
-
-def _refuse_doubles(choices: Sequence[Sequence[_Choice]]) -> None:
-    named = [
-        (c[0].option, c[0].value if isinstance(c[0].value, str) else c[0].value[0]) for c in choices
-    ]
-    for option, name in named:
-        if option in NAMED and named.count((option, name)) > 1:
-            raise UsageError(f"--{'vary' if option == 'set' else option} {name}: is given twice")
-
-
-def _choices(option: str, text: str) -> Iterator[_Choice]:
-    shown = f"--{'vary' if option == 'set' else option}"
-    name, given = next(pairs(shown, [text])) if option in NAMED else ("", text)
-    values = [each for piece in _split(given) for each in _values(piece.strip(), option, name)]
-    stems = [Path(value).stem for value in values]
-    counts, alike = Counter(values), Counter(stems)
-    meanings = Counter(_meaning(value, option) for value in values)
-    for value, stem in zip(values, stems, strict=True):
-        if not value:
-            raise UsageError(f"{shown} {text}: a value is missing")
-        if counts[value] > 1 or meanings[_meaning(value, option)] > 1:
-            raise UsageError(f"{shown} {text}: {value} is given twice")
-        labels = {
-            "swap": value if alike[stem] > 1 else stem,
-            "latency": f"{name} {'on time' if value == '0' else f'{value} late'}",
-            "set": f"{name}={value}",
-        }
-        yield _Choice(labels.get(option, value), option, (name, value) if name else value)
-
-
-def _meaning(value: str, option: str) -> Any:
-    """What is equal for equal values: 1 and +1, under all options that take numbers."""
-    return _hashable(parse(value)) if option in ("set", "latency") else value
-
-
-def _hashable(value: Any) -> Any:
-    if isinstance(value, list):
-        return tuple(map(_hashable, value))
-    return repr(value) if isinstance(value, dict) else value
-
-
-def _split(text: str) -> Iterator[str]:
-    """The pieces between commas that stand outside all brackets."""
-    piece, depth = "", 0
-    for character in text:
-        depth += (character == "[") - (character == "]")
-        if character == "," and depth == 0:
-            yield piece
-            piece = ""
-        else:
-            piece += character
-    yield piece
-
-
-def _values(text: str, option: str, name: str) -> Sequence[str]:
-    """The numbers of `first:last:step`, both ends included; anything else is itself."""
-    parts = text.split(":")
-    ranged = len(parts) == 3 or (len(parts) > 1 and all(map(is_number, parts)))
-    return _range(text, name) if option == "set" and ranged else [text]
-
-
-def _range(text: str, name: str) -> Sequence[str]:
-    place = f"--vary {name}={text}"
-    try:
-        first, last, step = map(float, text.split(":"))
-        count = round((last - first) / step)
-    except (ValueError, ZeroDivisionError, OverflowError) as error:
-        raise UsageError(
-            f"{place}: a range of values is first:last:step, three numbers, as in 0:1:0.1"
-        ) from error
-    if count >= MAX_RUNS:
-        raise UsageError(f"{place}: are {count + 1} values, more than the limit of {MAX_RUNS}")
-    if count < 0 or abs(first + count * step - last) > 1e-9 * abs(step):
-        raise UsageError(
-            f"{place}: the range does not end at {text.split(':')[1]} after whole steps"
-        )
-    return [f"{first + k * step:.12g}" for k in range(count + 1)]
-
-
-def _variant(fixed: Changes, combination: Sequence[_Choice], several: Sequence[bool]) -> Variant:
-    changes = fixed
-    for choice in combination:
-        value = choice.value if isinstance(choice.value, str) else dict([choice.value])
-        changes = joined(changes, {choice.option: value})  # type: ignore[misc]
-    return Variant(
-        ", ".join(c.label for c, varies in zip(combination, several, strict=True) if varies),
-        changes,
-        varied=frozenset(c.value[0] for c in combination if c.option == "set"),
-    )

@@ -5,24 +5,91 @@ stays; a run with others is flown in a process of its own, which does not.
 
 from __future__ import annotations
 
+import atexit
+import logging
 import math
-from collections.abc import Collection, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.errors import HarnessError
 from harness.master import isolated
 from harness.master.changes import Changes, apply
 from harness.master.executors import FUSED
+from harness.master.fused import Whole, compiled
 from harness.master.simulation import Simulation
+from harness.master.trial import always_refused
+from harness.results.requirements import say_inconsistencies
 from harness.results.result import Result
 from harness.ssp.library import load
-from harness.system.graph import Slot, columns
+from harness.system.graph import Checked, Slot, columns, say_warnings
 from harness.system.model import System
 from harness.system.values import base
+
+_log = logging.getLogger("harness")
+_kept: dict[Any, Warm] = {}
+
+
+def kept(key: object, make: Callable[[], Any]) -> Any:
+    """What this process keeps for all runs of one task; that of an earlier task is closed."""
+    if key not in _kept:
+        close()
+        _kept[key] = make()
+    return _kept[key]
+
+
+@atexit.register
+def close() -> None:
+    """End the simulation that this process keeps."""
+    while _kept:
+        _kept.popitem()[1].close()
+
+
+@contextmanager
+def at_work() -> Iterator[None]:
+    """What a process is in while it flies one run after the other."""
+    try:
+        yield
+    finally:
+        close()
+
+
+@contextmanager
+def quietly() -> Iterator[None]:
+    """Without warnings: what there is to say was said before the first run."""
+    level = _log.level
+    _log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        _log.setLevel(level)
+
+
+def refused_before(
+    ready: Sequence[tuple[System, Checked]],
+    fixed: Mapping[str, Any],
+    varied: Collection[str],
+    patience: float,
+    executor: str,
+) -> list[HarnessError]:
+    """What FMUs refuse in every run of these systems; if nothing, what there is to say of them is
+    said. fixed, varied: as of always_refused().
+    """
+    systems = [system for system, _ in ready]
+    kinds = {(s.origin.params, *s.origin.swaps.values()): s for s in reversed(systems)}
+    found = list(always_refused(kinds.values(), fixed, varied, patience))
+    if not found:
+        say_warnings(*systems)
+        say_inconsistencies(*systems)
+        wholes: list[Whole | None] = []
+        for system, each in ready if executor == FUSED else ():
+            if not any(whole and whole.fits(system, each.graph) for whole in wholes):
+                wholes.append(compiled(system, each.graph))  # said here if it cannot be
+    return found
 
 
 class Warm:

@@ -22,7 +22,7 @@ from harness.results.files import ResultFile, read
 from harness.results.result import Result
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
-from harness.studies.compare import _thinning, compare, table
+from harness.studies.compare import Flights, _thinning, compare, table
 from harness.studies.variants import combinations
 from tests.harness.demo import TOML
 from tests.harness.foreign_fmu import Model, build, p, u, y
@@ -242,12 +242,15 @@ def test_no_flight_goes_on_when_the_comparison_is_killed(comparing):
     assert comparing.returncode == -signal.SIGKILL
 
 
-def ended(variant, *_):
-    os._exit(3)
+class Ended(Flights):
+    """Whose process ends."""
+
+    def fly(self, part):
+        os._exit(3)
 
 
 def test_a_run_whose_process_is_ended_is_one_line(system, tmp_path, monkeypatch):
-    monkeypatch.setattr("harness.studies.compare._attempt", ended)
+    monkeypatch.setattr("harness.studies.compare.Flights", Ended)
     found = flown(system, tmp_path, ("algorithm", "jacobi,gauss-seidel"))
     why = "its process was ended from outside, or by a crash inside an FMU"
     assert found.failures == [f"jacobi: {why}", f"gauss-seidel: {why}"]
@@ -322,7 +325,7 @@ def test_unless_it_is_told_otherwise(limited, tmp_path):
 def test_a_set_for_comparisons_that_is_not_there_is_refused(fmus):
     text = LIMITED.replace('set = "small"', 'set = "smallx"')
     with pytest.raises(
-        StructureError, match=r"\[compare\] set: there is no set smallx \(close: small"
+        StructureError, match=r"compare.smallx: there is none of this name \(close: small"
     ):
         system_of(tomllib.loads(text), fmus)
 

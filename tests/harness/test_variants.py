@@ -97,10 +97,17 @@ def test_every_variant_has_a_file_of_its_own():
     assert files(("params", "hot,hot.partial")) == ["hot", "hot_partial"]
 
 
-@pytest.mark.parametrize("values", ["1,+1", "1,1.0", "0.5,5e-1", "[1,2],[1, 2]"])
-def test_equal_values_are_refused_however_they_are_written(values):
-    with pytest.raises(UsageError, match="is given twice"):
-        combinations({}, [("set", f"a.at={values}")])
+@pytest.mark.parametrize("values", ["1,+1", "1,1.0", "[1,2],[1, 2]"])
+def test_equal_values_that_are_written_otherwise_have_labels_and_files_of_their_own(values):
+    variants = combinations({}, [("set", f"a.at={values}")])
+    assert len({variant.label for variant in variants}) == 2
+    assert len({variant.file for variant in variants}) == 2
+
+
+@pytest.mark.parametrize("name", ["step", "swap.controller", "latency.plant"])
+def test_no_option_passes_for_a_parameter(name):
+    with pytest.raises(UsageError, match=f"--vary {name}=1,2: expected component.parameter"):
+        combinations({}, [("set", f"{name}=1,2")])
 
 
 def test_labels_name_the_component_of_a_parameter_and_of_several_swaps():

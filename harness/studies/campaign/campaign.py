@@ -17,16 +17,16 @@ from harness.files.signals import held
 from harness.master.changes import Changes
 from harness.master.messages import said_once
 from harness.ssp.library import find_system, name_of
-from harness.studies.campaign import gate, metrics
+from harness.studies.campaign import gate, metrics, worker
 from harness.studies.campaign.clusters import Workers
 from harness.studies.campaign.draft import read_plan
 from harness.studies.campaign.engine import Block, Flown, Fly, crew, get_ready
 from harness.studies.campaign.layout import fields
-from harness.studies.campaign.plan import SUCCESS, Plan, Task
+from harness.studies.campaign.plan import SUCCESS, Plan
 from harness.studies.campaign.stopping import Until
 from harness.studies.campaign.store import Store, refuse_existing
 from harness.studies.campaign.summary import text, unjudged
-from harness.studies.campaign.worker import FAILED, PENDING
+from harness.studies.campaign.worker import FAILED, PENDING, Task
 
 BLOCKS, LARGEST_BLOCK, BLOCK_STEPS = 16, 200, 2_000_000
 """A campaign has at least so many blocks; a block has at most so many runs, and macro steps: some
@@ -88,7 +88,7 @@ def campaign(  # noqa: PLR0913 - every one is an option of the command line
     """
     who = Workers(**where)
     who.check()
-    get_ready(who)
+    get_ready(who, worker.__name__)
     with said_once():
         plan, task = read_plan(definition)
     _refuse_conditions(task, require)

@@ -13,11 +13,7 @@ import numpy as np
 
 from harness.errors import HarnessError, StructureError
 from harness.master.changes import Changes, apply, as_in_a_file, pairs
-from harness.master.executors import FUSED
-from harness.master.fused import compiled
 from harness.master.recorder import recorded
-from harness.master.trial import always_refused
-from harness.results.requirements import say_inconsistencies
 from harness.results.result import Result
 from harness.spelling import did_you_mean
 from harness.ssp.library import load, take_mission
@@ -29,11 +25,12 @@ from harness.studies.campaign.plan import (
     SUCCESS,
     Plan,
     Table,
-    Task,
     changes_of,
     kind_of,
 )
-from harness.system.graph import Checked, Slot, checked, columns, constants, say_warnings
+from harness.studies.campaign.worker import Task
+from harness.studies.warm import refused_before
+from harness.system.graph import Checked, Slot, checked, columns, constants
 from harness.system.model import System
 from harness.system.schema import problems
 from harness.system.tables import read_toml
@@ -188,17 +185,10 @@ class _Draft:
             asked = (name for name, given in asking.items() if given)
             self.problems += [f"{n}: there is no success, and no requirement" for n in asked]
         fixed = dict(pairs("--set", self.plan.fixed.get("set", ())))
-        varied = [*table.factors, *table.seeds]
-        systems = [changed for changed, _ in ready]
-        for refusal in always_refused(systems, fixed, varied, table.patience):
-            self._tell("fixed", as_in_a_file(refusal))
-        if self.problems:
-            return None
-        say_warnings(*systems)
-        say_inconsistencies(*systems)
-        if table.executor == FUSED:  # compiled here, and said here if it cannot be
-            for changed, each in ready:
-                compiled(changed, each.graph)
+        if not self.problems:
+            given = fixed, [*table.factors, *table.seeds], table.patience, table.executor
+            for refusal in refused_before(ready, *given):
+                self._tell("fixed", as_in_a_file(refusal))
         steps = max(each.steps for _, each in ready)
         begin, step = first.experiment.start, first.experiment.step or 0.0
         common = self.plan.digest, self.plan.system, self.plan.folder, table

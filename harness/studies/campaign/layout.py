@@ -19,8 +19,8 @@ from harness.results.margins import unit_of_margin
 from harness.results.result import Result
 from harness.spelling import one_line
 from harness.studies.campaign import metrics
-from harness.studies.campaign.plan import SUCCESS, Plan, Table, Task
-from harness.studies.campaign.worker import PENDING, VERDICTS
+from harness.studies.campaign.plan import SUCCESS, Plan, Table
+from harness.studies.campaign.worker import PENDING, VERDICTS, Task
 
 Labels = Mapping[str, Any]
 

@@ -24,8 +24,6 @@ from numpy.typing import NDArray
 
 from harness.master.changes import Changes, joined
 from harness.master.isolated import PATIENCE
-from harness.master.recorder import recorded
-from harness.results.result import Result
 from harness.ssp.library import find_system
 from harness.studies.campaign.factors import Factor, Varied, factor, numbers, run_seed
 from harness.studies.campaign.stopping import Until
@@ -33,10 +31,6 @@ from harness.system.schema import Count, Number, Positive, Text, Whole
 
 MAX_RUNS = 10_000_000
 """Runs of one campaign; their values are drawn at once."""
-PIECE_STEPS = 100_000
-"""Macro steps that a worker is given at once: a tenth of a second or more, against some
-milliseconds for handing them over.
-"""
 SUCCESS = "success"
 """Name of the metric that is true for a run that has succeeded; one that failed has not."""
 Values = dict[str, Any]
@@ -257,47 +251,17 @@ def changes_of(values: Values) -> Changes:
     """What run() takes for values of factors alone."""
     varied: dict[str, Any] = {}
     for name, value in values.items():
-        option, _, rest = name.partition(".")
-        if name in CHANGES:
-            varied[name] = value
+        option, key = option_of(name)
+        if key:
+            varied.setdefault(option, {})[key] = value
         else:
-            kind, key = (option, rest) if option in NAMED else ("set", name)
-            varied.setdefault(kind, {})[key] = value
+            varied[option] = value
     return varied  # type: ignore[return-value]
 
 
-@dataclass(frozen=True)
-class Task:
-    """What all runs of a campaign have in common, as plain data.
-
-    key: of the plan; kinds: names, units and texts of variables and parameters; requirements: texts
-    by name of all that are judged in every run; steps: macro steps of the longest run, of `step` s
-    from `start` s on.
-    """
-
-    key: str
-    system: Path
-    folder: Path
-    table: Table
-    kinds: Result
-    requirements: Mapping[str, str]
-    start: float
-    step: float
-    steps: int
-
-    @cached_property
-    def metrics(self) -> tuple[str, ...]:
-        """What a run is measured by; success too, if anything says what that is."""
-        success = [SUCCESS] if self.requirements else []
-        return tuple(dict.fromkeys((*self.table.texts, *success)))
-
-    @cached_property
-    def rows(self) -> NDArray[np.int64]:
-        """Numbers of the recorded rows of which histories are kept."""
-        rows = len(recorded(self.steps, self.table.every))
-        return recorded(rows - 1, max(1, -(-rows // self.table.keep.rows)))
-
-    @property
-    def piece(self) -> int:
-        """Runs that a worker is given at once."""
-        return max(1, PIECE_STEPS // self.steps)
+def option_of(factor: str) -> tuple[str, str]:
+    """The change that a factor is, and of what: ("swap", C), ("set", C.NAME), ("stop", "")."""
+    if factor in CHANGES:
+        return factor, ""
+    option, _, rest = factor.partition(".")
+    return (option, rest) if option in NAMED else ("set", factor)

@@ -7,12 +7,11 @@ in this process, on the processors of this machine and in a cluster.
 
 from __future__ import annotations
 
-import atexit
-import logging
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -20,13 +19,14 @@ from numpy.typing import NDArray
 
 from harness.errors import HarnessError, InterruptionError, RunError
 from harness.master.changes import Changes, as_in_a_file
+from harness.master.recorder import recorded
 from harness.results.requirements import Finding, finding, findings
 from harness.results.result import Result
 from harness.results.verdict import Verdict
 from harness.ssp.library import take_mission
-from harness.studies.campaign.metrics import Metric, is_condition, measured, read
-from harness.studies.campaign.plan import SUCCESS, Task
-from harness.studies.warm import Reading, Warm
+from harness.studies.campaign.metrics import is_condition, measured, read
+from harness.studies.campaign.plan import SUCCESS, Table
+from harness.studies.warm import Reading, Warm, kept, quietly
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,10 @@ PENDING, COMPLETE, FAILED = 0, 1, 2
 VERDICTS = (Verdict.NOT_JUDGED, Verdict.MET, Verdict.NOT_MET, Verdict.NOT_EXERCISED)
 """Verdicts on a requirement by their number in a dataset."""
 
-_log = logging.getLogger("harness")
+PIECE_STEPS = 100_000
+"""Macro steps that a worker is given at once: a tenth of a second or more, against some
+milliseconds for handing them over.
+"""
 
 
 class Row(NamedTuple):
@@ -55,91 +58,88 @@ class Row(NamedTuple):
     histories: dict[str, Array]
 
 
-@dataclass
-class _Pilot:
+@dataclass(frozen=True)
+class Task:
+    """What all runs of a campaign have in common, as plain data, and how one process runs them.
+
+    key: of the plan; kinds: names, units and texts of variables and parameters; requirements: texts
+    by name of all that are judged in every run; steps: macro steps of the longest run, of `step` s
+    from `start` s on.
+    """
+
+    key: str
+    system: Path
+    folder: Path
+    table: Table
+    kinds: Result
+    requirements: Mapping[str, str]
+    start: float
+    step: float
+    steps: int
+
+    @cached_property
+    def metrics(self) -> tuple[str, ...]:
+        """What a run is measured by; success too, if anything says what that is."""
+        success = [SUCCESS] if self.requirements else []
+        return tuple(dict.fromkeys((*self.table.texts, *success)))
+
+    @cached_property
+    def rows(self) -> NDArray[np.int64]:
+        """Numbers of the recorded rows of which histories are kept."""
+        rows = len(recorded(self.steps, self.table.every))
+        return recorded(rows - 1, max(1, -(-rows // self.table.keep.rows)))
+
+    @property
+    def piece(self) -> int:
+        """Runs that a worker is given at once."""
+        return max(1, PIECE_STEPS // self.steps)
+
+    def fly(self, part: Sequence[Changes]) -> list[Row]:
+        """Runs, one after the other."""
+        with quietly():
+            return [_fly(kept(self.key, lambda: _Pilot(self)), changes) for changes in part]
+
+    def lost(self, message: str, time: float = math.nan) -> Row:
+        """The row of a run that has left nothing but a message."""
+        last = np.full(len(self.kinds.columns), np.nan)
+        nothing, count = dict.fromkeys(self.metrics, math.nan), len(self.requirements)
+        return Row(FAILED, message, time, last, nothing, (0,) * count, (-math.inf,) * count, {})
+
+
+class _Pilot(Warm):
     """The warm simulation of this process, and its metrics; wanted: variables that were read of the
     runs so far, None before the first.
     """
 
-    task: Task
-    warm: Warm
-    metrics: dict[str, Metric] = field(default_factory=dict)
-    wanted: frozenset[str] | None = None
-
-
-_pilots: dict[str, _Pilot] = {}
-
-
-def _pilot(task: Task) -> _Pilot:
-    """The one of this campaign; that of an earlier one is closed."""
-    if task.key not in _pilots:
-        close()
+    def __init__(self, task: Task) -> None:
         take_mission(task.system)
-        found = {n: read(n, text, task.folder) for n, text in task.table.texts.items()}
-        _pilots[task.key] = _Pilot(task, Warm(task.system, task.table.executor), found)
-    return _pilots[task.key]
-
-
-@atexit.register
-def close() -> None:
-    """End the simulation of this process."""
-    while _pilots:
-        _pilots.popitem()[1].warm.close()
-
-
-@contextmanager
-def at_work() -> Iterator[None]:
-    """What a process is in while it flies blocks."""
-    try:
-        yield
-    finally:
-        close()
-
-
-def fly_block(task: Task, block: Sequence[Changes]) -> list[Row]:
-    """All runs of a block, without their warnings: what there is to say was said with the plan."""
-    level = _log.level
-    _log.setLevel(logging.ERROR)
-    try:
-        return [_fly(_pilot(task), changes) for changes in block]
-    finally:
-        _log.setLevel(level)
+        texts = task.table.texts.items()
+        self.task = task
+        self.metrics = {name: read(name, text, task.folder) for name, text in texts}
+        self.wanted: frozenset[str] | None = None
+        super().__init__(task.system, task.table.executor)
 
 
 def _fly(pilot: _Pilot, changes: Changes) -> Row:
-    task = pilot.task
+    """A run; once more, with everything, if something was read of it that was not recorded."""
+    task, table = pilot.task, pilot.task.table
     try:
-        return _complete(pilot, changes)
+        result = pilot.fly(changes, table.every, table.patience, pilot.wanted)
+        row = _row(pilot, COMPLETE, "", result)
+        if isinstance(result, Reading) and result.missed:
+            result = pilot.fly(changes, table.every, table.patience)
+            row = _row(pilot, COMPLETE, "", result)
+        if isinstance(result, Reading):
+            pilot.wanted = frozenset(result.asked).union(pilot.wanted or ())
+        return row
     except InterruptionError as error:  # the user means the campaign, not this run
         raise KeyboardInterrupt from error
     except RunError as error:
         if error.partial is not None:
             return _row(pilot, FAILED, str(error), error.partial)
-        return lost(task, str(error), error.time)
+        return task.lost(str(error), error.time)
     except HarnessError as error:
-        return lost(task, as_in_a_file(error))
-
-
-def _complete(pilot: _Pilot, changes: Changes) -> Row:
-    """A run that does not fail; once more, with everything, if something was read of it that was
-    not recorded.
-    """
-    table = pilot.task.table
-    result = pilot.warm.fly(changes, table.every, table.patience, pilot.wanted)
-    row = _row(pilot, COMPLETE, "", result)
-    if isinstance(result, Reading) and result.missed:
-        result = pilot.warm.fly(changes, table.every, table.patience)
-        row = _row(pilot, COMPLETE, "", result)
-    if isinstance(result, Reading):
-        pilot.wanted = frozenset(result.asked).union(pilot.wanted or ())
-    return row
-
-
-def lost(task: Task, message: str, time: float = math.nan) -> Row:
-    """The row of a run that has left nothing but a message."""
-    last = np.full(len(task.kinds.columns), np.nan)
-    nothing, count = dict.fromkeys(task.metrics, math.nan), len(task.requirements)
-    return Row(FAILED, message, time, last, nothing, (0,) * count, (-math.inf,) * count, {})
+        return task.lost(as_in_a_file(error))
 
 
 def _row(pilot: _Pilot, status: int, message: str, result: Result) -> Row:

@@ -24,6 +24,7 @@ from harness.master.changes import Changes
 from harness.master.messages import said_once
 from harness.results.requirements import has_slope
 from harness.spelling import did_you_mean
+from harness.studies.campaign import worker
 from harness.studies.campaign.clusters import Workers
 from harness.studies.campaign.draft import read_plan, table_of
 from harness.studies.campaign.engine import Block, Fly, crew, get_ready
@@ -69,7 +70,7 @@ class Flights:
                 for name in listed
             )
         self.workers = Workers(workers)
-        get_ready(self.workers)
+        get_ready(self.workers, worker.__name__)
         with said_once():
             self.plan, self.task = read_plan(table | {"runs": 1}, file)
         self.groups = {name: list(places) for name, places in self.plan.groups.items()}
