@@ -10,9 +10,7 @@ of FMI 3.0.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 from urllib.parse import quote
@@ -40,7 +38,7 @@ from harness.system.conversion import way
 from harness.system.graph import read_interfaces
 from harness.system.interface import Interface
 from harness.system.model import DEFAULT_SET, Component, Parameters, Port, System
-from harness.system.units import IDENTITY, Affine
+from harness.system.units import IDENTITY
 from harness.system.values import Variable
 
 WIDTH, GAP, PITCH = 80, 60, 5
@@ -52,73 +50,7 @@ def write_ssp(system: System, path: Path, version: int | None = None) -> None:
 
     Raises FmuError, StructureError, or ResultsError if the file cannot be written.
     """
-    pack(path, ssp_content(system, version))
-
-
-def ssp_content(system: System, version: int | None = None) -> dict[str, bytes]:
-    """Files of the archive by name."""
-    interfaces = read_interfaces(system)
-    version = _version(interfaces, version)
-    units = _units(interfaces)
-    sources = _sources(system.components)
-    content = {sources[c.name]: c.fmu.read_bytes() for c in system.components}
-    content[SSD_FILE] = _Description(system, interfaces, sources, units, version).text()
-    for place, set_name, component, parameters in _parameter_files(system):
-        content[place] = ssv(set_name, parameters, interfaces[component], units, version)
-    for each in system.alternatives:
-        for name, parameters in each.parameters.items():
-            place = f"resources/alternatives/{each.fmu}/{name}.ssv"
-            content[place] = bare_ssv(each.fmu, parameters, version)
-    return content
-
-
-def _parameter_files(system: System) -> Iterator[tuple[str, str, str, Parameters]]:
-    """Place in the archive, name of the set, component and parameters of every .ssv."""
-    for c in system.components:
-        if c.parameters:
-            yield _ssv_name(c), DEFAULT_SET, c.name, c.parameters
-    for each in system.sets:
-        told = {c.name for c in system.components if c.parameters or each.parameters.get(c.name)}
-        for name, parameters in each.parameters.items():
-            if name in told or not told:
-                yield f"resources/sets/{each.name}/{name}.ssv", each.name, name, parameters
-
-
-def _version(interfaces: Mapping[str, Interface], wanted: int | None) -> int:
-    """The version of SSP; StructureError if it is 1 and cannot hold the FMUs."""
-    new = [name for name, interface in interfaces.items() if interface.fmi == 3]
-    if new and wanted == 1:
-        raise StructureError(f"{name}: is of FMI 3.0, which needs SSP 2.0" for name in new)
-    return wanted or (2 if new else 1)
-
-
-def _units(interfaces: Mapping[str, Interface]) -> BaseUnits:
-    """All units of all FMUs; StructureError if two FMUs mean different things by one name."""
-    units: dict[str, Mapping[str, float]] = {}
-    for component, interface in interfaces.items():
-        for name, base in interface.units.items():
-            if units.setdefault(name, base) != base:
-                problem = f"its unit {name} is not the {name} of the components before it"
-                raise StructureError([f"{component}: {problem}"])
-    return units
-
-
-def _sources(components: Sequence[Component]) -> dict[str, str]:
-    """Place of every FMU in the archive; different FMUs with one file name are told apart by the
-    component.
-    """
-    owner: dict[str, Path] = {}
-    sources = {}
-    for component in components:
-        name = f"resources/{component.fmu.name}"
-        if owner.setdefault(name, component.fmu) != component.fmu:
-            name = f"resources/{component.name}-{component.fmu.name}"
-        sources[component.name] = name
-    return sources
-
-
-def _ssv_name(component: Component) -> str:
-    return f"resources/{component.name}.ssv"
+    pack(path, _Writer(system, version).content())
 
 
 def _annotation(element: XmlElement, kind: str) -> XmlElement:
@@ -126,56 +58,85 @@ def _annotation(element: XmlElement, kind: str) -> XmlElement:
     return child(child(element, "ssd:Annotations"), "ssc:Annotation", type=kind)
 
 
-@dataclass(frozen=True)
-class _Description:
-    """SystemStructure.ssd, element by element in the order of the schema."""
+class _Writer:
+    """The files of an archive; SystemStructure.ssd element by element in the order of the
+    schema.
+    """
 
-    system: System
-    interfaces: Mapping[str, Interface]
-    sources: Mapping[str, str]
-    units: BaseUnits
-    version: int
-
-    @cached_property
-    def connected(self) -> dict[str, list[Variable]]:
+    def __init__(self, system: System, version: int | None) -> None:
+        self.system = system
+        self.interfaces = read_interfaces(system)
+        new = [name for name, interface in self.interfaces.items() if interface.fmi == 3]
+        if new and version == 1:
+            raise StructureError(f"{name}: is of FMI 3.0, which needs SSP 2.0" for name in new)
+        self.version = version or (2 if new else 1)
+        self.units = _units(self.interfaces)
+        self.sources = _sources(system.components)
+        ends = {port for c in system.connections for port in c[:2]}
+        self.connected = {
+            component: [v for name, v in i.variables.items() if Port(component, name) in ends]
+            for component, i in self.interfaces.items()
+        }
         """Variables of components at either end of a connection, in the order of their model
         descriptions.
         """
-        ends = {port for c in self.system.connections for port in c[:2]}
-        found = {}
-        for c in self.system.components:
-            variables = self.interfaces[c.name].variables
-            found[c.name] = [v for name, v in variables.items() if Port(c.name, name) in ends]
-        return found
 
-    def _all_connected(self) -> Iterator[Variable]:
-        return chain.from_iterable(self.connected.values())
+    # ---- files
 
-    def text(self) -> bytes:
+    def content(self) -> dict[str, bytes]:
+        """Files of the archive by name."""
+        system = self.system
+        content = {self.sources[c.name]: c.fmu.read_bytes() for c in system.components}
+        content[SSD_FILE] = self._description()
+        for c in system.components:
+            if c.parameters:
+                content[_ssv_name(c)] = self._ssv(DEFAULT_SET, c.name, c.parameters)
+        for s in system.sets:
+            told = {c.name for c in system.components if c.parameters or s.parameters.get(c.name)}
+            for name, parameters in s.parameters.items():
+                if name in told or not told:
+                    place = f"resources/sets/{s.name}/{name}.ssv"
+                    content[place] = self._ssv(s.name, name, parameters)
+        for a in system.alternatives:
+            for name, parameters in a.parameters.items():
+                place = f"resources/alternatives/{a.fmu}/{name}.ssv"
+                content[place] = bare_ssv(a.fmu, parameters, self.version)
+        return content
+
+    def _ssv(self, set_name: str, component: str, parameters: Parameters) -> bytes:
+        return ssv(set_name, parameters, self.interfaces[component], self.units, self.version)
+
+    def _description(self) -> bytes:
         about = {"name": self.system.name, "description": self.system.description}
         prefixes = ("ssd", "ssc", "ssv", "osp")
         root = document("ssd:SystemStructureDescription", prefixes, self.version, **about)
         top = child(root, "ssd:System", name=self.system.name)
         elements = child(top, "ssd:Elements")
-        for column, component in enumerate(self.system.components):
-            self._component(elements, component, column)
+        lowest = max(
+            self._component(elements, component, column * (WIDTH + GAP))
+            for column, component in enumerate(self.system.components)
+        )
         self._connections(top)
-        self._canvas(top)
+        right = len(self.system.components) * (WIDTH + GAP)
+        child(top, "ssd:SystemGeometry", x1=-GAP, y1=-lowest - GAP, x2=right, y2=GAP)
         if self.version == 2 and self.system.experiment.step:  # SSP 1.0 keeps its bytes
             self._fixed_step(top)
-        self._enumerations(root)
-        unit_table(root, "ssd:Units", self.units, (v.unit for v in self._all_connected()))
+        used = list(chain.from_iterable(self.connected.values()))
+        self._enumerations(root, used)
+        unit_table(root, "ssd:Units", self.units, (v.unit for v in used))
         self._experiment(root)
         self._run(_annotation(root, RUN_ANNOTATION))
         return serialized(root)
 
-    def _component(self, elements: XmlElement, component: Component, column: int) -> None:
+    # ---- elements
+
+    def _component(self, elements: XmlElement, component: Component, left: int) -> int:
+        """A component with the given left edge in the block diagram; its height."""
         name, source = component.name, quote(self.sources[component.name])
         element = child(elements, "ssd:Component", name=name, type=FMU_TYPE, source=source)
         about = self.interfaces[name].model.description
         attributes(element, implementation="CoSimulation", description=about)
-        self._connectors(element, component)
-        left, height = column * (WIDTH + GAP), self._height(component)
+        height = PITCH * max(self._connectors(element, name), 4)
         child(element, "ssd:ElementGeometry", x1=left, y1=-height, x2=left + WIDTH, y2=0)
         if component.parameters:
             bindings = child(element, "ssd:ParameterBindings")
@@ -183,59 +144,38 @@ class _Description:
         if component.every > 1 and self.system.experiment.step:
             hint = _annotation(element, OSP_ANNOTATION)
             child(hint, "osp:StepSizeHint", value=component.every * self.system.experiment.step)
+        return height
 
-    def _connectors(self, element: XmlElement, component: Component) -> None:
-        """Inputs down the left edge, outputs down the right one; (0, 0) is the lower left
-        corner.
+    def _connectors(self, element: XmlElement, component: str) -> int:
+        """Inputs down the left edge, outputs down the right one; (0, 0) is the lower left corner.
+        Returns the larger number of both. Of an array of FMI 3.0 there is one for all elements.
         """
-        rows = self._rows(component.name)
-        table = child(element, "ssd:Connectors") if rows else None
-        for x, kind in ((0, "input"), (1, "output")):
-            side = {name: v for name, v in rows.items() if v.causality == kind}
-            for i, (name, variable) in enumerate(side.items()):
-                about = variable.description
-                connector = child(table, "ssd:Connector", name=name, kind=kind, description=about)
-                self._type(connector, variable)
-                for size in shape(self.interfaces[component.name], variable):
+        interface = self.interfaces[component]
+        sides: dict[str, dict[str, Variable]] = {"input": {}, "output": {}}
+        for v in self.connected[component]:
+            sides[v.causality].setdefault(connector_name(interface, v), v)
+        table = child(element, "ssd:Connectors") if self.connected[component] else None
+        for x, (kind, rows) in enumerate(sides.items()):
+            for i, (name, v) in enumerate(rows.items()):
+                about = {"name": name, "kind": kind, "description": v.description}
+                connector = child(table, "ssd:Connector", **about)
+                type_ = child(connector, f"ssc:{type_name(v, self.version)}")
+                unit = v.unit if v.type == "Real" and v.unit in self.units else None
+                attributes(type_, unit=unit, name=v.type_name if v.type == "Enumeration" else None)
+                for size in shape(interface, v):
                     child(connector, "ssc:Dimension", size=size)
-                y = round(1 - (i + 0.5) / len(side), 6)
+                y = round(1 - (i + 0.5) / len(rows), 6)
                 child(connector, "ssd:ConnectorGeometry", x=x, y=y)
+        return max(map(len, sides.values()))
 
-    def _rows(self, component: str) -> dict[str, Variable]:
-        """Connectors of a component: its connected variables by name, of an array of FMI 3.0 the
-        first.
-        """
-        rows: dict[str, Variable] = {}
-        for variable in self.connected[component]:
-            rows.setdefault(connector_name(self.interfaces[component], variable), variable)
-        return rows
-
-    def _type(self, connector: XmlElement, variable: Variable) -> None:
-        type_ = child(connector, f"ssc:{type_name(variable, self.version)}")
-        unit = variable.unit if variable.unit in self.units else None
-        attributes(type_, unit=unit if variable.type == "Real" else None)
-        attributes(type_, name=variable.type_name if variable.type == "Enumeration" else None)
-
-    def _enumerations(self, root: XmlElement) -> None:
-        """Types of the connected enumerations; the first component that has a type of that name
-        defines it.
-        """
-        found = (v for v in self._all_connected() if v.type == "Enumeration")
-        types = {v.type_name: v.items for v in found}
+    def _enumerations(self, root: XmlElement, used: Sequence[Variable]) -> None:
+        """Types of enumerations; the last variable that has a type of that name defines it."""
+        types = {v.type_name: v.items for v in used if v.type == "Enumeration"}
         table = child(root, "ssd:Enumerations") if types else None
         for name, items in sorted(types.items()):
             enumeration = child(table, "ssc:Enumeration", name=name)
             for item, value in items.items():
                 child(enumeration, "ssc:Item", name=item, value=value)
-
-    def _height(self, component: Component) -> int:
-        sides = [v.causality for v in self._rows(component.name).values()]
-        return PITCH * max(sides.count("input"), sides.count("output"), 4)
-
-    def _canvas(self, top: XmlElement) -> None:
-        right = len(self.system.components) * (WIDTH + GAP)
-        bottom = -max(self._height(c) for c in self.system.components) - GAP
-        child(top, "ssd:SystemGeometry", x1=-GAP, y1=bottom, x2=right, y2=GAP)
 
     def _fixed_step(self, top: XmlElement) -> None:
         """For OMSimulator, which would take a step of a millisecond or, in old versions, not know
@@ -256,14 +196,11 @@ class _Description:
                 attributes(connection, **{f"{side}Element": port.component})
                 attributes(connection, **{f"{side}Connector": end.connector})
                 attributes(connection, **{f"{side}Indices": " ".join(map(str, end.indices))})
-            if each.hops:
-                self._transformation(connection, way(each, self.interfaces))
-
-    def _transformation(self, connection: XmlElement, change: Affine) -> None:
-        """Everything that happens on the way as one step, the conversion of units included."""
-        attributes(connection, suppressUnitConversion=True)
-        if change != IDENTITY:
-            child(connection, "ssc:LinearTransformation", **change._asdict())
+            if each.hops:  # all on the way as one step, the conversion of units included
+                change = way(each, self.interfaces)
+                attributes(connection, suppressUnitConversion=True)
+                if change != IDENTITY:
+                    child(connection, "ssc:LinearTransformation", **change._asdict())
 
     def _experiment(self, root: XmlElement) -> None:
         experiment = self.system.experiment
@@ -294,9 +231,40 @@ class _Description:
             child(run, "run:ParameterSet", name=s.name, description=s.description, **times)
         for a in system.alternatives:
             child(run, "run:Alternative", component=a.component, fmu=a.fmu)
-        for name, text in system.requirements.items():
-            child(run, "run:Requirement", name=name, text=text)
-        for name, text in system.consistency.items():
-            child(run, "run:Consistency", name=name, text=text)
+        for kind, texts in (
+            ("Requirement", system.requirements),
+            ("Consistency", system.consistency),
+        ):
+            for name, text in texts.items():
+                child(run, f"run:{kind}", name=name, text=text)
         for name, (low, high) in system.sliders.items():
             child(run, "run:Slider", name=name, low=low, high=high)
+
+
+def _units(interfaces: Mapping[str, Interface]) -> BaseUnits:
+    """All units of all FMUs; StructureError if two FMUs mean different things by one name."""
+    units: dict[str, Mapping[str, float]] = {}
+    for component, interface in interfaces.items():
+        for name, base in interface.units.items():
+            if units.setdefault(name, base) != base:
+                problem = f"its unit {name} is not the {name} of the components before it"
+                raise StructureError([f"{component}: {problem}"])
+    return units
+
+
+def _sources(components: Sequence[Component]) -> dict[str, str]:
+    """Place of every FMU in the archive; different FMUs with one file name are told apart by the
+    component.
+    """
+    owner: dict[str, Path] = {}
+    sources = {}
+    for component in components:
+        name = f"resources/{component.fmu.name}"
+        if owner.setdefault(name, component.fmu) != component.fmu:
+            name = f"resources/{component.name}-{component.fmu.name}"
+        sources[component.name] = name
+    return sources
+
+
+def _ssv_name(component: Component) -> str:
+    return f"resources/{component.name}.ssv"

@@ -57,12 +57,12 @@ def wire(
     driven.update(left_open)
     owners = output_owners(interfaces)
     inputs = (Port(c, name) for c, i in interfaces.items() for name in i.named("input"))
-    for target in (port for port in inputs if port not in driven):
-        sources = drivers(owners, target)
-        connections += [Connection(source, target) for source in sources[:1]]
-        if len(sources) > 1:
-            place = f"{target.component}.{target.signal}"
-            problems.append(f"{place}: {ambiguous(sources)}: choose in [connections]")
+    for port in (each for each in inputs if each not in driven):
+        found = drivers(owners, port)
+        connections += [Connection(source, port) for source in found[:1]]
+        if len(found) > 1:
+            place = f"{port.component}.{port.signal}"
+            problems.append(f"{place}: {ambiguous(found)}: choose in [connections]")
     return Wiring(connections, problems)
 
 
