@@ -28,7 +28,7 @@ from harness.spelling import did_you_mean
 from harness.ssp.extends import extended
 from harness.ssp.writer import write_ssp
 from harness.system import graph, problems, schema, sliders
-from harness.system.instants import moment, written
+from harness.system.instants import date
 from harness.system.interface import Interface
 from harness.system.model import (
     Alternative,
@@ -246,7 +246,7 @@ class _Builder:
         if isinstance(given, datetime):
             given = (given.astimezone(UTC) if given.tzinfo else given).isoformat().partition("+")[0]
         try:
-            return written(moment(str(given))) if given else ""
+            return date(str(given))
         except ValueError as error:
             self.problems.append(f"experiment.epoch: {error}, not {given!r}")
             return ""

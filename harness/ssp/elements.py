@@ -12,7 +12,7 @@ from typing import NamedTuple
 from urllib.parse import unquote, urlsplit
 
 from harness.errors import ArchiveError, StructureError
-from harness.files.archive import XmlElement, inspect, read_entry
+from harness.files.archive import XmlElement, inspect
 from harness.files.paths import is_file
 from harness.spelling import did_you_mean
 from harness.ssp import xml
@@ -144,7 +144,7 @@ class Tree:
         hint = xml.first(element, "ssd:Annotations/ssc:Annotation/osp:StepSizeHint")
         self.components[place] = Leaf(fmu, xml.number(hint, "value", self.problems))
         self._connectors(element, place)
-        self._bindings(element, place, fmu)
+        self._bindings(element, place)
 
     def _connectors(self, element: XmlElement, place: Place) -> None:
         for e in xml.every(element, "ssd:Connectors/ssd:Connector"):
@@ -184,14 +184,14 @@ class Tree:
 
     # ---- parameters
 
-    def _bindings(self, element: XmlElement, place: Place, fmu: Path | None = None) -> None:
+    def _bindings(self, element: XmlElement, place: Place) -> None:
         """All parameter sets bound to an element, later ones winning, over those of the elements in
         it.
         """
         label = _label(place)
         for binding in xml.every(element, "ssd:ParameterBindings/ssd:ParameterBinding"):
             try:
-                for name, parameter in self._bound(binding, label, fmu).items():
+                for name, parameter in self._bound(binding, label).items():
                     given = Given(len(place), replace(parameter, optional=not self.own))
                     self._give(place, name, given)
             except StructureError as error:
@@ -220,20 +220,18 @@ class Tree:
         whole = point._replace(connector=base(point.connector))
         return self.connectors.get(point) or self.connectors.get(whole)
 
-    def _bound(self, binding: XmlElement, label: str, fmu: Path | None) -> Mapping[str, Parameter]:
-        if (root := self._part(binding, VALUES, label, fmu)) is None:
+    def _bound(self, binding: XmlElement, label: str) -> Mapping[str, Parameter]:
+        if (root := self._part(binding, VALUES, label)) is None:
             return {}
         prefix = binding.get("prefix", "")  # which comes before any mapping
         parameters = {prefix + n: p for n, p in parameter_set(root, self.units).items()}
         found = xml.first(binding, "ssd:ParameterMapping")
-        root = None if found is None else self._part(found, MAPPING, label, fmu)
+        root = None if found is None else self._part(found, MAPPING, label)
         return parameters if root is None else mapped(parameters, mapping(root), self.notes)
 
-    def _part(
-        self, element: XmlElement, part: Part, label: str, fmu: Path | None
-    ) -> XmlElement | None:
-        """Root of a parameter set or mapping: inside the element, a file of the archive, or a file
-        inside the FMU. None where it binds nothing.
+    def _part(self, element: XmlElement, part: Part, label: str) -> XmlElement | None:
+        """Root of a parameter set or mapping, inside the element or a file of the archive; None
+        where it binds nothing.
         """
         inline, source = xml.first(element, part.inline), element.get("source")
         if source is None and inline is None:
@@ -245,7 +243,7 @@ class Tree:
         if source is None:
             return xml.embedded(inline, part.schema)
         if element.get("sourceBase") == "component":
-            return xml.parse(_inside(fmu, source), part.schema, name=source)
+            raise StructureError([f"{source}: a file inside an FMU is not supported"])
         path = self._file(source, label)
         return xml.parse(path, part.schema) if is_file(path) else None
 
@@ -271,16 +269,6 @@ def is_fmu(path: Path) -> bool:
         return "modelDescription.xml" in inspect(path)
     except ArchiveError:
         return False
-
-
-def _inside(fmu: Path | None, source: str) -> bytes:
-    """A file inside an FMU."""
-    if fmu is None:
-        raise StructureError([f"{source}: a system has no FMU that could hold this file"])
-    try:
-        return read_entry(fmu, unquote(source))
-    except ArchiveError as error:
-        raise StructureError([f"{fmu.name}: {source} cannot be read ({error})"]) from error
 
 
 def _label(place: Place) -> str:

@@ -22,9 +22,6 @@ from harness.system.values import Index, Name
 
 Hops = tuple[Hop, ...]
 
-FIXED = ("calculatedParameter", "constant")
-"""Kinds of connectors that give a value once."""
-
 MAX_CHAIN = 200
 """Connectors of systems in a row that are followed."""
 
@@ -119,10 +116,7 @@ class Flat:
         found = next(reversed(scalars))
         if shape not in (None, found):
             raise ValueError(_unequal(found, shape))
-        name, connector = _one(scalars, source, index), self.tree.declared(source)
-        if connector and connector.kind in FIXED:
-            raise ValueError("connections between parameters are not supported")
-        ends = self._port(source.place, name), self._port(*variable)
+        ends = self._port(source.place, _one(scalars, source, index)), self._port(*variable)
         self.connections.append(Connection(*ends, () if hops == (PLAIN,) else hops))
 
     def _scalars(self, point: Point) -> dict[Index, str]:

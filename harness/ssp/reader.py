@@ -27,7 +27,7 @@ from harness.ssp import xml
 from harness.ssp.elements import Tree
 from harness.ssp.flatten import Flat
 from harness.ssp.parameters import read_ssv
-from harness.system.instants import moment, written
+from harness.system.instants import date
 from harness.system.model import (
     Alternative,
     Component,
@@ -207,7 +207,7 @@ class _Reader:
         """UTC of t = 0; what is no date says nothing and is a problem."""
         text = self.run.get("epoch", "")
         try:
-            return written(moment(text)) if text else ""
+            return date(text)
         except ValueError as error:
             self.problems.append(f"epoch {text}: {error}")
             return ""

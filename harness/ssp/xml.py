@@ -17,7 +17,7 @@ from typing import Any
 import fmpy
 from lxml import etree
 
-from harness.errors import StructureError
+from harness.errors import StructureError, reason_of
 from harness.files import cache
 from harness.files.archive import MAX_ENTRY, UnsafeXmlError, XmlElement, parsed
 from harness.files.paths import contents
@@ -114,22 +114,19 @@ def number(element: XmlElement, attribute: str, problems: list[str]) -> float | 
     return None
 
 
-def parse(source: Path | bytes, schema: str, name: str = "") -> XmlElement:
+def parse(source: Path, schema: str) -> XmlElement:
     """Root element of an XML file, valid against one of the SSP schemas; neither entities nor the
     network are used.
 
     A file of SSP 2.0 has the names of SSP 1.0 for its types of numbers, and no metadata. Raises
     StructureError with every violation of the schema.
     """
-    name = source.name if isinstance(source, Path) else name
+    name = source.name
     try:
-        data = contents(source, MAX_ENTRY) if isinstance(source, Path) else source
-    except OSError as error:
-        raise StructureError([f"{name}: cannot be read ({error.strerror})"]) from error
-    try:
+        data = contents(source, MAX_ENTRY)
         root = parsed(data)
-    except UnsafeXmlError as error:
-        raise StructureError([f"{name}: {error}"]) from error
+    except (OSError, UnsafeXmlError) as error:
+        raise StructureError([f"{name}: {reason_of(error)}"]) from error
     _made_readable(root)
     cache.passed(
         f"{schema} of fmpy {fmpy.__version__}, and what is supported of SSP 2.0",
@@ -153,7 +150,11 @@ def _made_readable(root: XmlElement) -> None:
     """Rewrite the spellings of SSP 2.0 and of other tools that mean the same."""
     if is_version_2(root):
         simplify(root)
-    _without_empty(root)
+    for element in root.iter():  # of OMSimulator
+        needed = ("source",) if element.tag == tag("ssd:Component") else ()
+        for name in OPTIONAL:
+            if element.get(name) == "" and name not in needed:
+                del element.attrib[name]
 
 
 def _validate(root: XmlElement, schema: str, name: str) -> None:
@@ -174,15 +175,6 @@ def _named(element: XmlElement) -> str:
     """The name of an element, or of the one that it stands in."""
     ancestors = (element, *element.iterancestors())
     return next((each.get("name") for each in ancestors if each.get("name")), "")
-
-
-def _without_empty(root: XmlElement) -> None:
-    """Leave out optional attributes that are empty, as OMSimulator writes them."""
-    for element in root.iter():
-        needed = ("source",) if element.tag == tag("ssd:Component") else ()
-        for name in OPTIONAL:
-            if element.get(name) == "" and name not in needed:
-                del element.attrib[name]
 
 
 @lru_cache
@@ -212,6 +204,7 @@ _OLD_KINDS = {
 }
 _METADATA = (tag("ssc:MetaData"), tag("ssc:Signature"))
 _NEW_PARTS = (tag("ssc:Dimension"), tag("ssv:Value"))
+_VALUES = tuple(tag(f"ssv:{t}") for t in (*NUMBERS, "Boolean", "String", "Enumeration"))
 _NEW_ATTRIBUTES = ("startIndices", "endIndices", "systemInnerX", "systemInnerY")
 
 
@@ -236,12 +229,9 @@ def as_version_1(root: XmlElement) -> XmlElement:
     """
     copy = deepcopy(root)
     copy.set("version", "1.0")
-    for element in copy.iter(tag("ssv:String"), tag("ssv:Enumeration"), tag("ssv:Binary")):
-        if (first := element.find(tag("ssv:Value"))) is not None and "value" not in element.attrib:
-            element.set("value", first.get("value", ""))
     for element in list(copy.iter(*_NEW_PARTS)):
         element.getparent().remove(element)
-    for element in copy.iter(tag("ssv:Real"), tag("ssv:Integer"), tag("ssv:Boolean")):
+    for element in copy.iter(*_VALUES):
         element.set("value", "0")  # one or several, of any size: judged where they are read
     for element in copy.iter(tag("ssd:Connector")):
         element.set("kind", _OLD_KINDS.get(element.get("kind"), element.get("kind", "")))

@@ -154,8 +154,6 @@ def _uneven(name: str, component: str, period: float, step: float, macro_step: f
 
 def rechecked(system: System, known: System, graph: Graph) -> Checked:
     """What checked() gives; from the graph of `known` is taken whatever has not changed since."""
-    if not _same_structure(system, known, graph):
-        return checked(system)
     graph = rebuilt(system, known, graph)
     return Checked(graph, macro_steps(system.experiment, [c.every for c in system.components]))
 

@@ -41,6 +41,11 @@ def written(instant: np.datetime64) -> str:
     return str(np.datetime_as_string(instant.astype("datetime64[ns]")))
 
 
+def date(text: str) -> str:
+    """A date as written() gives it, "" for none; ValueError."""
+    return written(moment(text)) if text else ""
+
+
 def told(instant: np.datetime64) -> str:
     """What a user is told of the instant at which a run starts."""
     return f"t = 0 is {np.datetime_as_string(instant.astype('datetime64[us]'))} UTC"

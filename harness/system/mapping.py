@@ -160,11 +160,11 @@ def options(pairs: Sequence[tuple[str, str]]) -> str:
 def _fit(
     a: Family, b: Family, theirs: Mapping[str, Variable], ours: Mapping[str, Variable]
 ) -> bool:
-    """Whether two signals have one size, type and unit."""
+    """Whether two signals have one size, type, unit and direction."""
     their, our = theirs[a.elements[0]], ours[b.elements[0]]
     return (
         len(a.elements) == len(b.elements)
-        and their.type == our.type
+        and (their.type, their.causality) == (our.type, our.causality)
         and units_agree(their.unit, our.unit)
     )
 

@@ -102,18 +102,12 @@ class _Exchange:
 
     def _offered(self) -> list[str]:
         """Ports of the new FMU that fit nothing yet, as options for what they could be."""
-        connections, name = self.system.connections, self.name
-        wired = {c.source.variable for c in connections if c.source.component == name}
-        read = {c.target.variable for c in connections if c.target.component == name}
+        ends = (port for c in self.system.connections for port in c[:2])
+        wired = {port.variable for port in ends if port.component == self.name}
         done = {self.names.get(n, n) for n in self.ports}
-        pairs: list[tuple[str, str]] = []
-        for theirs, wanted in (
-            (self.interface.outputs(), wired),
-            (self.interface.named("input"), read),
-        ):
-            free = {n: v for n, v in theirs.items() if self.names.get(n, n) not in self.signals}
-            missing = {n: v for n, v in self.signals.items() if n in wanted and n not in done}
-            pairs += mapping.guesses(free, missing)
+        free = {n: v for n, v in self.ports.items() if self.names.get(n, n) not in self.signals}
+        missing = {n: v for n, v in self.signals.items() if n in wired - done}
+        pairs = list(mapping.guesses(free, missing))
         return [f"perhaps {mapping.options(pairs)}"] if pairs else []
 
     # ---- connections

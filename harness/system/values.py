@@ -211,8 +211,8 @@ def assign(name: str, value: Value, known: Collection[str]) -> dict[str, Scalar]
         by_place = expand(name, value, whole.first if whole else ())
         if by_place.keys() != {str(Name.read(e)) for e in elements}:
             got = _quoted(value) if isinstance(value, str) else _shape(list(by_place))
-            shapes = f"expected {_shape(elements)}, got {got}"
-            raise ValueError(shapes + _as_a_list(value, elements, got))
+            wanted = f"expected {_shape(elements)}"
+            raise ValueError(f"{wanted}, got {got}{_as_a_list(value, elements)}")
         given = {element: by_place[str(Name.read(element))] for element in elements}
     for element, scalar in given.items():
         if isinstance(scalar, float) and math.isnan(scalar):
@@ -226,28 +226,16 @@ def _single(name: str, value: Value) -> dict[str, Scalar]:
     return {name: value}
 
 
-def _as_a_list(value: Value, elements: Sequence[str], got: str) -> str:
+def _as_a_list(value: Value, elements: Sequence[str]) -> str:
     """What to write instead of one number or of numbers without brackets, as the end of a line;
-    lists of another length have no place in the FMU.
+    lists of another shape have no place in the FMU.
     """
-    if got != RAGGED and _depth(value) == len(index(elements[0])):
+    if isinstance(value, str):
+        return f"; write [{value}]" if "," in value else ""
+    if isinstance(value, Sequence):
         return "; the FMU has so many and no other number"
-    if isinstance(value, str) and "," in value:
-        return f"; write [{value}]"
-    if all(len(index(e)) == 2 for e in elements):
-        return "; write its rows, as in [[1, 0, 0], [0, 1, 0], [0, 0, 1]]"
-    if isinstance(value, int | float) and all(len(index(e)) == 1 for e in elements):
-        return f"; write [{', '.join([f'{value:.12g}'] * len(elements))}]"
-    return ""
-
-
-RAGGED = "a ragged list"
-
-
-def _depth(value: Value) -> int:
-    """Lists within each other."""
-    is_list = isinstance(value, Sequence) and not isinstance(value, str)
-    return 1 + max(map(_depth, value), default=0) if is_list else 0  # type: ignore[arg-type]
+    is_vector = len(index(elements[0])) == 1
+    return f"; write [{', '.join([f'{value:.12g}'] * len(elements))}]" if is_vector else ""
 
 
 def _shape(names: list[str]) -> str:
@@ -257,7 +245,7 @@ def _shape(names: list[str]) -> str:
         return "a number"
     whole = grid(indices)
     if whole is None:
-        return RAGGED
+        return "a ragged list"
     sizes = list(whole.shape)
     return " x ".join(map(str, sizes)) + (" element" if sizes == [1] else " elements")
 
@@ -303,12 +291,8 @@ def _float(value: float) -> float:
 
 def _checked_text(text: str) -> str:
     """A text as C can hold it."""
-    if "\0" in text:
-        raise ValueError("a text must not hold a zero character")
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        raise ValueError(f"{_quoted(text)} is not a text in UTF-8") from None
+    if re.search("[\0\ud800-\udfff]", text):
+        raise ValueError(f"{_quoted(text)} is not a text in UTF-8 without a zero character")
     return text
 
 

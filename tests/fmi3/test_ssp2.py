@@ -313,7 +313,7 @@ def _read(path):
         ),
         (
             pair("source.k sink.x", source=connector("k", "constant", SCALAR)),
-            "source.k to sink.x: connections between parameters are not supported",
+            "source.k: there is no such output",
         ),
         (pair('source.y sink.u startIndices="0"'), "source.y to sink.u: startIndices='0'"),
         (

@@ -402,7 +402,7 @@ def test_doubled_names_are_offered_once():
         ),
         (
             ["run", "sync_approach", "--set", "servicer.J_S=[1,2,3]"],
-            "--set servicer.J_S: expected 3 x 3 elements, got 3 elements; write its rows, as in [[",
+            "--set servicer.J_S: expected 3 x 3 elements, got 3 elements; the FMU has so many",
         ),
         (["new", "my_pd"], "new my_pd: write harness new controller NAME"),
         (["new", "plant", "x"], "new plant: write harness new controller NAME"),
