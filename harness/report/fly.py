@@ -12,10 +12,10 @@ from __future__ import annotations
 import base64
 import gzip
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import zip_longest
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from harness.master.fused import Module, module_of
 from harness.report import conditions, models, run
 from harness.report.arrays import Arrays, Canvas, kept_rows
 from harness.report.template import render, text_of
-from harness.report.trace import Trace, Traced, traces_kept
+from harness.report.trace import Trace, traces_kept
 from harness.results.result import Array, Result, Rows
 from harness.ssp.library import load
 from harness.system.graph import Checked, checked, read_interfaces
@@ -60,14 +60,14 @@ def _page(result: Result, system: System) -> str:
     steps = checked(system)
     module = module_of(system, steps)
     named = list(sliders(system.sliders, read_interfaces(system)))
-    canvas, data = _traced(result, [slider.name for slider in named])
+    content = traced(result, [slider.name for slider in named])
     page = render(
         "fly.html",
-        canvas,
-        data,
+        content.canvas,
+        content.data,
         **run.texts(result),
         sliders=[_slider(result, module, slider) for slider in named],
-        flight=_flight(result, system, steps, module, canvas),
+        flight=_flight(result, system, steps, module) | content.operations(),
         module=base64.b64encode(gzip.compress(module.code, 9, mtime=0)).decode(),
         live={name: text_of(name) for name in LIVE},
     )
@@ -77,12 +77,10 @@ def _page(result: Result, system: System) -> str:
 # ---- what a flight is told
 
 
-def _flight(
-    result: Result, system: System, found: Checked, module: Module, canvas: TracedCanvas
-) -> Data:
+def _flight(result: Result, system: System, found: Checked, module: Module) -> Data:
     if missing := [name for name in result.columns if name not in module.outputs]:
         raise UsageError(f"the system has no {missing[0]} any more: run it again")
-    known, span, arrays = result.provenance, system.experiment, canvas.traced
+    known, span = result.provenance, system.experiment
     return {
         "start": span.start,
         "step": span.step,
@@ -93,8 +91,6 @@ def _flight(
         "values": module.values.tolist(),
         "sha256": hashlib.sha256(np.ascontiguousarray(result.values).tobytes()).hexdigest(),
         **_judged(result),
-        **arrays.operations(canvas.drawn),
-        "fixed": sorted(arrays.fixed),
     }
 
 
@@ -144,28 +140,21 @@ def _slider(result: Result, module: Module, slider: Slider) -> Data:
 class TracedArrays(Arrays):
     """Arrays of which those that were traced have a name for every operation."""
 
-    def __init__(self, trace: Trace) -> None:
+    def __init__(self) -> None:
         super().__init__()
-        self.trace = trace
         self.made: dict[str, int] = {}
         """Operation by the name of an array."""
         self.order: list[tuple[str, Array]] = []
         """Names and numbers as they were asked for."""
-        self.fixed: set[str] = set()
-        """Names of what belongs to the run of the file alone."""
-        self._by_place: dict[int, str] = {}
+        self._names_of: dict[int, str] = {}
 
     def keep(self, values: Any) -> str:
         """Name of an array; that of another one only if the same operation made it."""
-        place = values.place if isinstance(values, Traced) else -1
-        plain = np.array(values, dtype=np.float64)
-        if place < 0:
-            name = super().keep(plain)
-        else:
-            if place not in self._by_place:
-                self._by_place[place] = self.own(plain)
-            name = self._by_place[place]
-            self.made[name] = place
+        plain, place = np.array(values, dtype=np.float64), getattr(values, "place", -1)
+        if place >= 0 and place not in self._names_of:
+            self._names_of[place] = self.own(plain)
+            self.made[self._names_of[place]] = place
+        name = self._names_of[place] if place >= 0 else super().keep(plain)
         self.order.append((name, plain))
         return name
 
@@ -173,90 +162,74 @@ class TracedArrays(Arrays):
         """Name of an array that nobody else has."""
         return self._written(f"t{len(self.content)}", np.ascontiguousarray(values, dtype="<f4"))
 
-    def operations(self, curves: list[Data]) -> Data:
-        """The operations that arrays and curves need, for the page; long lists of places once."""
-        asked = {*self.made.values(), *(p for c in curves for p in c["places"].values())}
-        numbers, operations, lists = self.trace.written(asked)
-        return {
-            "operations": operations,
-            "made": {name: numbers[place] for name, place in self.made.items()},
-            "curves": [
-                curve | {"places": {key: numbers[p] for key, p in curve["places"].items()}}
-                for curve in curves
-            ],
-            "lists": lists,
-        }
-
 
 class TracedCanvas(Canvas):
-    """A canvas whose curves know their operations: the page thins them anew."""
+    """A canvas whose curves know their operations: the page thins them anew; chosen: the rows of
+    curves in planes, those of another canvas if they are given.
+    """
 
-    arrays: TracedArrays
-
-    def __init__(self, arrays: TracedArrays, points: int) -> None:
-        super().__init__(arrays, points)
-        self.traced = arrays
+    def __init__(self, points: int, chosen: Sequence[Rows] = ()) -> None:
+        self.traced = TracedArrays()
+        super().__init__(self.traced, points)
         self.drawn: list[Data] = []
-        self.chosen: list[Any] = []
+        self.chosen: list[Rows] = []
+        self._given = iter(chosen)
 
     def curve(self, time: Array, values: Array, name: str, **look: Any) -> Data:
         """One history with its extremes."""
         arrays = self.traced
         rows = kept_rows(np.array(values, dtype=np.float64), self.points)
         self.thinned |= len(rows) < len(values)
-        x, y = (np.array(each, dtype=np.float64) for each in (time, values))
-        names = {key: arrays.own(each[rows]) for key, each in (("x", x), ("y", y))}
-        arrays.order += [(names["x"], x), (names["y"], y)]
-        places = {key: getattr(each, "place", -1) for key, each in (("x", time), ("y", values))}
+        both = {"x": time, "y": values}
+        plain = {key: np.array(each, dtype=np.float64) for key, each in both.items()}
+        names = {key: arrays.own(each[rows]) for key, each in plain.items()}
+        arrays.order += [(names[key], each) for key, each in plain.items()]
+        places = {key: getattr(each, "place", -1) for key, each in both.items()}
         if min(places.values()) >= 0:
             self.drawn.append({"names": names, "places": places, "points": self.points})
         return {"name": name, **names, **look}
 
     def rows_of(self, x: Array, y: Array) -> Rows:
         """The rows of a curve in a plane that are drawn."""
-        rows = super().rows_of(np.array(x, dtype=float), np.array(y, dtype=float))
-        self.chosen.append(rows)
-        return rows
+        own = super().rows_of(np.array(x, dtype=float), np.array(y, dtype=float))
+        self.chosen.append(next(self._given, own))
+        return self.chosen[-1]
 
 
-class _PlainArrays(Arrays):
-    """Arrays as they are asked for."""
+class Content(NamedTuple):
+    """What a live page draws: canvas and data, the operations behind them, and the names of the
+    arrays that these do not make.
+    """
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.order: list[Array] = []
+    canvas: TracedCanvas
+    data: Data
+    trace: Trace
+    fixed: set[str]
 
-    def keep(self, values: Any) -> str:
-        self.order.append(np.array(values, dtype=np.float64))
-        return super().keep(np.zeros(1))
-
-
-class _PlainCanvas(Canvas):
-    """A canvas that draws the rows that another one has chosen."""
-
-    def __init__(self, other: TracedCanvas) -> None:
-        super().__init__(_PlainArrays(), other.points)
-        self._chosen = iter(other.chosen)
-
-    def curve(self, time: Array, values: Array, name: str, **look: Any) -> Data:
-        self.arrays.keep(time)
-        self.arrays.keep(values)
-        return {"name": name, "x": "", "y": "", **look}
-
-    def rows_of(self, x: Array, y: Array) -> Rows:
-        """The rows that the other one has chosen."""
-        return np.asarray(next(self._chosen, np.arange(len(x))))
+    def operations(self) -> Data:
+        """The operations that arrays and curves need, for the page; long lists of places once."""
+        made, curves = self.canvas.traced.made, self.canvas.drawn
+        asked = {*made.values(), *(p for c in curves for p in c["places"].values())}
+        numbers, operations, lists = self.trace.written(asked)
+        return {
+            "operations": operations,
+            "made": {name: numbers[place] for name, place in made.items()},
+            "curves": [
+                curve | {"places": {key: numbers[p] for key, p in curve["places"].items()}}
+                for curve in curves
+            ],
+            "lists": lists,
+            "fixed": sorted(self.fixed),
+        }
 
 
-def _traced(result: Result, changing: list[str]) -> tuple[TracedCanvas, Data]:
+def traced(result: Result, changing: list[str]) -> Content:
     """The content of the page over traced rows, and what was lost on the way among its arrays."""
-    trace = Trace()
+    trace, canvas = Trace(), TracedCanvas(run.canvas_of(result, Arrays()).points)
     with traces_kept():
         roots = {name: trace.root(name, values) for name, values in _roots(result).items()}
-        canvas = TracedCanvas(TracedArrays(trace), run.canvas_of(result, Arrays()).points)
         data = run.content(canvas, _over(result, roots))
-    canvas.traced.fixed |= set(_lost(result, changing, canvas))
-    return canvas, data
+    return Content(canvas, data, trace, set(_lost(result, changing, canvas, trace)))
 
 
 def _roots(result: Result) -> dict[str, Array]:
@@ -273,21 +246,19 @@ def _over(result: Result, roots: dict[str, Array]) -> Result:
     return replace(result, time=roots["time"], values=roots["values"], parameters=fixed)
 
 
-def _lost(result: Result, changing: list[str], canvas: TracedCanvas) -> Iterator[str]:
+def _lost(result: Result, changing: list[str], canvas: TracedCanvas, trace: Trace) -> Iterator[str]:
     """Names of arrays that the operations do not give over slightly other rows and parameters."""
     roots = _other(result, changing)
-    plain = _PlainCanvas(canvas)
-    run.content(plain, _over(result, roots))
-    assert isinstance(plain.arrays, _PlainArrays)
-    value = canvas.traced.trace.evaluate(roots)
-    places = canvas.traced.made | {
-        curve["names"][key]: curve["places"][key] for curve in canvas.drawn for key in ("x", "y")
-    }
-    nothing: Array = np.empty(0)
-    ours = [(name, np.asarray(numbers)) for name, numbers in canvas.traced.order]
-    for (name, before), wanted in zip_longest(ours, plain.arrays.order, fillvalue=("", nothing)):
+    other = TracedCanvas(canvas.points, canvas.chosen)
+    run.content(other, _over(result, roots))
+    value, places = trace.evaluate(roots), dict(canvas.traced.made)
+    for curve in canvas.drawn:
+        places |= {curve["names"][key]: place for key, place in curve["places"].items()}
+    orders = canvas.traced.order, other.traced.order
+    nothing = ("", np.empty(0))
+    for (name, before), (_, wanted) in zip_longest(*orders, fillvalue=nothing):
         found = value(places[name]) if name in places else before
-        if name and not np.array_equal(found, np.asarray(wanted), equal_nan=True):
+        if name and not np.array_equal(found, wanted, equal_nan=True):
             yield name
 
 

@@ -3,13 +3,15 @@
 them over the rows of another flight.
 
 An array of rows that is Traced knows the operation that made it. What numpy makes of it is Traced
-too, where the table of operations has a word for it; everything else gives plain arrays, whose
-numbers are then those of this result. `Trace.evaluate` repeats the operations: whoever compares
-that with the code itself finds what was lost on the way.
+too, where the page has a word for it; everything else gives arrays without an operation, whose
+numbers are then those of this result. Functions of numpy are left to numpy itself as far as it
+writes them in operations on elements, slices and shapes. `Trace.evaluate` repeats the operations:
+whoever compares that with the code itself finds what was lost on the way.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -17,11 +19,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.report.operations import UFUNCS, Operations, repeated
-
 Array = NDArray[Any]
+
+UFUNCS = (
+    "absolute", "add", "arccos", "arcsin", "arctan", "arctan2", "ceil", "clip", "copysign", "cos",
+    "deg2rad", "degrees", "divide", "equal", "exp", "fabs", "floor", "fmax", "fmin", "greater",
+    "greater_equal", "hypot", "isfinite", "isinf", "isnan", "less", "less_equal", "log", "log10",
+    "logical_and", "logical_not", "logical_or", "maximum", "minimum", "multiply", "negative",
+    "not_equal", "positive", "power", "rad2deg", "radians", "reciprocal", "remainder", "rint",
+    "sign", "sin", "sqrt", "square", "subtract", "tan",
+)  # fmt: skip
+"""Operations on elements; the page has the same names."""
 LOGICAL = {"bitwise_and": "logical_and", "bitwise_or": "logical_or", "invert": "logical_not"}
 """Of truth values."""
+MOST, MOST_ITEMS = 20_000, 64
+"""Numbers of a constant; items of an array that is taken apart."""
+KEEPING = ("asarray", "ascontiguousarray", "asanyarray")
 
 
 class Traced(np.ndarray[Any, Any]):
@@ -36,10 +49,9 @@ class Traced(np.ndarray[Any, Any]):
     def __array_ufunc__(
         self, ufunc: np.ufunc, method: str, *inputs: Any, out: Any = None, **about: Any
     ) -> Any:
-        trace = next((x.owner for x in _arrays(inputs) if x.place >= 0), None)
-        told = {k: _plain(v) for k, v in about.items()}
         outs = {} if out is None else {"out": tuple(map(_plain, out))}
-        value = getattr(ufunc, method)(*map(_plain, inputs), **told, **outs)
+        value = getattr(ufunc, method)(*map(_plain, inputs), **_plain(about), **outs)
+        trace = next((x.owner for x in _arrays(inputs) if x.place >= 0), None)
         if trace is None:
             return value
         place = trace.ufunc(ufunc.__name__, method, inputs, about)
@@ -51,15 +63,14 @@ class Traced(np.ndarray[Any, Any]):
 
     def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
         own = FUNCTIONS.get(func.__name__)
-        found = own(*args, **kwargs) if own else None
-        return func(*_plain(args), **_plain(kwargs)) if found is None else found
+        known = own and any(x.place >= 0 for x in _arrays(args))
+        found = own(*args, **kwargs) if own and known else None
+        return super().__array_function__(func, types, args, kwargs) if found is None else found
 
     def __getitem__(self, index: Any) -> Any:
         value = _plain(self)[_plain(index)]
         spelt = None if self.place < 0 else _spelt(index, self.shape)
-        if spelt is None:
-            return value
-        return self.owner.wrap(value, self.owner.note("pick", [self], index=spelt))
+        return value if spelt is None else self._noted(value, "pick", index=spelt)
 
     def __iter__(self) -> Iterator[Any]:
         if len(self) > MOST_ITEMS:  # rows, one by one: nothing for a page
@@ -68,8 +79,8 @@ class Traced(np.ndarray[Any, Any]):
 
     def view(self, *kind: Any, **about: Any) -> Any:
         """The same numbers, of the same kind unless told otherwise."""
-        own = super().view
-        return own(*kind, **about) if kind or about else self._noted(own(np.ndarray), "")
+        made = super().view(*kind, **about)
+        return made if kind or about or self.place < 0 else self.owner.wrap(made, self.place)
 
     def reshape(self, *shape: Any, **_: Any) -> Any:
         """The same elements in another shape."""
@@ -98,25 +109,19 @@ class Traced(np.ndarray[Any, Any]):
         value = _plain(self).astype(dtype)
         return self._noted(value, "positive") if np.dtype(dtype).kind == "f" else value
 
-    def copy(self, *_: Any) -> Any:
+    def copy(self, *_: Any, **__: Any) -> Any:
         """The same numbers."""
         return self._noted(_plain(self).copy(), "positive")
 
-    __copy__ = copy
-
-    def mean(self, axis: Any = None, **_: Any) -> Any:  # type: ignore[override]
-        """The mean of all elements, or along an axis."""
-        return _mean(self, axis)
+    def __copy__(self) -> Any:
+        return self.copy()
 
     def __deepcopy__(self, _: Any) -> Any:
         return self.copy()
 
     def _noted(self, value: Array, name: str, **about: Any) -> Any:
-        """The value of an operation of that name; "": of the one that made this array."""
-        if self.place < 0:
-            return value
-        place = self.owner.note(name, [self], **about) if name else self.place
-        return self.owner.wrap(value, place)
+        """The value of an operation of that name on this array."""
+        return value if self.place < 0 else self.owner.noted(value, name, [self], **about)
 
 
 def _arrays(values: Any) -> Iterator[Traced]:
@@ -154,7 +159,7 @@ def _spelt(index: Any, shape: Sequence[int]) -> list[dict[str, Any]] | None:
 
 
 def _word(part: Any) -> dict[str, Any] | None:
-    """One part of an index: a new axis, a slice, a place or places."""
+    """One part of an index: a new axis, a slice, a place, or places that are not those of rows."""
     if part is None:
         return {"n": 1}
     if isinstance(part, slice):
@@ -162,142 +167,99 @@ def _word(part: Any) -> dict[str, Any] | None:
         return {"s": [None if x is None else int(x) for x in ends]}
     if isinstance(part, int | np.integer):
         return {"i": int(part)}
-    places = _places(part)
-    return None if places is None else {"t": places}
-
-
-def _places(part: Any) -> list[int] | None:
-    """Places of an array of whole numbers or truth values, which are not those of rows."""
-    if isinstance(part, Traced):
-        return None
     array = np.array(part)
-    if array.ndim != 1:
+    if isinstance(part, Traced) or array.ndim != 1 or array.dtype.kind not in "iub":
         return None
-    if array.dtype == bool:
-        array = np.flatnonzero(array)
-    return [int(x) for x in array] if array.dtype.kind in "iu" else None
+    places = np.flatnonzero(array) if array.dtype == bool else array
+    return {"t": [int(x) for x in places]}
 
 
-# ---- functions of numpy
+# ---- functions of numpy that are operations of the page, or that numpy does not write in them
 
 
-def _reduced(name: str) -> Callable[..., Any]:
-    def function(x: Any, axis: Any = None, keepdims: Any = False, **other: Any) -> Any:
-        if other:
-            return None
-        return getattr(np, name).reduce(x, axis=axis, keepdims=bool(keepdims))
-
-    return function
-
-
-def _mean(x: Any, axis: Any = None, **other: Any) -> Any:
-    if other or not isinstance(axis, int | None):
-        return None
-    count = x.size if axis is None else x.shape[axis]
-    return np.add.reduce(x, axis=axis) / count
+def _noted(name: str, arrays: Sequence[Any], **about: Any) -> Any:
+    """What the page makes of arrays by an operation, and the operation."""
+    value = repeated(name, list(map(_plain, arrays)), about)
+    owner = next(x.owner for x in _arrays(arrays) if x.place >= 0)
+    return owner.noted(value, name, arrays, **about)
 
 
 def _norm(x: Any, ord: Any = None, axis: Any = None, keepdims: Any = False) -> Any:
     if ord is not None or not (isinstance(axis, int) or (axis is None and x.ndim == 1)):
         return None
-    return np.sqrt(
-        np.add.reduce(x * x, axis=axis or 0 if axis is None else axis, keepdims=keepdims)
-    )
-
-
-def _cross(a: Any, b: Any, **other: Any) -> Any:
-    return None if other or np.shape(a)[-1] != 3 else _note("cross", [a, b])
-
-
-def _where(condition: Any, *either: Any) -> Any:
-    return _note("where", [condition, *either]) if len(either) == 2 else None
-
-
-def _stack(arrays: Any, axis: int = 0, **_: Any) -> Any:
-    return _note("stack", list(arrays), axis=axis)
-
-
-def _concatenate(arrays: Any, axis: int = 0, **_: Any) -> Any:
-    return _note("concatenate", list(arrays), axis=axis)
+    return np.sqrt(np.add.reduce(x * x, axis=axis or 0, keepdims=keepdims))
 
 
 def _einsum(letters: Any, *arrays: Any, **other: Any) -> Any:
     if other or len(arrays) != 2 or "." in letters or "->" not in letters:
         return None
-    return _note("einsum", list(arrays), letters=letters)
+    return _noted("einsum", arrays, letters=letters)
 
 
-def _clip(x: Any, low: Any, high: Any, **_: Any) -> Any:
-    return np.minimum(np.maximum(x, low), high)
-
-
-def _like(value: float) -> Callable[..., Any]:
-    def function(x: Any, *_: Any, **__: Any) -> Any:
-        made = np.full(x.shape, value)
-        place = x.owner.note("full", [], shape=list(x.shape), value=value)
-        return x.owner.wrap(made, place)
-
-    return function
-
-
-def _nan_to_num(x: Any, **other: Any) -> Any:
-    return None if other else np.where(np.isnan(x), 0.0, x)
-
-
-def _atleast(axes: int) -> Callable[..., Any]:
-    def function(x: Any) -> Any:
-        return x if x.ndim >= axes else x.reshape(*[1] * (axes - x.ndim), *x.shape)
-
-    return function
-
-
-def _note(name: str, arrays: list[Any], **about: Any) -> Any:
-    """What the page makes of arrays by an operation, and the operation."""
-    trace = next(_arrays(arrays)).owner
-    value = repeated(name, list(map(_plain, arrays)), about)
-    return trace.wrap(value, trace.note(name, arrays, **about))
+def _full(x: Any, value: float) -> Any:
+    return x.owner.noted(np.full(x.shape, value), "full", [], shape=list(x.shape), value=value)
 
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
-    "all": _reduced("logical_and"),
-    "amax": _reduced("maximum"),
-    "amin": _reduced("minimum"),
-    "any": _reduced("logical_or"),
-    "atleast_1d": _atleast(1),
-    "atleast_2d": _atleast(2),
-    "clip": _clip,
-    "concatenate": _concatenate,
+    "concatenate": lambda arrays, axis=0: _noted("concatenate", arrays, axis=axis),
     "copy": lambda x, **_: x.copy(),
-    "cross": _cross,
+    "cross": lambda a, b: _noted("cross", [a, b]) if np.shape(a)[-1] == 3 else None,
     "einsum": _einsum,
-    "max": _reduced("maximum"),
-    "mean": _mean,
-    "min": _reduced("minimum"),
-    "nan_to_num": _nan_to_num,
-    "nanmax": _reduced("fmax"),
-    "nanmin": _reduced("fmin"),
+    "nan_to_num": lambda x: np.where(np.isnan(x), 0.0, x),
+    "nanmax": lambda x, axis=None: np.fmax.reduce(x, axis=axis),
+    "nanmin": lambda x, axis=None: np.fmin.reduce(x, axis=axis),
     "norm": _norm,
-    "ones_like": _like(1.0),
-    "ravel": lambda x, **_: x.ravel(),
-    "reshape": lambda x, *shape, **_: x.reshape(*shape),
-    "stack": _stack,
-    "sum": _reduced("add"),
-    "transpose": lambda x, axes=None: x.transpose(*(axes or ())),
-    "where": _where,
-    "zeros_like": _like(0.0),
+    "ones_like": lambda x, **_: _full(x, 1.0),
+    "stack": lambda arrays, axis=0: _noted("stack", arrays, axis=axis),
+    "where": lambda condition, *either: _noted("where", [condition, *either]) if either else None,
+    "zeros_like": lambda x, **_: _full(x, 0.0),
 }
 """Functions of numpy in words of the page; None: it has none for such arguments."""
+REPEATED: Mapping[str, Callable[[list[Any], Mapping[str, Any]], Any]] = {
+    "concatenate": lambda a, p: np.concatenate(a, axis=p["axis"]),
+    "constant": lambda _, p: np.array([float(x) for x in p["values"]]).reshape(p["shape"]),
+    "cross": lambda a, _: np.cross(*a),
+    "einsum": lambda a, p: np.einsum(p["letters"], *a),
+    "full": lambda _, p: np.full(p["shape"], p["value"]),
+    "pick": lambda a, p: a[0][tuple(map(_index, p["index"]))],
+    "reduce": lambda a, p: getattr(np, p["by"]).reduce(a[0], axis=p["axis"], keepdims=p["keep"]),
+    "reduceat": lambda a, p: getattr(np, p["by"]).reduceat(a[0], p["places"], axis=0),
+    "reshape": lambda a, p: a[0].reshape(p["shape"]),
+    "stack": lambda a, p: np.stack(a, axis=p["axis"]),
+    "transpose": lambda a, p: a[0].transpose(p["axes"]),
+    "where": lambda a, _: np.where(a[0] != 0, a[1], a[2]),
+}
+
+
+def repeated(name: str, arrays: list[Any], about: Mapping[str, Any]) -> Any:
+    """One operation with numpy, as the page does it."""
+    with np.errstate(all="ignore"):
+        return getattr(np, name)(*arrays) if name in UFUNCS else REPEATED[name](arrays, about)
+
+
+def _index(part: Mapping[str, Any]) -> Any:
+    """A part of an index from its word."""
+    ((kind, value),) = part.items()
+    if kind == "n":
+        return None
+    return slice(*value) if kind == "s" else value
 
 
 # ---- the list
 
 
-class Trace(Operations):
-    """The operations behind traced arrays; roots: the arrays that a flight brings, by name."""
+class Trace:
+    """The operations behind traced arrays, each once: name, places of those whose results it takes,
+    what else it is told; roots: the arrays that a flight brings, by name.
+    """
+
+    def __init__(self) -> None:
+        self.operations: list[tuple[str, tuple[int, ...], dict[str, Any]]] = []
+        self._places: dict[str, int] = {}
 
     def root(self, name: str, values: Array) -> Any:
         """The array of that name, with the numbers of this result."""
-        return self.wrap(values, self.add("root", (), {"name": name}))
+        return self.wrap(values, self._add("root", (), {"name": name}))
 
     def wrap(self, value: Any, place: int) -> Any:
         """A value of an operation; plain where there is none."""
@@ -307,14 +269,19 @@ class Trace(Operations):
         made.owner, made.place = self, place
         return made
 
+    def noted(self, value: Any, name: str, arrays: Sequence[Any], /, **about: Any) -> Any:
+        """The value of the operation of that name on these arrays."""
+        return self.wrap(value, self.note(name, arrays, **about))
+
     def note(self, name: str, arrays: Sequence[Any], **about: Any) -> int:
         """The operation of that name on these arrays; -1 if one of them is no number."""
         parts = tuple(map(self._part, arrays))
-        return -1 if -1 in parts else self.add(name, parts, about)
+        return -1 if -1 in parts else self._add(name, parts, about)
 
     def ufunc(self, name: str, method: str, inputs: Sequence[Any], about: Mapping[str, Any]) -> int:
         """An operation on elements, or along an axis; -1: the page has no word for it."""
-        told = {key: value for key, value in about.items() if value is not None and key != "dtype"}
+        idle = {"dtype", "casting", "subok"}
+        told = {k: v for k, v in about.items() if v is not None and k not in idle}
         if any(np.asarray(_plain(x)).dtype == bool for x in inputs[:1]):
             name = LOGICAL.get(name, name)
         if name not in UFUNCS or told.pop("where", True) is not True:
@@ -329,6 +296,12 @@ class Trace(Operations):
             return self.note("reduceat", inputs[:1], by=name, places=places)
         return -1
 
+    def _add(self, name: str, parts: tuple[int, ...], about: dict[str, Any]) -> int:
+        place = self._places.setdefault(json.dumps([name, parts, about]), len(self.operations))
+        if place == len(self.operations):
+            self.operations.append((name, parts, about))
+        return place
+
     def _part(self, value: Any) -> int:
         if isinstance(value, Traced) and value.place >= 0:
             return value.place
@@ -336,18 +309,50 @@ class Trace(Operations):
         if array.dtype.kind not in "fiub" or array.size > MOST:
             return -1
         values = [x if np.isfinite(x) else repr(x) for x in map(float, array.ravel())]
-        return self.add("constant", (), {"shape": list(array.shape), "values": values})
+        return self._add("constant", (), {"shape": list(array.shape), "values": values})
+
+    def written(self, asked: set[int]) -> tuple[dict[int, int], list[Any], list[Any]]:
+        """These operations and all whose results they take, for the page: their numbers by place,
+        the operations, and the long lists of places, once each.
+        """
+        listed, lists = [], dict[tuple[int, ...], int]()
+        numbers = {place: k for k, place in enumerate(self._needed(asked))}
+        for place in numbers:
+            name, parts, about = self.operations[place]
+            if name == "pick":
+                about = {"index": [_shared(part, lists) for part in about["index"]]}
+            listed.append([name, [numbers[part] for part in parts], about])
+        return numbers, listed, list(lists)
+
+    def _needed(self, asked: set[int]) -> list[int]:
+        """These operations and all whose results they take, which come before them, in order."""
+        found = set(asked)
+        for place in range(len(self.operations) - 1, -1, -1):
+            if place in found:
+                found.update(self.operations[place][1])
+        return sorted(found)
+
+    def evaluate(self, roots: Mapping[str, Array]) -> Callable[[int], Array]:
+        """Results of the operations by place, with other numbers at the roots."""
+        known: dict[int, Any] = {}
+
+        def value(place: int) -> Array:
+            if place not in known:
+                name, parts, about = self.operations[place]
+                arrays = list(map(value, parts))
+                root = name == "root"
+                known[place] = roots[about["name"]] if root else repeated(name, arrays, about)
+            return np.asarray(known[place])
+
+        return value
 
 
-MOST = 20_000
-"""Numbers of a constant."""
-MOST_ITEMS = 64
-"""Items of an array that is taken apart."""
+def _shared(part: dict[str, Any], lists: dict[tuple[int, ...], int]) -> dict[str, Any]:
+    """A part of an index, with the number of a list of places in its place."""
+    return {"t": lists.setdefault(tuple(part["t"]), len(lists))} if "t" in part else part
 
 
 # ---- numpy that hands traces on
-
-KEEPING = ("asarray", "ascontiguousarray", "asanyarray")
 
 
 @contextmanager

@@ -89,23 +89,23 @@ def test_what_has_no_word_loses_its_trace_and_is_found_out(monkeypatch):
         }
 
     monkeypatch.setattr(fly.run, "content", content)
-    canvas, data = fly._traced(result, [])
-    assert canvas.traced.fixed == {data["lost"]}
-    assert set(canvas.traced.made) == {data["good"]}
+    content = fly.traced(result, [])
+    assert content.fixed == {content.data["lost"]}
+    assert set(content.canvas.traced.made) == {content.data["good"]}
 
 
 def test_the_replay_and_every_figure_of_an_approach_follow_another_run():
     result = run("sync_approach", stop=20.0)
-    canvas, data = fly._traced(result, ["servicer.mass_0"])
+    canvas, data, _, fixed = fly.traced(result, ["servicer.mass_0"])
     plots = [p for part in data["figures"] for figure in part["figures"] for p in figure["plots"]]
     marks = {c[axis] for p in plots for c in p["curves"] if "marker" in c for axis in ("x", "y")}
-    assert canvas.traced.fixed <= marks  # a mark with its number in words goes
+    assert fixed <= marks  # a mark with its number in words goes
     assert len(canvas.drawn) > 100 and len(canvas.traced.made) > 20
 
 
 def test_a_body_whose_size_comes_from_parameters_is_written():
     result = run("arm_capture", stop=1.0)
-    _, data = fly._traced(result, [])
+    data = fly.traced(result, []).data
     (links,) = [b["links"] for b in data["scene"]["bodies"] if b["name"] == "servicer"]
     assert any(isinstance(p["radius"], Traced) for link in links for p in link["parts"])
     written = json.loads(template._json(data))["scene"]["bodies"]

@@ -123,10 +123,10 @@ def test_the_page_has_every_function_of_an_expression():
 @pytest.mark.parametrize("system", ["sync_approach", "transposition", "servicing_mission"])
 def test_arrays_of_the_page_are_those_of_the_report(tmp_path, system):
     result = run(system, every=20)
-    canvas, _ = fly._traced(result, [])
+    content = fly.traced(result, [])
     roots = fly._other(result, [])
-    traced = canvas.traced
-    listed, names = traced.operations(canvas.drawn), sorted(traced.made)
+    made = content.canvas.traced.made
+    listed, names = content.operations(), sorted(made)
     told = {
         **listed,
         "places": [listed["made"][name] for name in names],
@@ -135,9 +135,9 @@ def test_arrays_of_the_page_are_those_of_the_report(tmp_path, system):
     file = tmp_path / "page.json"
     file.write_text(json.dumps(told), encoding="utf-8")
     found = node(SCRIPT.with_name("arrays.js"), file)["found"]
-    value = traced.trace.evaluate(roots)
+    value = content.trace.evaluate(roots)
     for name, ours in zip(names, found, strict=True):
-        wanted = value(traced.made[name])
+        wanted = value(made[name])
         assert ours["shape"] == list(wanted.shape)
         numbers = np.array([float(x.replace("Infinity", "inf")) for x in ours["data"]])
         np.testing.assert_allclose(numbers, wanted.ravel(), rtol=1e-9, atol=1e-9)

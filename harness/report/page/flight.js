@@ -172,7 +172,7 @@ const Flight = (() => {
     arcsin: Math.asin, arccos: Math.acos, arctan: Math.atan, arctan2: Math.atan2, hypot: Math.hypot,
     exp: Math.exp, log: Math.log, log10: Math.log10, degrees: (a) => a / RAD, radians: (a) => a * RAD,
     rad2deg: (a) => a / RAD, deg2rad: (a) => a * RAD, sign: Math.sign, floor: Math.floor, ceil: Math.ceil, rint: even,
-    maximum: most, minimum: least, fmax: fmost, fmin: fleast, remainder, copysign: (a, b) => (b < 0 || Object.is(b, -0) ? -Math.abs(a) : Math.abs(a)),
+    clip: (x, low, high) => least(most(x, low), high), maximum: most, minimum: least, fmax: fmost, fmin: fleast, remainder, copysign: (a, b) => (b < 0 || Object.is(b, -0) ? -Math.abs(a) : Math.abs(a)),
     greater: (a, b) => +(a > b), greater_equal: (a, b) => +(a >= b), less: (a, b) => +(a < b), less_equal: (a, b) => +(a <= b),
     equal: (a, b) => +(a === b), not_equal: (a, b) => +(a !== b), logical_and: (a, b) => +(a !== 0 && b !== 0),
     logical_or: (a, b) => +(a !== 0 || b !== 0), logical_not: (a) => +(a === 0), isfinite: (a) => +Number.isFinite(a),
