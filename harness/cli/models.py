@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
 from harness.cli.options import (
     FmuArgument,
-    Language,
     PlaceOption,
     SystemArgument,
     Texts,
@@ -35,7 +34,7 @@ def new_command(
     name: Annotated[
         str | None, argument("NAME", "Name of the new controller or mission, and of its folder")
     ] = None,
-    language: Annotated[Language, option("", "Write the controller in this language")] = Language.C,
+    language: Annotated[Literal["c", "python"], option("", "Language of a controller")] = "c",
     place: PlaceOption = None,
     base: Annotated[str | None, option("--from SYSTEM", "System that the mission extends")] = None,
 ) -> None:
@@ -53,7 +52,7 @@ def new_command(
         typer.echo(printable(f"    harness run {folder} -o {folder}.nc"))
         typer.echo(printable(f"    harness report {folder}.nc --mission {folder} -o {folder}.html"))
         return
-    created = new_controller(name, language.value, place)
+    created = new_controller(name, language, place)
     typer.echo(printable(f"{created.source}: edit control(), then"))
     for command in created.commands:
         typer.echo(printable(f"    {command}"))

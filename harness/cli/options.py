@@ -6,10 +6,9 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
-from enum import Enum
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import typer
 
@@ -20,32 +19,9 @@ KEYWORD_ONLY = Parameter.KEYWORD_ONLY
 Command = TypeVar("Command", bound=Callable[..., None])
 
 
-class Format(Enum):
-    """Files that figures can be written to."""
-
-    PNG = "png"
-    SVG = "svg"
-    PDF = "pdf"
-
-
-class Look(Enum):
-    """What figures are drawn for."""
-
-    SCREEN = "screen"
-    PAPER = "paper"
-    SERIF = "serif"
-
-
 def figures_of(results: Path) -> Path:
     """Folder for the figures of a results file or dataset, beside it."""
     return results.with_name(f"{results.stem}_figures")
-
-
-class Language(Enum):
-    """Languages of a controller."""
-
-    C = "c"
-    PYTHON = "python"
 
 
 # ---- what the shell completes
@@ -105,19 +81,7 @@ def _sets(system: Any) -> Iterable[str]:
 
 
 @_of_system
-def _swaps(system: Any) -> Iterable[str]:
-    return (f"{c.name}={fmu}" for c in system.components for fmu in paths.fmus())
-
-
-@_of_system
-def _places(system: Any) -> Iterable[str]:
-    from harness.remote.targets import TARGETS
-
-    return (f"{c.name}={target}" for c in system.components for target in TARGETS)
-
-
-@_of_system
-def _latencies(system: Any) -> Iterable[str]:
+def _components(system: Any) -> Iterable[str]:
     return (f"{c.name}=" for c in system.components)
 
 
@@ -207,16 +171,16 @@ CHANGES: dict[str, Any] = {
     "params": Annotated[Text, option("SET_OR_FILE", "Use a parameter set, .toml or .ssv", _sets)],
     "set": Annotated[Texts, option("C.NAME=VALUE", "Set one parameter", _settable)],
     "swap": Annotated[
-        Texts, option("C=FMU", "Use another FMU (name or path) for component C", _swaps)
+        Texts, option("C=FMU", "Use another FMU (name or path) for component C", _components)
     ],
     "map": Annotated[
         Texts, option("THEIRS=OURS", "Connect a port (or vector) of that FMU by our name")
     ],
     "on": Annotated[
-        Texts, option("C=PLACE", "Run component C on a processor: cortex-m7, tcp://..", _places)
+        Texts, option("C=PLACE", "Run component C on a processor: cortex-m7, tcp://..", _components)
     ],
     "latency": Annotated[
-        Texts, option("C=N", "Delay the outputs of component C by N macro steps", _latencies)
+        Texts, option("C=N", "Delay the outputs of component C by N macro steps", _components)
     ],
     "step": Annotated[float | None, option("SECONDS", "Set the macro step [s]", parser=seconds)],
     "stop": Annotated[float | None, option("SECONDS", "Set the stop time [s]", parser=seconds)],
@@ -230,16 +194,19 @@ CHANGES: dict[str, Any] = {
 class Drawing:
     """How figures are drawn."""
 
-    ending: Annotated[Format, option("--format", "Set the format of the figures")] = Format.PNG
+    ending: Annotated[
+        Literal["png", "svg", "pdf"], option("--format", "Set the format of the figures")
+    ] = "png"
     style: Annotated[
-        Look, option("--style", "Set the style; paper: 3.5 or 7 in wide, 8 pt, 300 dpi")
-    ] = Look.SCREEN
+        Literal["screen", "paper", "serif"],
+        option("--style", "Set the style; paper: 3.5 or 7 in wide, 8 pt, 300 dpi"),
+    ] = "screen"
 
     def how(self, wide: bool = False) -> tuple[str, Any]:
         """Ending and style as the functions that draw take them."""
         from harness.figures.style import style_of
 
-        return self.ending.value, style_of(self.style.value, wide)
+        return self.ending, style_of(self.style, wide)
 
 
 @dataclass(frozen=True)

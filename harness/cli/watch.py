@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from operator import itemgetter
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any
 
 from harness.master.progress import Running, Show
 from harness.mission import Gauge
@@ -39,44 +39,29 @@ def gauges(result: Result) -> list[Gauge]:
     ]
 
 
-class Look(NamedTuple):
-    """What there is to see at one time; factor: simulated by wall-clock time."""
-
-    time: float
-    stop: float
-    part: float
-    factor: float
-    values: tuple[tuple[str, str], ...]
-
-    def lines(self) -> Iterator[tuple[str, str]]:
-        """Names and values."""
-        yield "time", f"{self.time:g} of {self.stop:g} s"
-        yield "real time", f"x {self.factor:,.0f}" if self.factor >= 10 else f"x {self.factor:.2g}"
-        yield from self.values
-
-
 class Watcher:
     """Looks at a run now and then."""
 
     def __init__(self, run: Running) -> None:
         self.run = run
+        self.name = printable(run.system.name)
         self.began = perf_counter()
-        experiment = run.system.experiment
-        self.start, self.step = experiment.start, experiment.step or 0.0
 
-    def look(self, done: int) -> Look:
-        """The values of the last row that was recorded."""
-        now = _ends(self.run.result())
-        seconds = max(perf_counter() - self.began, 1e-9)
-        read = [(gauge.name, gauge.text(now)) for gauge in gauges(now)]
-        values = tuple((printable(name), printable(value)) for name, value in read if value)
-        return Look(
-            self.start + done * self.step,
-            self.start + self.run.steps * self.step,
-            done / max(self.run.steps, 1),
-            done * self.step / seconds,
-            values,
-        )
+    def part(self, done: int) -> float:
+        """How much of the run is over."""
+        return done / max(self.run.steps, 1)
+
+    def lines(self, done: int) -> list[tuple[str, str]]:
+        """Names and values of the last row that was recorded."""
+        now, experiment = _ends(self.run.result()), self.run.system.experiment
+        start, step = experiment.start, experiment.step or 0.0
+        factor = done * step / max(perf_counter() - self.began, 1e-9)
+        read = ((gauge.name, gauge.text(now)) for gauge in gauges(now))
+        return [
+            ("time", f"{start + done * step:g} of {start + self.run.steps * step:g} s"),
+            ("real time", f"x {factor:,.0f}" if factor >= 10 else f"x {factor:.2g}"),
+            *((printable(name), printable(value)) for name, value in read if value),
+        ]
 
 
 def _ends(result: Result) -> Result:
@@ -98,16 +83,14 @@ def watched(run: Running) -> Iterator[Show]:
 
 def _in_lines(watcher: Watcher) -> Show:
     """A line whenever another part of the run is over."""
-    name, due = printable(watcher.run.system.name), 0
+    due = 0
 
     def show(done: int) -> None:
         nonlocal due
-        part = done * PARTS // max(watcher.run.steps, 1)
-        if part >= due:
-            due = part + 1
-            look = watcher.look(done)
-            words = [f"{label} {value}" for label, value in look.lines()]
-            print(f"{name} {100 * look.part:3.0f} %: {', '.join(words)}", flush=True)
+        if (part := watcher.part(done)) * PARTS >= due:
+            due = int(part * PARTS) + 1
+            words = ", ".join(f"{label} {value}" for label, value in watcher.lines(done))
+            print(f"{watcher.name} {100 * part:3.0f} %: {words}", flush=True)
 
     return show
 
@@ -123,13 +106,13 @@ def _on_terminal(watcher: Watcher) -> Iterator[Show]:
         def show(done: int) -> None:
             nonlocal last
             if done == watcher.run.steps or perf_counter() - last > SECONDS:
-                live.update(_table(watcher.run.system.name, watcher.look(done)), refresh=True)
+                live.update(_table(watcher, done), refresh=True)
                 last = perf_counter()
 
         yield show
 
 
-def _table(name: str, look: Look) -> Any:
+def _table(watcher: Watcher, done: int) -> Any:
     from rich.progress_bar import ProgressBar
     from rich.table import Table
     from rich.text import Text
@@ -137,7 +120,7 @@ def _table(name: str, look: Look) -> Any:
     table = Table.grid(padding=(0, 2))
     table.add_column(no_wrap=True, overflow="ellipsis")
     table.add_column(no_wrap=True, overflow="ellipsis", min_width=24)
-    table.add_row(Text(printable(name), "bold"), ProgressBar(1.0, look.part, width=24))
-    for label, value in look.lines():
+    table.add_row(Text(watcher.name, "bold"), ProgressBar(1.0, watcher.part(done), width=24))
+    for label, value in watcher.lines(done):
         table.add_row(Text(label), Text(value))
     return table

@@ -400,7 +400,7 @@ def test_linearize_writes_matrices_with_names(command, folder):
     ("arguments", "status", "line"),
     [
         (["integratr", "-o", "x.npz"], 2, "integratr: there is no such FMU (close: integrator)"),
-        (["integrator", "-o", "x.npz", "--set", "v=1"], 2, "v: there is no such variable"),
+        (["integrator", "-o", "x.npz", "--set", "v=1"], 2, "--set v: there is no such variable"),
         (
             ["integrator", "-o", "demo.ssp/x.npz"],
             1,
