@@ -140,11 +140,12 @@ def target_command(  # noqa: PLR0913, PLR0917 - one argument per option
 
     Prints code, constants, data, stack, instructions of a step, and whether the bits are equal.
     """
+    from harness.remote.targets import TARGETS
     from harness.studies import target
 
     rows = target.measure(
         fmus,
-        on or target.known_targets(),
+        on or list(TARGETS),
         place=place,
         stop=stop,
         clock=clock,
@@ -152,7 +153,8 @@ def target_command(  # noqa: PLR0913, PLR0917 - one argument per option
     )
     typer.echo(target.table(rows))
     if write is not None:
-        target.write(write, rows)
+        with written(write) as page:
+            page.write_text(target.markdown(rows), encoding="utf-8")
     if any(row.difference for row in rows):
         raise typer.Exit(1)
 

@@ -151,9 +151,9 @@ def _compiler(target: Target) -> list[str]:
 
 def _memory(target: Target) -> Iterator[str]:
     """The symbols that picolibc's linker script asks for."""
-    for kind, memory in (("flash", target.flash), ("ram", target.ram)):
-        yield f"-Wl,--defsym=__{kind}={memory.start:#x}"
-        yield f"-Wl,--defsym=__{kind}_size={memory.size:#x}"
+    for kind, (start, size) in (("flash", target.flash), ("ram", target.ram)):
+        yield f"-Wl,--defsym=__{kind}={start:#x}"
+        yield f"-Wl,--defsym=__{kind}_size={size:#x}"
 
 
 def _component(number: int, part: Part, target: Target, folder: Path) -> Path:

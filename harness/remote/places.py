@@ -108,8 +108,7 @@ def move(system: System, places: Mapping[str, Place]) -> System:
     moved = {n: stand_in(fmus[n], p.settings) for n, p in places.items() if not p.target}
     for (target, group), names in _processors(places).items():
         parts = [Part(name, fmus[name]) for name in names]
-        word = f"{group}" if len(parts) > 1 else ""
-        settings = places[names[0]].settings
+        word, settings = group if len(parts) > 1 else "", places[names[0]].settings
         moved |= zip(names, on_processor(parts, find_target(target), word, settings), strict=True)
     components = tuple(replace(c, fmu=moved.get(c.name, c.fmu)) for c in system.components)
     return replace(system, components=components)
@@ -118,10 +117,7 @@ def move(system: System, places: Mapping[str, Place]) -> System:
 def _processors(places: Mapping[str, Place]) -> dict[tuple[str, str], list[str]]:
     """Components by the processor that they run on; without a group each has its own."""
     found: dict[tuple[str, str], list[str]] = {}
-    alone = 0
     for name, place in places.items():
-        if not place.target:
-            continue
-        alone += 1
-        found.setdefault((place.target, place.group or f" {alone}"), []).append(name)
+        if place.target:
+            found.setdefault((place.target, place.group or f" {name}"), []).append(name)
     return found

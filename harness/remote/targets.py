@@ -1,39 +1,35 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The processors that firmware can be built for, with the compiler and the emulator of each."""
+"""The processors that firmware can be built for: those of targets.toml, and whether their tools are
+at hand.
+"""
 
 from __future__ import annotations
 
 import shutil
 import subprocess
+import tomllib
 from functools import cache
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from harness.errors import UsageError
 from harness.spelling import did_you_mean
 
-
-class Memory(NamedTuple):
-    """A piece of memory: first address and size [bytes]."""
-
-    start: int
-    size: int
+SPECS = "picolibc.specs"
+"""Of the C library, with start-up code and linker script."""
 
 
 class Target(NamedTuple):
-    """A processor: flags of its compiler, its memory, the command of its emulator, and the packages
-    of Debian that bring them.
-
-    clock: of flight boards of this kind, for the share of a sample period [Hz].
-    """
+    """A processor; its entries are explained in targets.toml."""
 
     name: str
     text: str
     tools: str
     flags: tuple[str, ...]
-    flash: Memory
-    ram: Memory
+    flash: tuple[int, int]
+    ram: tuple[int, int]
     emulator: tuple[str, ...]
-    packages: tuple[str, ...]
+    packages: str
     clock: float
 
     @property
@@ -42,72 +38,22 @@ class Target(NamedTuple):
         return f"{self.tools}gcc"
 
 
-MIB = 1024 * 1024
-
-SPECS = "picolibc.specs"
-"""Of the C library, with start-up code and linker script."""
-
-SOFT_DOUBLES = tuple(
-    f"-Wl,--wrap={name}"
-    for name in ("__aeabi_dadd", "__aeabi_dsub", "__aeabi_drsub", "__aeabi_ddiv", "sqrt")
-)
-"""Of soft_double.c, which rounds right where libgcc does not, and is quicker."""
-
-_CODE = Memory(0x0, 4 * MIB)
-_DATA = Memory(0x20000000, 4 * MIB)
-_ARM = ("gcc-arm-none-eabi", "picolibc-arm-none-eabi", "qemu-system-arm")
-_RISCV = ("gcc-riscv64-unknown-elf", "picolibc-riscv64-unknown-elf", "qemu-system-misc")
+def _target(name: str, entries: dict[str, Any]) -> Target:
+    words = {key: tuple(entries[key].split()) for key in ("flags", "emulator")}
+    places = {key: tuple(entries[key]) for key in ("flash", "ram")}
+    return Target(name, **{**entries, **words, **places})
 
 
-def _counting(shift: int) -> tuple[str, ...]:
-    """Every instruction takes 2^shift ns, whatever the machine is doing otherwise."""
-    return ("-icount", f"shift={shift},sleep=off")
+_FILE = Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
 
-
-def _arm(name: str, text: str, machine: str, flags: tuple[str, ...], clock: float) -> Target:
-    emulator = ("qemu-system-arm", "-M", machine, "-net", "none", *_counting(6))
-    return Target(name, text, "arm-none-eabi-", flags, _CODE, _DATA, emulator, _ARM, clock)
-
-
-def _riscv(bits: int, text: str, abi: str, clock: float) -> Target:
-    machine = ("-M", "virt", "-bios", "none", "-m", "16M")
-    emulator = (f"qemu-system-riscv{bits}", *machine, *_counting(0))
-    flags = (f"-march=rv{bits}imafdc", f"-mabi={abi}", "-mcmodel=medany")
-    flash, ram = Memory(0x80000000, 4 * MIB), Memory(0x80400000, 8 * MIB)
-    tools = "riscv64-unknown-elf-"
-    return Target(f"riscv{bits}", text, tools, flags, flash, ram, emulator, _RISCV, clock)
-
-
-TARGETS = {
-    target.name: target
-    for target in (
-        _arm(
-            "cortex-m7",
-            "Arm Cortex-M7, doubles in hardware",
-            "mps2-an500",
-            ("-mcpu=cortex-m7", "-mfpu=fpv5-d16", "-mfloat-abi=hard"),
-            400e6,
-        ),
-        _arm(
-            "cortex-m4",
-            "Arm Cortex-M4, doubles in software",
-            "mps2-an386",
-            ("-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard", *SOFT_DOUBLES),
-            100e6,
-        ),
-        _riscv(32, "RISC-V RV32GC, doubles in hardware", "ilp32d", 100e6),
-        _riscv(64, "RISC-V RV64GC, doubles in hardware", "lp64d", 100e6),
-    )
-}
+TARGETS = {name: _target(name, entries) for name, entries in tomllib.loads(_FILE).items()}
 
 
 def find_target(name: str) -> Target:
     """The processor of that name, with its tools at hand; UsageError that says what is missing."""
     if name not in TARGETS:
-        known = ", ".join(TARGETS)
-        raise UsageError(
-            f"{name}: there is no such processor{did_you_mean(name, TARGETS)}; {known}"
-        )
+        near, known = did_you_mean(name, TARGETS), ", ".join(TARGETS)
+        raise UsageError(f"{name}: there is no such processor{near}; {known}")
     if lacking := missing(TARGETS[name]):
         raise UsageError(lacking)
     return TARGETS[name]
@@ -121,8 +67,8 @@ def missing(target: Target) -> str:
         lacking.append(f"picolibc of {target.compiler}")
     if not lacking:
         return ""
-    packages = " ".join(target.packages)
-    return f"{target.name} needs {' and '.join(lacking)}: make pil, or apt-get install {packages}"
+    get = f"make pil, or apt-get install {target.packages}"
+    return f"{target.name} needs {' and '.join(lacking)}: {get}"
 
 
 @cache

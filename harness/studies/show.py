@@ -23,8 +23,8 @@ from harness.ssp.library import load, of_component
 from harness.system.conversion import final
 from harness.system.graph import SAMPLE_PERIOD, read_interfaces
 from harness.system.interface import Interface, read_interface
-from harness.system.model import Component, Parameters, Port, System
-from harness.system.values import Grid, Index, Scalar, Variable, base, grid, index
+from harness.system.model import Parameters, Port, System
+from harness.system.values import Grid, Index, Scalar, base, grid, index
 
 Nested: TypeAlias = "Scalar | list[Nested] | None"
 """Value of a scalar, vector (list) or matrix (list of rows); None where there is none."""
@@ -77,23 +77,27 @@ class Shown:
 def show(name: str | Path, word: str | None = None, **changes: Unpack[Changes]) -> Shown:
     """Components of a system, or signals of an FMU, alone or in its place in a system.
 
-    name: `SYSTEM`, `SYSTEM.component` or an FMU, each by name or path; word: return only rows with
-    this word in name or description; changes: as for run(). Raises UsageError, ArchiveError,
-    StructureError.
+    name: `SYSTEM`, `SYSTEM.component` or an FMU, each by name or path; word: only rows that have
+    it in their name or description; changes: those of run(), to see what they come to. Raises
+    UsageError, and what load() and apply() raise.
     """
     if (place := of_component(name)) is None:
-        interface = _fmu(name, changes)
-        title = f"{interface.path.name}: {_description(interface)}".rstrip(": ")
-        rows = (s._replace(value=None) for s in _signals(interface, {}, {}))
-        found = Shown(title, tuple(rows))
+        found = _of_fmu(name, changes)
     else:
         with load(place[0]) as system:
             changed = apply(system, **changes)
-            found = _part(changed, place[1]) if place[1] else _parts(changed)
-    return found if word is None else _with(found, word)
+            found = _of_component(changed, place[1]) if place[1] else _of_system(changed)
+    if word is None:
+        return found
+    wanted = word.casefold()
+    rows = tuple(r for r in found.rows if wanted in f"{r.name}\n{r.text}".casefold())
+    if not rows:
+        close = did_you_mean(word, [row.name for row in found.rows])
+        raise UsageError(f"{word}: nothing is called or described so{close}")
+    return Shown(found.title, rows)  # type: ignore[arg-type]
 
 
-def _fmu(name: str | Path, changes: Changes) -> Interface:
+def _of_fmu(name: str | Path, changes: Changes) -> Shown:
     known = paths.fmus()
     path = known.get(str(name), Path(name))
     if not paths.is_file(path):
@@ -106,111 +110,83 @@ def _fmu(name: str | Path, changes: Changes) -> Interface:
         raise UsageError(
             f"--{next(iter(changes))}: {name} is an FMU alone; name it as SYSTEM.component"
         )
-    return read_interface(path)
+    interface = read_interface(path)
+    rows = (s._replace(value=None) for s in _signals(interface, {}, {}))
+    return Shown(_title(interface.path.name, interface.model.description), tuple(rows))
 
 
-def _with(found: Shown, word: str) -> Shown:
-    wanted = word.casefold()
-    rows = tuple(r for r in found.rows if wanted in f"{r.name}\n{r.text}".casefold())
-    if not rows:
-        close = did_you_mean(word, [row.name for row in found.rows])
-        raise UsageError(f"{word}: nothing is called or described so{close}")
-    return Shown(found.title, rows)  # type: ignore[arg-type]
+def _of_system(system: System) -> Shown:
+    interfaces, step = read_interfaces(system), system.experiment.step
+    rows = []
+    for c in system.components:
+        interface = interfaces[c.name]
+        period = _value(SAMPLE_PERIOD, c.parameters, interface)
+        sample = float(period) if isinstance(period, int | float) else None
+        every = None if step is None else c.every * step
+        text = interface.model.description or ""
+        rows.append(Part(c.name, interface.path.stem, every, sample, text))
+    return Shown(_title(system.name, system.description), tuple(rows))
 
 
-# ---- systems
+def _of_component(system: System, name: str) -> Shown:
+    known = [c.name for c in system.components]
+    if name not in known:
+        raise UsageError(f"{system.name} has no component {name}{did_you_mean(name, known)}")
+    interface = read_interfaces(system)[name]
+    ends: dict[str, list[Port]] = {}
+    for source, target, _ in system.connections:
+        if target.component == name:
+            ends.setdefault(target.variable, []).append(source)
+        if source.component == name:
+            ends.setdefault(source.variable, []).append(target)
+    given = system.component(name).parameters
+    title = _title(f"{system.name}.{name} ({interface.path.name})", interface.model.description)
+    return Shown(title, tuple(_signals(interface, given, ends)))
 
 
-def _parts(system: System) -> Shown:
-    interfaces = read_interfaces(system)
-    rows = tuple(_as_part(c, interfaces[c.name], system) for c in system.components)
-    return Shown(f"{system.name}: {system.description}".rstrip(": "), rows)
-
-
-def _as_part(component: Component, interface: Interface, system: System) -> Part:
-    step = system.experiment.step
-    period = _value(SAMPLE_PERIOD, component.parameters, interface)
-    return Part(
-        component.name,
-        interface.path.stem,
-        None if step is None else component.every * step,
-        float(period) if isinstance(period, int | float) else None,
-        _description(interface),
-    )
-
-
-def _description(interface: Interface) -> str:
-    return interface.model.description or ""
+def _title(name: str, description: str | None) -> str:
+    return f"{name}: {description or ''}".rstrip(": ")
 
 
 # ---- signals
 
 
-def _part(system: System, name: str) -> Shown:
-    known = [c.name for c in system.components]
-    if name not in known:
-        raise UsageError(f"{system.name} has no component {name}{did_you_mean(name, known)}")
-    interface = read_interfaces(system)[name]
-    title = f"{system.name}.{name} ({interface.path.name}): {_description(interface)}"
-    given = system.component(name).parameters
-    return Shown(title.rstrip(": "), tuple(_signals(interface, given, _wires(system, name))))
-
-
-def _wires(system: System, name: str) -> dict[str, list[Port]]:
-    """The ports at the other ends, by variable of the component."""
-    wires: dict[str, list[Port]] = {}
-    for source, target, _ in system.connections:
-        if target.component == name:
-            wires.setdefault(target.variable, []).append(source)
-        if source.component == name:
-            wires.setdefault(source.variable, []).append(target)
-    return wires
-
-
 def _signals(
-    interface: Interface, given: Parameters, wires: Mapping[str, Sequence[Port]]
+    interface: Interface, given: Parameters, ends: Mapping[str, Sequence[Port]]
 ) -> Iterator[Signal]:
+    """Variables with their elements gathered; ends: ports at the other ends by variable. A vector
+    or matrix with gaps stays as scalars.
+    """
     for causality in GROUPS:
-        for name, elements in _gathered(interface.named(causality)):
-            yield _signal(name, elements, interface, given, wires)
+        groups: dict[str, list[str]] = {}
+        for name in interface.named(causality):
+            groups.setdefault(base(name) if index(name) else name, []).append(name)
+        for name, elements in groups.items():
+            whole = grid(map(index, elements)) if len(elements) > 1 else None
+            if whole is not None:
+                yield _signal(name, elements, whole, interface, given, ends)
+            else:
+                yield from (_signal(e, [e], None, interface, given, ends) for e in elements)
 
 
-def _gathered(variables: Mapping[str, Variable]) -> Iterator[tuple[str, list[str]]]:
-    """Names of signals with their elements; a vector or matrix with gaps stays as scalars."""
-    groups: dict[str, list[str]] = {}
-    for name in variables:
-        groups.setdefault(base(name) if index(name) else name, []).append(name)
-    for name, elements in groups.items():
-        if len(elements) == 1 or grid(map(index, elements)):
-            yield name if len(elements) > 1 else elements[0], elements
-        else:
-            yield from ((element, [element]) for element in elements)
-
-
-def _signal(
+def _signal(  # noqa: PLR0913, PLR0917 - of a signal
     name: str,
     elements: Sequence[str],
+    whole: Grid | None,
     interface: Interface,
     given: Parameters,
-    wires: Mapping[str, Sequence[Port]],
+    ends: Mapping[str, Sequence[Port]],
 ) -> Signal:
     first = interface.variables[elements[0]]
-    whole = grid(map(index, elements)) if name != elements[0] else None
-    ends = {f"{p.component}.{p.signal}": None for e in elements for p in wires.get(e, ())}
-    default = _nested(whole, {e: _value(e, {}, interface) for e in elements})
-    value = _nested(whole, {e: _value(e, given, interface) for e in elements})
+    wires = {f"{p.component}.{p.signal}": None for e in elements for p in ends.get(e, ())}
+    default, value = (
+        _nested(whole, {e: _value(e, values, interface) for e in elements})
+        for values in ({}, given)
+    )
     return Signal(
-        name,
-        first.causality,
-        first.type,
-        whole.shape if whole else (),
-        first.unit or "",
-        default,
-        None if ends or first.causality == "output" else value,
-        first.low,
-        first.high,
-        first.description,
-        tuple(ends),
+        *(name, first.causality, first.type, whole.shape if whole else (), first.unit or ""),
+        *(default, None if wires or first.causality == "output" else value),
+        *(first.low, first.high, first.description, tuple(wires)),
     )
 
 
@@ -224,9 +200,7 @@ def _value(name: str, given: Parameters, interface: Interface) -> Scalar | None:
 
 def _nested(whole: Grid | None, values: Mapping[str, Scalar | None]) -> Nested:
     """Values by element as a scalar, list or list of lists; None if there is none at all."""
-    if all(value is None for value in values.values()):
-        return None
-    if whole is None:
+    if whole is None or all(value is None for value in values.values()):
         return next(iter(values.values()))
     table = np.empty(whole.shape, dtype=object)
     for name, value in values.items():

@@ -11,18 +11,17 @@ from __future__ import annotations
 import json
 import math
 import subprocess
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
+from functools import cache as once
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from harness.errors import UsageError
 from harness.files import cache, paths
-from harness.files.output import written
 from harness.master.calls import Cost, cost
 from harness.master.changes import apply
 from harness.master.simulation import Simulation
@@ -80,74 +79,39 @@ def _rows(
     with load(flight[0].system) as found:
         swap = {p.component: p.fmu for p in flight if p.swapped}
         until = None if stop == found.experiment.stop else stop
-        comparison = Comparison(apply(found, swap=swap, stop=stop), [p.component for p in flight])
+        system, names = apply(found, swap=swap, stop=stop), [p.component for p in flight]
+        here = once(lambda: _flown(system)[0])
         for target in targets:
-            outcome = comparison.on(target)
+            rows, difference, taken = _compared(system, names, target, here)
             for part in flight:
-                yield Row(
-                    part.fmu.stem,
-                    target.name,
-                    f"{found.name}.{part.component}",
-                    outcome.sizes[part.component],
-                    outcome.costs[part.component],
-                    comparison.period(part.component),
-                    clock or target.clock,
-                    outcome.rows,
-                    until,
-                    outcome.difference,
-                )
+                bytes_of, costs = taken[part.component]
+                step = system.component(part.component).every * (system.experiment.step or 0.0)
+                place = f"{found.name}.{part.component}"
+                taking = Sizes(*bytes_of), Cost(*costs), step, clock or target.clock
+                yield Row(part.fmu.stem, target.name, place, *taking, rows, until, difference)
 
 
 # ---- flights
-class Outcome(NamedTuple):
-    """Of a flight: rows compared, where they first differ ("": nowhere), and by component what it
-    takes.
+
+
+def _compared(
+    system: System, components: Sequence[str], target: Target, here: Callable[[], Result]
+) -> Any:
+    """Of a flight with these components on processors, or kept of an earlier one of the same files
+    by the same emulator: rows compared with the flight here, where they first differ, and by
+    component its sizes and costs.
     """
+    place = f"{target.name}?timeout={PATIENCE:g}"
+    moved = apply(system, on=dict.fromkeys(components, place))
+    key = b"\0".join([_mark(system), _mark(moved), _version(target.emulator[0])])
 
-    rows: int
-    difference: str
-    sizes: Mapping[str, Sizes]
-    costs: Mapping[str, Cost]
+    def make(path: Path) -> None:
+        result, costs = _flown(moved, components)
+        taken = {c: (sizes(system.component(c).fmu, target), costs[c]) for c in components}
+        found = len(result.time), _difference(here(), result), taken
+        path.write_text(json.dumps(found), encoding="utf-8")
 
-
-@dataclass(frozen=True)
-class Comparison:
-    """Runs of a system with some components on processors, and one without."""
-
-    system: System
-    components: Sequence[str]
-
-    def period(self, component: str) -> float:
-        """Of its steps [s]."""
-        return self.system.component(component).every * (self.system.experiment.step or 0.0)
-
-    @cached_property
-    def wanted(self) -> Result:
-        """What this machine says."""
-        return _flown(self.system)[0]
-
-    def on(self, target: Target) -> Outcome:
-        """Flown, or kept of an earlier flight of the same files by the same emulator."""
-        place = f"{target.name}?timeout={PATIENCE:g}"
-        moved = apply(self.system, on=dict.fromkeys(self.components, place))
-        key = b"\0".join([_mark(self.system), _mark(moved), _version(target.emulator[0])])
-
-        def make(path: Path) -> None:
-            path.write_text(json.dumps(self._fly(moved, target)), encoding="utf-8")
-
-        kept = cache.made("flight.json", key, make).read_text(encoding="utf-8")
-        rows, difference, bytes_of, costs = json.loads(kept)
-        return Outcome(
-            rows,
-            difference,
-            {name: Sizes(*numbers) for name, numbers in bytes_of.items()},
-            {name: Cost(*numbers) for name, numbers in costs.items()},
-        )
-
-    def _fly(self, moved: System, target: Target) -> Outcome:
-        result, costs = _flown(moved, self.components)
-        taken = {c: sizes(self.system.component(c).fmu, target) for c in self.components}
-        return Outcome(len(result.time), _difference(self.wanted, result), taken, costs)
+    return json.loads(cache.made("flown.json", key, make).read_text(encoding="utf-8"))
 
 
 def _flown(system: System, linked: Sequence[str] = ()) -> tuple[Result, dict[str, Cost]]:
@@ -228,11 +192,6 @@ def _homes() -> dict[str, tuple[str, str]]:
     return others | own
 
 
-def known_targets() -> list[str]:
-    """Names of all processors."""
-    return list(TARGETS)
-
-
 # ---- the table, for reading and as a page
 
 
@@ -284,23 +243,6 @@ HEAD = (
     *("instructions", "at most", "at t [s]", "clock [MHz]", "share [%]", "equal bits"),
 )
 
-PAGE = """# Flight software on flight processors
-
-`harness target` writes this page from its runs (`make targets`: all processors). Each FMU executes
-the default run of the system named, on the emulated processor and in the simulation on this
-machine, up to the end unless the row names a time. FMUs of one system run together, each on its own
-processor.
-
-* Code and constants [bytes]: with the FMI adapter, without the C library.
-* Data [bytes]: variables and the instance. Stack [bytes]: of the steps.
-* Instructions of a step: on average, at most, and at what time.
-* Share: part of the sample period, at one instruction per cycle of the clock.
-* Equal bits: every value of every row of the whole system.
-
-How to repeat it: [processors.md](processors.md).
-
-"""
-
 
 def _grouped(number: int) -> str:
     return f"{number:,}".replace(",", " ")
@@ -311,25 +253,10 @@ def table(rows: Sequence[Row]) -> str:
     return "\n".join(columns([HEAD, *(tuple(row.cells()) for row in rows)]))
 
 
-def markdown(rows: Iterable[Row], earlier: str = "") -> str:
-    """The page of the rows, and of those of an earlier page that were not flown anew."""
-    lines = {tuple(cells[:2]): cells for cells in _cells(earlier)}
-    lines |= {(row.fmu, row.target): list(row.cells()) for row in rows}
+def markdown(rows: Iterable[Row]) -> str:
+    """The page of the rows."""
     named = list(TARGETS)
-    order = sorted(lines, key=lambda key: (key[0], named.index(key[1])))
-    body = [HEAD, ("---",) * len(HEAD), *(lines[key] for key in order)]
-    return PAGE + "".join(f"| {' | '.join(cells)} |\n" for cells in body)
-
-
-def _cells(page: str) -> Iterator[list[str]]:
-    """Of the rows of a page, if its columns are those of now."""
-    table = [line.strip("| \n").split(" | ") for line in page.splitlines() if line[:1] == "|"]
-    if table and tuple(table[0]) == HEAD:
-        yield from table[2:]
-
-
-def write(path: Path, rows: Iterable[Row]) -> None:
-    """Write the page; what stands in it of other FMUs and processors stays. ResultsError."""
-    earlier = path.read_text(encoding="utf-8") if path.is_file() else ""
-    with written(path) as page:
-        page.write_text(markdown(rows, earlier), encoding="utf-8")
+    order = sorted(rows, key=lambda row: (row.fmu, named.index(row.target)))
+    body = [HEAD, ("---",) * len(HEAD), *(tuple(row.cells()) for row in order)]
+    head = Path(__file__).with_suffix(".md").read_text(encoding="utf-8")
+    return head + "".join(f"| {' | '.join(cells)} |\n" for cells in body)
