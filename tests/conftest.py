@@ -16,8 +16,10 @@ distribution (or the version).
 """
 
 import gc
+import os
 import re
 import shlex
+import tempfile
 from importlib.metadata import PackageNotFoundError, version
 from inspect import signature
 from pathlib import Path
@@ -40,6 +42,21 @@ settings.register_profile(
     "random", settings.get_profile("repeatable"), max_examples=250, derandomize=False
 )
 settings.load_profile("repeatable")
+
+MEMORY = Path("/dev/shm")
+"""Where Linux has files in memory: without a disk the tests take a quarter less of system time."""
+
+
+def has_room(folder):
+    """Whether the files of all tests may lie there: 2 GB, libraries that are loaded among them."""
+    if os.environ.get("TMPDIR") or not os.access(folder, os.W_OK):
+        return False
+    about = os.statvfs(folder)
+    return about.f_bavail * about.f_frsize > 2e9 and not about.f_flag & os.ST_NOEXEC
+
+
+if has_room(MEMORY):
+    os.environ["TMPDIR"] = tempfile.tempdir = str(MEMORY)  # also for the processes of the tests
 
 if hasattr(providers, "_get_local_constants"):
     # Constants of the modules that happen to be loaded, other ones in every worker of pytest-xdist,

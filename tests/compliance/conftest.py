@@ -3,14 +3,19 @@
 
 from __future__ import annotations
 
+import json
+import select
+import subprocess
+import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from functools import cache
+from pathlib import Path
 
 import pytest
 
 from tests.compliance import description
-from tests.compliance.fmus import TESTED
+from tests.compliance.fmus import ROOT, TESTED
 from tests.compliance.probe import Fmu, Instance
 from tests.each import Each
 
@@ -41,6 +46,47 @@ def instance(fmu) -> Each:
 def flying(fmu) -> Each:
     """An instance after five steps, at t = 0.5 s of an experiment that ends at 100 s."""
     return fmu.within(_flying)
+
+
+class Elsewhere:
+    """Sequences of calls in a process of their own, started again after a crash."""
+
+    PATIENCE = 60.0
+
+    def __init__(self) -> None:
+        self.process: subprocess.Popen[bytes] | None = None
+
+    def run(self, archive: Path, sequence: list) -> list:
+        """The answers; see tests/compliance/worker.py."""
+        if self.process is None or self.process.poll() is not None:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "tests.compliance.worker"],
+                cwd=ROOT,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+            )
+        self.process.stdin.write(json.dumps([str(archive), sequence]).encode() + b"\n")
+        self.process.stdin.flush()
+        if not select.select([self.process.stdout], [], [], self.PATIENCE)[0]:
+            self.process.kill()
+        answer = self.process.stdout.readline()
+        if not answer.startswith(b"["):
+            report = (answer + self.process.communicate()[0]).decode(errors="replace")
+            pytest.fail(
+                f"the process ended with {self.process.returncode}: {report}", pytrace=False
+            )
+        return json.loads(answer)
+
+    def close(self) -> None:
+        if self.process is not None:
+            self.process.communicate()
+
+
+@pytest.fixture(scope="session")
+def elsewhere() -> Iterator[Elsewhere]:
+    with closing(Elsewhere()) as process:
+        yield process
 
 
 @contextmanager

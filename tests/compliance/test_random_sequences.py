@@ -5,10 +5,6 @@ of their own."""
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
-from contextlib import closing
 from math import inf, nan
 
 import pytest
@@ -17,7 +13,6 @@ from hypothesis import strategies as some
 
 from tests.compliance import api
 from tests.compliance.api import Status
-from tests.compliance.fmus import ROOT
 from tests.compliance.states import allowed
 
 STATUS_FUNCTIONS = [name for name in api.ARGUMENTS if name.endswith("Status")]
@@ -96,41 +91,6 @@ def sequences(about):
     return parts.map(lambda lists: [call for part in lists for call in part])
 
 
-class Worker:
-    """The other process; started again after a crash."""
-
-    def __init__(self, archive):
-        self.archive, self.process = archive, None
-
-    def run(self, sequence):
-        if self.process is None or self.process.poll() is not None:
-            command = [sys.executable, "-m", "tests.compliance.worker", str(self.archive)]
-            pipes = {
-                "stdin": subprocess.PIPE,
-                "stdout": subprocess.PIPE,
-                "stderr": subprocess.STDOUT,
-            }
-            self.process = subprocess.Popen(command, cwd=ROOT, text=True, **pipes)
-        self.process.stdin.write(json.dumps(sequence) + "\n")
-        self.process.stdin.flush()
-        answer = self.process.stdout.readline()
-        if not answer.startswith("["):
-            report = answer + self.process.communicate()[0]
-            pytest.fail(
-                f"the process ended with {self.process.returncode}: {report}", pytrace=False
-            )
-        return json.loads(answer)
-
-    def close(self):
-        if self.process is not None:
-            self.process.communicate()
-
-
-@pytest.fixture
-def worker(archive):
-    return archive.within(lambda path: closing(Worker(path)))
-
-
 def function_of(verb, arguments):
     plain = {
         "step": "fmi2DoStep",
@@ -193,14 +153,14 @@ class Expectation:
 
 
 @pytest.mark.hypothesis
-def test_no_sequence_of_calls_does_harm(worker, about):
+def test_no_sequence_of_calls_does_harm(elsewhere, archive, about):
     few = settings().max_examples
 
     @settings(max_examples=6 if few < 100 else 2 * few)
     @given(sequences(about))
     def run(sequence):
         expectation = Expectation()
-        for call, answer in zip(sequence, worker.run(sequence), strict=True):
+        for call, answer in zip(sequence, elsewhere.run(archive, sequence), strict=True):
             expectation.follow(call, answer)
 
     run()

@@ -7,15 +7,11 @@ Plants integrate and software samples on a grid of their own (max_step, sample_p
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
 from tests.compliance.api import Status
-from tests.compliance.fmus import ARCHIVES, ROOT
+from tests.compliance.fmus import ARCHIVES
 from tests.compliance.probe import Fmu, Instance, excitation
 
 GRID = 0.1
@@ -135,7 +131,7 @@ def test_the_hint_about_rollback_changes_nothing(fmu, prior):
         assert instance.outputs() == other.outputs()
 
 
-def test_a_step_of_too_many_internal_steps_is_refused_and_not_begun(fmu, archive):
+def test_a_step_of_too_many_internal_steps_is_refused_and_not_begun(fmu, archive, elsewhere):
     """Asked in a process of its own, since it would never come back."""
     grid = [v.reference for v in fmu.parameters if v.name in fmu.sampled_every(1.0)]
     if not grid:
@@ -144,21 +140,8 @@ def test_a_step_of_too_many_internal_steps_is_refused_and_not_begun(fmu, archive
     begin = [[0, "new"], *([0, "set", [reference], 1e-12] for reference in grid)]
     begin += [[0, "call", "fmi2EnterInitializationMode"], [0, "call", "fmi2ExitInitializationMode"]]
     ask = [[0, "step", 0.0, 0.1], [0, "derivative", outputs, inputs, 1.0], [0, "step", 0.0, 1e-9]]
-    command = [sys.executable, "-m", "tests.compliance.worker", archive]
-    done = subprocess.run(
-        command,
-        input=json.dumps(begin + ask),
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        timeout=60,
-        check=True,
-    )
-    assert [status for status, _ in json.loads(done.stdout)[-3:]] == [
-        Status.ERROR,
-        Status.ERROR,
-        Status.OK,
-    ]
+    answers = elsewhere.run(archive, begin + ask)
+    assert [status for status, _ in answers[-3:]] == [Status.ERROR, Status.ERROR, Status.OK]
 
 
 @pytest.mark.parametrize("name", ["ideal_propulsion"])

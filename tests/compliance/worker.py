@@ -2,11 +2,11 @@
 """Runs sequences of FMI calls in a process of its own, so that a crash is the end of this process
 only.
 
-Usage: python -m tests.compliance.worker FMU. Reads a sequence per line from the standard input
-(JSON: a list of calls, each [slot, verb, arguments...]; two slots for instances, saved states and
-bytes are shared between them) and answers with a line: for every call [status, number of error
-messages], or null where there was nothing to call. A value that is read and is not finite, and an
-fmi2OK for a damaged state, end the process with an exception.
+Usage: python -m tests.compliance.worker. Reads a line per sequence from the standard input (JSON:
+[path of the FMU, list of calls], each call [slot, verb, arguments...]; two slots for instances,
+saved states and bytes are shared between them) and answers with a line: for every call [status,
+number of error messages], or null where there was nothing to call. A value that is read and is not
+finite, and an fmi2OK for a damaged state, end the process with an exception.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import math
 import sys
 import tempfile
 from ctypes import byref, c_double, c_int, c_void_p
+from functools import cache
 from pathlib import Path
 
 from tests.compliance import api
@@ -156,10 +157,11 @@ class Session:
 
 def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
-        fmu = Fmu(Path(sys.argv[1]), Path(folder))
+        unpacked = cache(lambda path: Fmu(Path(path), Path(folder) / Path(path).stem))
         for line in sys.stdin:
-            session = Session(fmu)
-            answers = [session.do(*call) for call in json.loads(line)]
+            path, calls = json.loads(line)
+            session = Session(unpacked(path))
+            answers = [session.do(*call) for call in calls]
             session.end()
             print(json.dumps(answers), flush=True)
 

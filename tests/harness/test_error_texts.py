@@ -150,6 +150,10 @@ def test_linearize_tells_a_refused_value_as_it_was_typed(said, tmp_path):
     assert said("linearize", "servicer", "-o", tmp_path / "x.npz", "--set", "mass_0=-5") == wanted
 
 
+MANY = settings().max_examples * (2 if settings().max_examples < 100 else 8)
+"""Examples of what costs little."""
+
+
 def refused(message, names):
     return RefusalError("servicer", 0.0, refusals(message, names))
 
@@ -187,7 +191,7 @@ def test_what_holds_for_all_runs_is_told_apart_from_what_varies():
     assert len(without(error, ["target.rho1"]).refusals) == 2
 
 
-@settings(max_examples=8 * settings().max_examples)
+@settings(max_examples=MANY)
 @given(st.text(), st.lists(st.text(max_size=5), max_size=3))
 @example("K[2] = -1: must be >= 0", ["K[1]", "K[2]"])
 @example("J - A = -14: must be positive definite; e = 2: no", ["e", "J[1,1]"])
