@@ -7,14 +7,21 @@ that break it.
         return Each(range(20)).map(np.random.default_rng)
 
 A fixture that returns an `Each` stands for one value after the other; a fixture that depends on it
-maps it. A test with two of them is called for every pair.
+maps it. A test with two of them is called for every pair. What would be `pytest.mark.parametrize`
+is `each` where the calls may share their fixtures:
+
+    @each("axis", range(3))
+    def test_it_turns_about(axis): ...
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, ExitStack
+from functools import wraps
+from inspect import signature
 from itertools import product
+from operator import itemgetter
 from typing import Any
 
 import pytest
@@ -48,6 +55,28 @@ class Each:
 
     def made(self, chosen: dict[Each, Any], stack: ExitStack) -> Any:
         return chosen[self]
+
+
+def each(names: str | tuple[str, ...], values: Iterable[Any]) -> Callable[[Callable], Callable]:
+    """A test that is called for one value, or tuple of values, after the other."""
+    listed = names.split(", ") if isinstance(names, str) else list(names)
+    source = Each(values, ascii)
+
+    def decorated(test: Callable) -> Callable:
+        @wraps(test)
+        def called(**given: Any) -> None:
+            if len(listed) == 1:
+                call_for_each(test, given | {listed[0]: source})
+            else:
+                parts = {name: source.map(itemgetter(k)) for k, name in enumerate(listed)}
+                call_for_each(test, given | parts)
+
+        sought = signature(test)
+        kept = [p for name, p in sought.parameters.items() if name not in listed]
+        called.__signature__ = sought.replace(parameters=kept)  # type: ignore[attr-defined]
+        return called
+
+    return decorated
 
 
 class _Made(Each):

@@ -13,6 +13,7 @@ from tests.compliance import description
 from tests.compliance.api import Status
 from tests.compliance.fmus import ARCHIVES
 from tests.compliance.probe import Fmu, Instance, excitation
+from tests.each import each
 
 
 def moved(v):
@@ -172,7 +173,7 @@ SPOILED = [
 ]
 
 
-@pytest.mark.parametrize(("row", "value", "rule"), SPOILED)
+@each(("row", "value", "rule"), SPOILED)
 def test_impossible_parameters_are_refused_with_name_and_rule(fmu, row, value, rule):
     for needed in (row, "J_S") if rule == " - A_w" else (row,):
         if needed not in {v.row for v in fmu.parameters}:

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.each import each
+
 SOURCES = Path(__file__).parents[2] / "fmus"
 ALLOWED = re.compile(r"(calloc|free|malloc|mem(cmp|cpy|move|set)|snprintf|str(cmp|len)|_\w*)\b")
 """Memory, texts and messages: no numbers. What begins with _ belongs to the compiler."""
@@ -32,9 +34,7 @@ def calls_of_maths(text):
     return [found[0] for found in CALLS.finditer(COMMENTS_AND_TEXTS.sub(" ", text))]
 
 
-@pytest.mark.parametrize(
-    "source", sorted(SOURCES.rglob("*.[ch]")), ids=lambda p: p.relative_to(SOURCES).as_posix()
-)
+@each("source", sorted(SOURCES.rglob("*.[ch]")))
 def test_sources_call_the_functions_of_portable_math(source):
     assert not calls_of_maths(source.read_text()), "portable_math.h and exact.h have them"
 

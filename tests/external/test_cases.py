@@ -17,6 +17,7 @@ from harness.errors import UsageError
 from ssp.validation.case import FOLDER, cases
 from ssp.validation.judge import judge
 from ssp.validation.library import Library
+from tests.each import each
 
 ROOT = Path(__file__).parents[2]
 ALL = cases()
@@ -52,7 +53,7 @@ def test_a_wrong_model_misses_them(case, wrong, library):
     ]
 
 
-@pytest.mark.parametrize("case", ALL, ids=lambda case: case.id)
+@each("case", ALL)
 def test_a_case_says_where_its_numbers_come_from_and_what_must_miss_them(case):
     assert set(case.source) >= {"name", "where", "licence"}
     assert all(case.source.values())

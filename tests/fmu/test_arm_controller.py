@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.each import each
+
 from ..reference import arm as reference
 from ..reference.arm_software import ALIGN, CLOSE, CONTROL, DEPLOY, REST, STOW, Controller
 from .arm_cases import SPACE, random_arm
@@ -33,8 +35,8 @@ def same(unit, expected):
         assert unit.get(name) == pytest.approx(value, rel=1e-9, abs=1e-10), name
 
 
-@pytest.mark.parametrize("n", [0, 2, 7])
-@pytest.mark.parametrize("mode", [STOW, DEPLOY, CLOSE, REST])
+@each("n", [0, 2, 7])
+@each("mode", [STOW, DEPLOY, CLOSE, REST])
 def test_torques_and_commands_are_those_of_the_reference(fmu, rng, n, mode):
     """Random arm, options and limits; every option in one of its positions."""
     arm = random_arm(rng, n)

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.each import each
+
 from ..reference import arm as reference
 from ..reference.arm_software import (
     ALIGN,
@@ -225,7 +227,7 @@ def commanded(fmu, commands, **p):
     return changes, loop
 
 
-@pytest.mark.parametrize(
+@each(
     ("commands", "modes"),
     [
         ([(0.3, 0, 0), (0.3, 3, 0)], [STOW]),

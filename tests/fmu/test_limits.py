@@ -10,6 +10,7 @@ import pytest
 
 from tests.compliance.api import Status
 from tests.compliance.probe import Fmu, Instance
+from tests.each import each
 
 from .driver import archive, flat
 
@@ -127,9 +128,7 @@ def complaint(tmp_path_factory):
     return asked
 
 
-@pytest.mark.parametrize(
-    ("name", "row", "taken", "refused"), ROWS, ids=[f"{name}-{row}" for name, row, *_ in ROWS]
-)
+@each(("name", "row", "taken", "refused"), ROWS)
 def test_the_last_value_is_taken_and_the_first_one_beyond_is_not(
     complaint, name, row, taken, refused
 ):

@@ -13,6 +13,8 @@ from fmpy.fmi1 import FMICallException
 from hypothesis import given, settings
 from scipy.spatial.transform import Rotation
 
+from tests.each import each
+
 from ..reference import los
 from .cases import turned
 from .driver import bits
@@ -74,8 +76,8 @@ def test_outputs_are_finite_for_every_finite_input(kind, fmu, name):
 
 
 @every
-@pytest.mark.parametrize("up_axis", [1, 2, 3])
-@pytest.mark.parametrize("rho", [0.0, 1e-9, 20.0])
+@each("up_axis", [1, 2, 3])
+@each("rho", [0.0, 1e-9, 20.0])
 def test_the_pole_and_the_target_itself_are_survived(fmu, name, up_axis, rho):
     unit, up = fmu(name, {"up_axis": up_axis}), np.eye(3)[up_axis - 1]
     unit.step(0.1)
@@ -229,9 +231,7 @@ def test_without_errors_theta_d_commands_the_motion_of_the_reference(fmu, rng, r
 
 
 @every
-@pytest.mark.parametrize(
-    "p", [{"up_axis": 4}, {"force_scale": 0}, {"a_max": -1}, {"sample_period": -1}], ids=str
-)
+@each("p", [{"up_axis": 4}, {"force_scale": 0}, {"a_max": -1}, {"sample_period": -1}])
 def test_impossible_parameters_are_refused(fmu, name, p):
     with pytest.raises(FMICallException):
         fmu(name, p)

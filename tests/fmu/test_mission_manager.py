@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from tests.each import some
+from tests.each import each, some
 from tests.reference import mission
 
 from .mission_cases import GEO, GOOD, HOLDING, Flight, P, in_hill, line, on_axis
@@ -76,7 +76,7 @@ LIMITS = [
 ]
 
 
-@pytest.mark.parametrize(("phase", "good", "bad"), LIMITS)
+@each(("phase", "good", "bad"), LIMITS)
 def test_each_condition_of_each_row_alone_keeps_the_phase(fmu, phase, good, bad):
     """Dwell 3 s: three bad samples between good ones start it anew, then it counts from the first
     good one.
@@ -106,8 +106,8 @@ def test_go_is_a_level_that_leaves_no_trace(fmu, phase):
     assert flight.stay(GOOD[phase], 4)[-1] == FOLLOWS[phase]
 
 
-@pytest.mark.parametrize("phase", range(15))
-@pytest.mark.parametrize("order", [{"abort": 1}, {"retreat": 1}, {"abort": 1, "retreat": 1}])
+@each("phase", range(15))
+@each("order", [{"abort": 1}, {"retreat": 1}, {"abort": 1, "retreat": 1}])
 def test_abort_and_ground_end_every_phase_but_those_of_the_capture(fmu, phase, order):
     flight = Flight(fmu).lead_to(phase)
     found = flight.sample(HOLDING[phase] | order)
@@ -153,8 +153,8 @@ ERRORS = {
 }
 
 
-@pytest.mark.parametrize("phase", BEFORE)
-@pytest.mark.parametrize("error", ERRORS)
+@each("phase", BEFORE)
+@each("error", ERRORS)
 def test_errors_count_near_the_target_only_and_in_one_stretch(fmu, phase, error):
     """error_dwell 3 s: from the first bad sample on, forgotten by a good one."""
     good, bad = ERRORS[error]
@@ -167,7 +167,7 @@ def test_errors_count_near_the_target_only_and_in_one_stretch(fmu, phase, error)
         assert flight["reason"] == 5
 
 
-@pytest.mark.parametrize("phase", range(15))
+@each("phase", range(15))
 def test_speed_limit_by_range_before_the_capture(fmu, phase):
     """As seen in H: 0.6 + 0.01 R far, 0.06 + 0.0185 R near; speed_dwell 5 s."""
     R = 40.0
@@ -184,7 +184,7 @@ def test_speed_limit_by_range_before_the_capture(fmu, phase):
         assert flight["reason"] == 6
 
 
-@pytest.mark.parametrize("phase", range(15))
+@each("phase", range(15))
 def test_time_outs(fmu, phase):
     """Of all phases before the capture; of mating it ends the attempt, of detumbling nothing."""
     at = [0.0] * 15

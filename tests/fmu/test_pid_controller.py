@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
 
+from tests.each import each
+
 from ..reference import ppc as reference
 from .los_cases import Scene, bodies, random_scene, reference_of, sample
 from .motion import deviation
@@ -112,8 +114,8 @@ def test_without_back_calculation_the_integral_winds_up(fmu):
     assert abs(integral - 6000.0) < 1e-6
 
 
-@pytest.mark.parametrize("period", [0.01, 0.05, 0.1, 1.0])
-@pytest.mark.parametrize("T_aw", [40.0, 4.0, 0.025])
+@each("period", [0.01, 0.05, 0.1, 1.0])
+@each("T_aw", [40.0, 4.0, 0.025])
 def test_back_calculation_settles_where_it_balances_the_error_at_every_period(fmu, T_aw, period):
     """Ki T e + u - sat u = 0 with u - sat u = -(Kp e + Ki I) + 4.9, reached at the rate 1/T, Euler
     ahead of the exponential; T is no less than the period."""

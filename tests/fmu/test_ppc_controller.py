@@ -12,6 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from tests.each import each
+
 from ..reference import ppc
 from .cases import random_bodies
 from .driver import bits
@@ -348,7 +350,7 @@ def test_a_good_start_is_accepted_and_a_later_violation_is_flagged_only(fmu):
     assert tumbling["violation"] == 0
 
 
-@pytest.mark.parametrize(
+@each(
     "p",
     [
         settings(range={"lambda": 5.0}),  # lambda beta = 1
@@ -364,7 +366,6 @@ def test_a_good_start_is_accepted_and_a_later_violation_is_flagged_only(fmu):
         {"law_att": 0.5},
         {"wheel_scale": 0},
     ],
-    ids=str,
 )
 def test_parameters_outside_the_theory_are_refused(fmu, p):
     with pytest.raises(FMICallException):

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.each import each
 from tests.reference import relay
 
 from .cases import random_direction
@@ -98,8 +99,8 @@ def test_first_force_comes_exactly_after_the_delay(fmu, ticks):
     assert thrust.tolist() == [0] * ticks + [50] * 20 + [0] * (20 - ticks)
 
 
-@pytest.mark.parametrize("delay", [1, 2, 5])
-@pytest.mark.parametrize("ticks", [1, 2, 3, 5, 6])
+@each("delay", [1, 2, 5])
+@each("ticks", [1, 2, 3, 5, 6])
 def test_commands_that_do_not_outlast_the_delay_are_rejected(fmu, delay, ticks):
     """A command shorter than Tl/T0 + 1 ticks leaves no trace; one of that length or longer passes
     with its length.

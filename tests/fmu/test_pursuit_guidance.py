@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.each import each
 from tests.reference import relay
 
 from .cases import random_direction, random_rotation
@@ -114,12 +115,10 @@ def test_a_target_straight_behind_is_turned_to_at_every_range_and_attitude(fmu, 
         assert dcm_of_quaternion(q_DN)[0] == pytest.approx(-C_SN[0], abs=1e-14)
 
 
-@pytest.mark.parametrize(
+@each(
     "q_SN", [(1, 0, 0, 0), (-1, 0, 0, 0), (0, 1, 0, 0), (0, -1, 0, 0), (0, 0, 0, 1), (0, 0, 0, -1)]
 )
-@pytest.mark.parametrize(
-    "d", [(500, -100, 0), (-500, -100, 0), (-1, -5, 0), (500, 0, 0), (-500, 0, 0)]
-)
+@each("d", [(500, -100, 0), (-500, -100, 0), (-1, -5, 0), (500, 0, 0), (-500, 0, 0)])
 def test_half_a_turn_goes_the_same_way_whatever_the_sign_of_the_attitude(fmu, d, q_SN):
     """L1 > 0, which the motion selects as soon as drz > 0; else L2 > 0, else L3 > 0."""
     L = fmu("pursuit_guidance", TWO_TURNS, {"r_TN_N": d, "q_SN": q_SN}).get("q_DS")

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.each import each
 from tests.reference import relay
 
 from .cases import random_rotation
@@ -71,10 +72,10 @@ TRANSLATION_TABLE = [
 ]
 
 
-@pytest.mark.parametrize("before", [0, 1])
-@pytest.mark.parametrize(("value", "from_off", "from_on"), ROTATION_TABLE)
-@pytest.mark.parametrize("axis", range(3))
-@pytest.mark.parametrize("sign", [1, -1])
+@each("before", [0, 1])
+@each(("value", "from_off", "from_on"), ROTATION_TABLE)
+@each("axis", range(3))
+@each("sign", [1, -1])
 def test_truth_table_of_the_rotation_relays(fmu, axis, sign, value, from_off, from_on, before):
     unit = fmu("relay_controller", STATIC)
     for error in ((ABOVE if before else 0), value):
@@ -85,9 +86,9 @@ def test_truth_table_of_the_rotation_relays(fmu, axis, sign, value, from_off, fr
     assert unit.get("translation_firing") == 0
 
 
-@pytest.mark.parametrize("before", [0, 1])
-@pytest.mark.parametrize(("value", "from_off", "from_on"), TRANSLATION_TABLE)
-@pytest.mark.parametrize(("sign", "engines", "others"), [(1, MAIN, BRAKES), (-1, BRAKES, MAIN)])
+@each("before", [0, 1])
+@each(("value", "from_off", "from_on"), TRANSLATION_TABLE)
+@each(("sign", "engines", "others"), [(1, MAIN, BRAKES), (-1, BRAKES, MAIN)])
 def test_truth_table_of_main_engine_and_brakes(
     fmu, sign, engines, others, value, from_off, from_on, before
 ):

@@ -15,6 +15,8 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq, minimize_scalar
 from scipy.spatial.transform import Rotation
 
+from tests.each import each
+
 from .driver import bits
 from .refusals import refusal
 
@@ -301,9 +303,9 @@ GRAZING = {
 }
 
 
-@pytest.mark.parametrize("h", [0.7, 5.0, 40.0])
-@pytest.mark.parametrize("miss", [1e-6, -1e-6])
-@pytest.mark.parametrize("rule", GRAZING)
+@each("h", [0.7, 5.0, 40.0])
+@each("miss", [1e-6, -1e-6])
+@each("rule", GRAZING)
 def test_every_rule_sees_a_graze_and_takes_a_miss_by_a_micrometre_for_none(fmu, rule, miss, h):
     p, motion = GRAZING[rule](miss)
     unit, rows = watch(fmu, OFF | DEEP | p, motion, h, 40)

@@ -12,6 +12,8 @@ from math import pi, radians, sqrt
 import numpy as np
 import pytest
 
+from tests.each import each
+
 from ..reference import (
     arm,
     assembly,
@@ -268,7 +270,7 @@ FLEXIBLE = {
 CASES = ARMS | FLEXIBLE | SENSORS_AND_FILTERS | PLANTS | GUIDANCES | CONTROLLERS
 
 
-@pytest.mark.parametrize("name", CASES)
+@each("name", CASES)
 def test_start_values_are_those_of_the_paper_and_of_data_sheets(fmu, name):
     """To the last digit that is written down; constants with a sign, a place or a digit wrong are
     off by more.

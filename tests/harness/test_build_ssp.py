@@ -22,6 +22,7 @@ from harness.ssp.build import build, main, system_of
 from harness.ssp.library import load
 from harness.ssp.writer import write_ssp
 from harness.system.model import Connection, Port
+from tests.each import each
 
 TOML = """
 name = "demo"
@@ -121,7 +122,7 @@ def test_an_explicit_connection_wins_over_the_name_and_may_name_single_elements(
 # ---- mistakes
 
 
-@pytest.mark.parametrize(
+@each(
     ("change", "expected"),
     [
         (('first = "source"', 'first = "sauce"'), ["first: there is no FMU sauce (close: source)"]),

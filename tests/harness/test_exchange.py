@@ -35,6 +35,7 @@ from ssp.shared.exchange.bodies import AU, EARTH, SUN, shadow, sun_direction
 from ssp.shared.exchange.ccsds import write_oem
 from ssp.shared.exchange.czml import ROWS, earth
 from ssp.shared.exchange.sources import source_of
+from tests.each import each
 
 EPOCH = "2026-03-01T06:00:00"
 ISS = (
@@ -414,7 +415,7 @@ ODD_EPOCHS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("epoch", ODD_EPOCHS, ids=range(len(ODD_EPOCHS)))
+@each("epoch", ODD_EPOCHS)
 def test_an_epoch_that_is_no_date_or_cannot_be_counted_is_refused(epoch):
     with pytest.raises(UsageError, match=r"(?s)--epoch .*: expected a (date|year)"):
         epoch_of(epoch)

@@ -11,6 +11,7 @@ import pytest
 from harness.results.evaluation import evaluate, history, resolved, unit_in
 from harness.results.expressions import FUNCTIONS, parsed
 from harness.results.result import Result
+from tests.each import each
 
 ROWS = 5
 
@@ -37,8 +38,8 @@ def value(text, result):
     return evaluate(parsed(text), lambda path: history(result, path))
 
 
-@pytest.mark.parametrize("row", [-1, 0, 2, -ROWS, ROWS - 1])
-@pytest.mark.parametrize(
+@each("row", [-1, 0, 2, -ROWS, ROWS - 1])
+@each(
     "text",
     [
         "a.x",
@@ -170,8 +171,8 @@ def test_what_is_within_the_limits_has_a_value(result):
     assert value("-" * 190 + "a.x", result).tolist() == result["a.x"].tolist()
 
 
-@pytest.mark.parametrize("width", range(1, 13))
-@pytest.mark.parametrize("rows", [1, 2, 1000])
+@each("width", range(1, 13))
+@each("rows", [1, 2, 1000])
 def test_lengths_and_sums_of_rows_have_the_bits_of_numpy(rows, width):
     rng = np.random.default_rng(7)
     table = rng.normal(size=(rows, 20)) * 10.0 ** rng.uniform(-140, 140, size=(rows, 20))

@@ -23,7 +23,7 @@ from harness.results.expressions import FUNCTIONS
 from harness.ssp.build import system_of
 from harness.system.graph import read_interfaces
 from harness.system.sliders import problems, sliders
-from tests.each import some
+from tests.each import each, some
 
 ROWS = np.linspace(-3, 4, 60).reshape(12, 5)
 OTHER = np.sin(ROWS) + 2
@@ -58,7 +58,7 @@ FORMULAS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", FORMULAS)
+@each("name", FORMULAS)
 def test_recorded_operations_give_the_numbers_of_the_code_over_other_rows(name):
     trace, formula = Trace(), FORMULAS[name]
     with traces_kept():

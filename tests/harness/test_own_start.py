@@ -22,6 +22,7 @@ from harness.results.verdict import Verdict
 from harness.ssp.library import load
 from ssp.shared.exchange import sources
 from ssp.shared.exchange.start import State, elements
+from tests.each import each
 from tests.harness.test_exchange import ISS, by_astropy
 
 MU = 3.986004415e14
@@ -152,8 +153,8 @@ def test_a_target_on_an_open_orbit_needs_a_file_for_its_servicer(tmp_path):
         start_values(system, {"target": tmp_path / "open.oem"})
 
 
-@pytest.mark.parametrize("e", [0.0, 1e-9, 1e-3, 0.7])
-@pytest.mark.parametrize("inc", [0.0, 1e-9, 0.9, np.pi])
+@each("e", [0.0, 1e-9, 1e-3, 0.7])
+@each("inc", [0.0, 1e-9, 0.9, np.pi])
 def test_elements_give_back_the_state_they_were_taken_of(e, inc):
     """Perifocal state turned by three rotations, of scipy, and back: to a micrometre."""
     from scipy.spatial.transform import Rotation

@@ -26,6 +26,7 @@ from harness.ssp.library import load
 from harness.ssp.writer import write_ssp
 from harness.studies.check import check
 from harness.system.units import SYMBOLS, convert, unit
+from tests.each import each
 from tests.harness.demo import TOML
 
 ROWS = 11
@@ -48,7 +49,7 @@ def result():
     return Result("demo", time, columns, units, values, parameters=parameters)
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "verdict", "value", "unit", "time"),
     [
         ("a.x >= 0", MET, 0.0, "m", 10),
@@ -151,7 +152,7 @@ def gap(result):
     return Result("demo", result.time, result.columns, result.units, values)
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "time"),
     [
         ("sqrt(-time) > 0", 1),
@@ -192,7 +193,7 @@ def test_where_the_other_part_decides_a_row_needs_no_number(gap, text):
     assert finding(gap, "name", text).verdict is (MISSED if "not" in text else MET)
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "reason"),
     [
         ("sin(a.x, a.x) > 1", r"sin\(x\): expected 1 argument, got 2"),

@@ -23,6 +23,7 @@ from harness.files import machine
 from harness.rules import errors, oddities
 from harness.rules.judge import judge
 from harness.system.interface import read_interface
+from tests.each import each
 from tests.fmi3 import test_rules as of_fmi3
 from tests.harness.foreign_ssp import component, system, write
 
@@ -265,7 +266,7 @@ def test_a_warning_is_status_0_and_status_1_on_demand(packed, capsys, kind):
     read_interface(path)
 
 
-@pytest.mark.parametrize("kind", [*FATAL, *ODD])
+@each("kind", [*FATAL, *ODD])
 def test_no_fault_that_fmpy_finds_is_missed(packed, kind):
     if kind in ("a document type", "an odd encoding"):
         pytest.skip("is not to be parsed")

@@ -6,6 +6,7 @@ from __future__ import annotations
 import pytest
 
 from harness.system.values import assign, base, coerce, elements_of, expand, index, leaves, parse
+from tests.each import each
 
 KNOWN = [
     "mass",
@@ -67,7 +68,7 @@ def test_assignment_fits_the_shape_of_the_variable():
     assert assign("J[2,1]", 7.0, KNOWN) == {"J[2,1]": 7.0}
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "value", "problem"),
     [
         ("mas", 1.0, r"there is no such variable \(close: mass\)"),

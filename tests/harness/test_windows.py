@@ -13,6 +13,7 @@ from harness.results.margins import always, eventually, until, windows
 from harness.results.requirements import finding, has_slope, margin
 from harness.results.result import Result
 from harness.results.verdict import Verdict
+from tests.each import each
 
 T = np.arange(6.0)
 X = np.array([3, 1, -2, 4, 0.5, 2])
@@ -71,7 +72,7 @@ def run_of(complete=True):
     return Result("demo", time, ("a.x", "a.on"), ("m", "1"), values, complete=complete)
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "verdict", "expected"),
     [
         ("a.x >= -20 cm", Verdict.MET, 0.2),

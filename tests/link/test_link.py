@@ -28,6 +28,7 @@ from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from harness.studies.check import check
 from harness.system.schedule import Verb
+from tests.each import each
 from tests.harness.foreign_fmu import Model, build, u, y
 from tests.link.conftest import PATIENCE, Listener, flown_twice_from
 from tests.link.frames import ANSWER, CODE, Frame, opened, sealed
@@ -499,7 +500,7 @@ def test_whole_numbers_and_truth_values_go_through_the_link(tmp_path_factory, i,
 # ---- what a user types
 
 
-@pytest.mark.parametrize(
+@each(
     ("place", "text"),
     [
         ("cortex-m9", "there is no such processor (close: cortex-m7, cortex-m4); cortex-m7"),

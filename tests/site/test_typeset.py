@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from tests.each import Each
+from tests.each import Each, each
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = sorted((ROOT / "fmus").glob("*/*.c"))
@@ -48,7 +48,7 @@ def plain(entity):
     return html.unescape(entity[0])
 
 
-@pytest.mark.parametrize(
+@each(
     ("line", "shown"),
     [
         ("dv/dt = -mu r/r^3", "(dv / dt)=−μ (r / r^3)"),

@@ -15,6 +15,7 @@ from harness.cli.app import main
 from harness.mission import Verdict
 from harness.results.files import ResultFile
 from ssp.relay_approach.claims import PAPER as KOZLOVA_FOMICHEV_2023
+from tests.each import each
 
 from .relay_case import BRAKES, GEO, HOLD, MAIN, NEWTON, PAPER, SMALL, flight, impulse
 
@@ -50,7 +51,7 @@ FIGURES = {
 transition quaternion leaves 1 by design."""
 
 
-@pytest.mark.parametrize(("claim", "params"), FIGURES)
+@each(("claim", "params"), FIGURES)
 def test_claim(claim, params):
     figure, expected = FIGURES[claim, params]
     assert CLAIMS[claim].numbers(flight(params))[0] == pytest.approx(figure, rel=0.02)

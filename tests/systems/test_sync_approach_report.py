@@ -17,6 +17,7 @@ from harness.mission import Verdict
 from harness.results.files import ResultFile, read
 from harness.results.result import Result
 from ssp.sync_approach.claims import PAPER as ZHU_YANG_2009
+from tests.each import each
 
 from .sync_case import PAPER, flight
 
@@ -124,7 +125,7 @@ def test_the_command_says_by_its_status_that_something_could_not_be_judged(
 # ---- verdicts follow the figures
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "variable", "change", "expected"),
     [
         ("safe distance", "guidance.range", lambda x: x + 0.01, Verdict.REPRODUCED),

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.each import each
+
 CLOSE = 1e-14
 HALF_TURNS = [(0, 1, 0, 0), (0, -1, 0, 0), (0, 0, 1, 0), (0, 0, 0, -1), (0, 0, -0.6, 0.8)]
 
@@ -30,8 +32,8 @@ def test_quaternion_to_matrix_and_back(core, R):
     assert same(core.quat_of_dcm(C), q)
 
 
-@pytest.mark.parametrize("axis", range(3))
-@pytest.mark.parametrize("angle", [np.pi, np.pi - 1e-9, 3.0, 2.5, 1.0, 1e-9, 0.0])
+@each("axis", range(3))
+@each("angle", [np.pi, np.pi - 1e-9, 3.0, 2.5, 1.0, 1e-9, 0.0])
 def test_every_branch_of_the_quaternion_of_a_matrix(core, axis, angle):
     turn = Rotation.from_rotvec(angle * np.eye(3)[axis])
     q = core.quat_of_dcm(turn.as_matrix().T)

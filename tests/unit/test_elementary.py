@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from mpmath import libmp
 
+from tests.each import each
+
 HERE = Path(__file__).parent
 FMUS = HERE.parents[1] / "fmus"
 FLAGS = ["-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared"]
@@ -174,7 +176,7 @@ def arguments_of(name, kind, count):
     return [a[np.isfinite(a)] for a in found]
 
 
-@pytest.mark.parametrize(("name", "kind"), CASES)
+@each(("name", "kind"), CASES)
 def test_values_are_within_one_unit_in_the_last_place(functions, name, kind):
     units, at = worst(functions, name, arguments_of(name, kind, 20_000 // len(ARGUMENTS[name])))
     assert units < WORST[name], at

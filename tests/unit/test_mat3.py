@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.each import each
+
 EXACT = 1e-15
 
 
@@ -26,8 +28,8 @@ def test_inertia_product(core, rng):
     assert core.inertia_product(a, b) == pytest.approx(-(x @ y + y @ x) / 2, abs=EXACT * 10)
 
 
-@pytest.mark.parametrize("values", list(permutations((5.0, 1.0, 0.4))))
-@pytest.mark.parametrize(("share", "kept"), [(0.01, 3), (0.1, 2), (0.3, 1)])
+@each("values", list(permutations((5.0, 1.0, 0.4))))
+@each(("share", "kept"), [(0.01, 3), (0.1, 2), (0.3, 1)])
 def test_pseudo_inverse_leaves_out_what_is_below_its_share_of_the_largest(
     core, rng, values, share, kept
 ):

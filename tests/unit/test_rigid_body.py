@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.each import each
+
 MU = 3.986004415e14
 SYMMETRIC, DEFINITE, TRIANGLE = "must be symmetric", "must be positive definite", "triangle rule"
 
@@ -64,10 +66,8 @@ def test_an_indefinite_matrix_with_positive_diagonal_is_refused(core, rng):
     assert DEFINITE in core.refusals_of_inertia((J + J.T) / 2)
 
 
-@pytest.mark.parametrize("order", [(0, 1, 2), (1, 2, 0), (2, 0, 1)])
-@pytest.mark.parametrize(
-    ("largest", "keeps"), [(2.0, 1), (2.0 - 1e-6, 1), (2.0 + 1e-6, 0), (9.0, 0)]
-)
+@each("order", [(0, 1, 2), (1, 2, 0), (2, 0, 1)])
+@each(("largest", "keeps"), [(2.0, 1), (2.0 - 1e-6, 1), (2.0 + 1e-6, 0), (9.0, 0)])
 def test_no_principal_moment_is_above_the_sum_of_the_others(core, rng, order, largest, keeps):
     """A flat plate, 1 + 1 = 2, is the limit; in any axes."""
     J = np.diag(np.array([1.0, 1.0, largest])[list(order)])

@@ -4,6 +4,8 @@
 import numpy as np
 import pytest
 
+from tests.each import each
+
 EXACT = 1e-14
 """Ten roundings of the largest term of a sum of few products."""
 
@@ -69,8 +71,8 @@ def test_limits(core):
     assert np.array_equal(core.limited3([-3, 4, 5], [2, 0, 6]), [-2, 4, 5])
 
 
-@pytest.mark.parametrize("count", range(1, 22))
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@each("count", range(1, 22))
+@each("bad", [np.nan, np.inf, -np.inf])
 def test_one_number_that_is_not_finite_is_found_wherever_it_stands(core, count, bad):
     for at in range(count):
         x = np.linspace(-1e300, 1e300, count)
