@@ -2,8 +2,9 @@
 """What a user's earlier runs have unpacked, made and checked, kept under the hash of its content.
 
 What is kept appears whole or not at all, is compared with its hash whenever it is used, and made
-anew if it is damaged. Nothing is removed while somebody uses it. HARNESS_CACHE names another
-folder; empty or `off`, nothing is kept.
+anew if it is damaged. Every process that uses the folder holds a lock on it until it ends; what is
+too much goes when a process begins that is alone there. HARNESS_CACHE names another folder; empty
+or `off`, nothing is kept.
 
 The folder is used only if programs can be run in it, it belongs to the user, nobody else may enter
 it, and no folder above it lets others exchange it. One that cannot be used is left out, with one
@@ -17,9 +18,8 @@ import logging
 import os
 import shutil
 import stat
-import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 
@@ -105,32 +105,30 @@ LIMIT = 512 * 1024**2
 MAX_ARCHIVE = 128 * 1024**2
 """Larger archives are not kept [bytes]."""
 
-STALE = 24 * 3600.0
-"""Age at which what an interrupted process has left half unpacked is removed [s]."""
+PASSED = "passed"
+"""Folder of the marks of checks, which is no entry."""
 
 
-@contextmanager
-def unpacked(archive: Path) -> Iterator[Path | None]:
-    """Folder with the content of an archive, to be read only, or None if nothing is kept here.
-
-    Nobody removes it before the end of the `with` block.
-    """
-    with ExitStack() as use:
-        yield _entered(archive, use)
-
-
-def _entered(archive: Path, use: ExitStack) -> Path | None:
+def unpacked(archive: Path) -> Path | None:
+    """Folder with the content of an archive, to be read only, or None if nothing is kept here."""
     root = folder()
     content = None if root is None else _content(archive)
     if root is None or content is None:
         return None
-    place = root / _word(content)
     try:
-        return _kept(place, lambda into: unpack(archive, into, content=content), use)
+        return _kept(root / _word(content), lambda into: unpack(archive, into, content=content))
     except (OSError, ArchiveError) as error:  # a damaged archive is for the caller
         if reason := _fault(error):
             leave_out(root, reason)
         return None
+
+
+def _content(archive: Path) -> bytes | None:
+    """All bytes of an archive, once, so that what is unpacked is what was hashed."""
+    try:
+        return archive.read_bytes() if archive.stat().st_size <= MAX_ARCHIVE else None
+    except OSError:
+        return None  # unpack() says what is wrong
 
 
 def passed(kind: str, content: bytes, check: Callable[[], None]) -> None:
@@ -141,7 +139,7 @@ def passed(kind: str, content: bytes, check: Callable[[], None]) -> None:
     root = folder()
     if root is None:
         return check()
-    mark = root / "passed" / hashlib.sha256(kind.encode() + b"\0" + content).hexdigest()
+    mark = root / PASSED / hashlib.sha256(kind.encode() + b"\0" + content).hexdigest()
     if not mark.exists():
         check()
         with suppress(OSError):
@@ -150,32 +148,17 @@ def passed(kind: str, content: bytes, check: Callable[[], None]) -> None:
     return None
 
 
-_used_here = ExitStack()
-"""Locks on what made() has given out, until this process ends."""
-
-_given: set[Path] = set()
-"""What is locked there."""
-
-
 def made(name: str, key: bytes, make: Callable[[Path], None]) -> Path:
-    """The file `name` that make(path) writes; made once for every key, whatever the run.
-
-    Nobody removes it before this process ends.
-    """
+    """The file `name` that make(path) writes; made once for every key, whatever the run."""
     word = _word(name.encode() + b"\0", key)
     if root := folder():
         try:
-            with ExitStack() as use:
-                path = _kept(root / word, lambda into: make(into / name), use) / name
-                if path not in _given:
-                    _given.add(path)
-                    _used_here.push(use.pop_all())
-                return path
+            return _kept(root / word, lambda into: make(into / name)) / name
         except (OSError, ResultsError) as error:
             if not (reason := _fault(error)):
                 raise
             leave_out(root, reason)
-    place = _own_folder() / word / name
+    place = _own_folder().path / word / name
     if not place.is_file():
         place.parent.mkdir(exist_ok=True)
         make(place)
@@ -189,9 +172,9 @@ def _fault(error: Exception) -> str:
 
 
 @lru_cache
-def _own_folder() -> Path:
+def _own_folder() -> PrivateFolder:
     """Where nothing is kept: a folder of this process."""
-    return _used_here.enter_context(PrivateFolder())
+    return PrivateFolder()
 
 
 # ---- entries
@@ -205,97 +188,39 @@ def _word(*parts: bytes) -> str:
     return total.hexdigest()
 
 
-def _content(archive: Path) -> bytes | None:
-    """All bytes of an archive, once, so that what is unpacked is what was hashed."""
-    try:
-        return archive.read_bytes() if archive.stat().st_size <= MAX_ARCHIVE else None
-    except OSError:
-        return None  # unpack() says what is wrong
-
-
-def _kept(place: Path, make: Callable[[Path], None], use: ExitStack) -> Path:
-    """The content of an entry, whole; made by make(folder) if it is not there or damaged."""
-    use.enter_context(_locked(place.with_suffix(".lock"), fcntl.LOCK_SH))
+def _kept(place: Path, make: Callable[[Path], None]) -> Path:
+    """The content of an entry, whole; made by make(folder) if it is not there or damaged. The time
+    of its folder says when it was used last.
+    """
+    _hold(place.parent)
     if not sealed.is_whole(place):
-        with sealed.beside(place, make) as new, _locked(place.parent / "exchange", fcntl.LOCK_EX):
+        with sealed.beside(place, make) as new, (place.parent / "exchange").open("ab") as file:
+            fcntl.flock(file, fcntl.LOCK_EX)
             if not sealed.is_whole(place):  # else somebody was quicker
                 sealed.exchange(place, new)
-        _tidy(place.parent)
+    os.utime(place)
     return place / sealed.CONTENT
 
 
-@contextmanager
-def _locked(path: Path, how: int) -> Iterator[None]:
-    """Hold a lock; the time of its file says when the entry was used last."""
-    if (descriptor := _lock(path, how)) is None:
-        raise BlockingIOError(path)
-    try:
-        os.utime(descriptor)
-        yield
-    finally:
-        os.close(descriptor)
-
-
-def _lock(path: Path, how: int) -> int | None:
-    """Descriptor of a locked file; None if it is taken. A lock on a file that was removed meanwhile
-    counts for nothing.
-    """
-    while True:
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-        try:
-            fcntl.flock(descriptor, how)
-        except BlockingIOError:
-            os.close(descriptor)
-            return None
-        with suppress(FileNotFoundError):
-            if os.path.samestat(os.fstat(descriptor), path.stat()):
-                return descriptor
-        os.close(descriptor)
+@lru_cache
+def _hold(root: Path) -> int:
+    """Let nobody remove anything until this process ends; whoever is the first tidies up."""
+    descriptor = os.open(root / "used", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    with suppress(BlockingIOError):
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        _tidy(root)
+    fcntl.flock(descriptor, fcntl.LOCK_SH)
+    return descriptor
 
 
 def _tidy(root: Path) -> None:
-    """Remove what was used least recently until the rest is small enough, and what is left of
-    interrupted work.
+    """Remove what is left of interrupted work, and what was used least recently until the rest is
+    small enough.
     """
-    now = time.time()
-    for left in root.glob(f"{sealed.UNFINISHED}*"):
-        with suppress(OSError):
-            if now - left.stat().st_mtime > STALE:
-                shutil.rmtree(left, ignore_errors=True)
-    entries = sorted(root.glob("*.lock"), key=_used)
-    sizes = {lock: _size(lock.with_suffix("")) for lock in entries}
-    total = sum(sizes.values())
-    for lock in entries:
-        if total <= LIMIT:
-            return
-        total -= sizes[lock] if _remove(lock) else 0
-
-
-def _remove(lock: Path) -> bool:
-    """Remove an entry that nobody uses."""
-    descriptor = _lock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    if descriptor is None:
-        return False
-    try:
-        shutil.rmtree(lock.with_suffix(""), ignore_errors=True)
-        lock.unlink(missing_ok=True)
-    finally:
-        os.close(descriptor)
-    return True
-
-
-def _used(path: Path) -> float:
-    try:
-        return path.stat().st_mtime
-    except OSError:
-        return 0.0
-
-
-def _size(place: Path) -> int:
-    """Bytes of an entry; what another process removes meanwhile counts for nothing."""
+    entries = [path for path in root.iterdir() if path.is_dir() and path.name != PASSED]
     total = 0
-    for root, _, names in os.walk(place):
-        for name in names:
-            with suppress(FileNotFoundError):
-                total += Path(root, name).lstat().st_size
-    return total
+    for entry in sorted(entries, key=lambda path: path.stat().st_mtime, reverse=True):
+        if not entry.name.startswith(sealed.UNFINISHED):
+            total += sum(p.lstat().st_size for p in entry.rglob("*") if p.is_file())
+        if total > LIMIT or entry.name.startswith(sealed.UNFINISHED):
+            shutil.rmtree(entry, ignore_errors=True)

@@ -60,7 +60,7 @@ def _unpacked(path: Path, folder: Callable[[], Path], files: ExitStack, ours: bo
     An FMU from elsewhere may keep globals, and a library that is loaded twice from one file has
     them once: each of its instances needs files of its own.
     """
-    kept = files.enter_context(cache.unpacked(path)) if ours else None
+    kept = cache.unpacked(path) if ours else None
     if kept is not None:
         return kept
     own = folder() / f"fmu-{secrets.token_hex(4)}"

@@ -71,13 +71,12 @@ def opened(path: Path) -> Iterator[System]:
 @contextmanager
 def _read(path: Path) -> Iterator[Reading]:
     """What an archive holds; in the cache, whose names say their content, it is read once."""
-    with cache.unpacked(path) as kept:
-        if kept is not None:
-            yield _known(kept)
-            return
-        with PrivateFolder() as folder:
-            unpack(path, folder)
-            yield _of_folder(folder)
+    if (kept := cache.unpacked(path)) is not None:
+        yield _known(kept)
+        return
+    with PrivateFolder() as folder:
+        unpack(path, folder)
+        yield _of_folder(folder)
 
 
 @contextmanager

@@ -10,9 +10,9 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -49,17 +49,26 @@ def archive(path, **content):
     return path
 
 
+@contextmanager
+def unpacked(path):
+    """The folder, and afterwards the process uses nothing of the cache any more."""
+    yield cache.unpacked(path)
+    if (root := cache.folder()) is not None:
+        os.close(cache._hold(root))
+        cache._hold.cache_clear()
+
+
 def entries(place):
     return sorted(f.name for f in place.iterdir() if f.is_dir() and f.name != "passed")
 
 
 def test_the_same_content_is_unpacked_once_and_other_content_elsewhere(place, tmp_path):
     one, two = archive(tmp_path / "one.zip", a="x"), archive(tmp_path / "two.zip", a="y")
-    with cache.unpacked(one) as first, cache.unpacked(one) as again, cache.unpacked(two) as other:
+    with unpacked(one) as first, unpacked(one) as again, unpacked(two) as other:
         assert first == again != other
         assert [(f / "a").read_text() for f in (first, again, other)] == ["x", "x", "y"]
     archive(one, a="y")
-    with cache.unpacked(one) as first:
+    with unpacked(one) as first:
         assert (first / "a").read_text() == "y"
     assert len(entries(place)) == 2
 
@@ -95,7 +104,7 @@ def test_a_process_reads_a_system_once_and_says_its_notes_every_time(
 
 
 def test_the_folder_is_private(place, tmp_path):
-    with cache.unpacked(archive(tmp_path / "a.zip", a="x")):
+    with unpacked(archive(tmp_path / "a.zip", a="x")):
         assert place.stat().st_mode & 0o777 == 0o700
 
 
@@ -103,7 +112,7 @@ def test_the_folder_is_private(place, tmp_path):
 def test_a_folder_that_others_may_enter_is_not_used(place, tmp_path, caplog, mode):
     place.mkdir()
     place.chmod(mode)
-    with cache.unpacked(archive(tmp_path / "a.zip", a="x")) as found:
+    with unpacked(archive(tmp_path / "a.zip", a="x")) as found:
         assert found is None
     assert list(place.iterdir()) == []
     assert "others may enter it" in caplog.text
@@ -113,7 +122,7 @@ def test_a_folder_that_others_could_exchange_is_not_used(tmp_path, monkeypatch, 
     (tmp_path / "open").mkdir()
     (tmp_path / "open").chmod(0o777)
     monkeypatch.setenv("HARNESS_CACHE", str(tmp_path / "open" / "cache"))
-    with cache.unpacked(archive(tmp_path / "a.zip", a="x")) as found:
+    with unpacked(archive(tmp_path / "a.zip", a="x")) as found:
         assert found is None
     assert f"others may write to {tmp_path / 'open'}" in caplog.text
 
@@ -121,7 +130,7 @@ def test_a_folder_that_others_could_exchange_is_not_used(tmp_path, monkeypatch, 
 def test_a_link_to_a_folder_is_not_used(place, tmp_path, caplog):
     (tmp_path / "real").mkdir(mode=0o700)
     place.symlink_to(tmp_path / "real")
-    with cache.unpacked(archive(tmp_path / "a.zip", a="x")) as found:
+    with unpacked(archive(tmp_path / "a.zip", a="x")) as found:
         assert found is None
     assert "it is not a folder" in caplog.text
 
@@ -130,14 +139,14 @@ def test_a_link_to_a_folder_is_not_used(place, tmp_path, caplog):
 def test_nothing_is_kept_if_that_is_wanted(tmp_path, monkeypatch, value):
     monkeypatch.setenv("HARNESS_CACHE", value)
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
-    with cache.unpacked(archive(tmp_path / "a.zip", a="x")) as found:
+    with unpacked(archive(tmp_path / "a.zip", a="x")) as found:
         assert found is None
     assert not (tmp_path / "home").exists()
 
 
 def test_a_damaged_archive_leaves_nothing(place, tmp_path):
     (tmp_path / "bad.zip").write_bytes(b"PK\x03\x04 not really")
-    with cache.unpacked(tmp_path / "bad.zip") as found:
+    with unpacked(tmp_path / "bad.zip") as found:
         assert found is None
     assert entries(place) == []
     with pytest.raises(ArchiveError, match="damaged"):
@@ -146,43 +155,40 @@ def test_a_damaged_archive_leaves_nothing(place, tmp_path):
 
 def test_what_was_used_least_recently_goes_first_and_nothing_in_use(place, tmp_path, monkeypatch):
     files = [archive(tmp_path / f"{k}.zip", a=str(k) * 1000) for k in range(4)]
-    monkeypatch.setattr(cache, "LIMIT", 2500)
-    folders = []
-    for file in files[:2]:
-        with cache.unpacked(file) as found:
-            folders.append(found)
-        time.sleep(0.02)
-    with cache.unpacked(files[0]) as oldest:  # 1 is the one used least recently now
-        time.sleep(0.02)
-        with cache.unpacked(files[2]):
-            assert oldest.is_dir()
-            assert not folders[1].exists()
-    monkeypatch.setattr(cache, "LIMIT", 0)
-    with cache.unpacked(files[2]) as used, cache.unpacked(files[3]) as new:
-        assert (used / "a").read_text() == "2" * 1000
-        assert (new / "a").read_text() == "3" * 1000
-    assert len(entries(place)) == 2
+    folders = [cache.unpacked(file) for file in files[:3]]
+    os.close(cache._hold(place))
+    for k, folder in enumerate((folders[1], folders[0], folders[2])):
+        os.utime(folder.parent, (k, k))
+    monkeypatch.setattr(cache, "LIMIT", 2500)  # two entries of 1000 and their hashes
+    cache._hold.cache_clear()
+    with unpacked(files[3]) as new:
+        assert [folder.is_dir() for folder in folders] == [True, False, True]
+        other = [sys.executable, "-c", MANY, str(files[0]), str(files[0]), "0" * 1000, "0" * 1000]
+        assert subprocess.run(other, capture_output=True, check=False).stderr == b""
+        assert (new / "a").read_text() == "3" * 1000  # nobody else is alone
 
 
 def test_a_half_unpacked_folder_of_a_process_that_was_killed_is_not_used_and_goes(place, tmp_path):
-    with cache.unpacked(archive(tmp_path / "a.zip", a="x")):
+    with unpacked(archive(tmp_path / "a.zip", a="x")):
         pass
     left = place / "new-abc"
     left.mkdir()
     os.utime(left, (0, 0))
-    with cache.unpacked(archive(tmp_path / "b.zip", a="y")) as found:
+    with unpacked(archive(tmp_path / "b.zip", a="y")) as found:
         assert (found / "a").read_text() == "y"
     assert not left.exists()
 
 
 MANY = """
-import sys
+import os, sys
 from pathlib import Path
 from harness.files import cache
 cache.LIMIT = 0
 for k in range(150):
-    with cache.unpacked(Path(sys.argv[1 + k % 2])) as found:
-        assert (found / "a").read_text() == sys.argv[3 + k % 2], k
+    found = cache.unpacked(Path(sys.argv[1 + k % 2]))
+    assert (found / "a").read_text() == sys.argv[3 + k % 2], k
+    os.close(cache._hold(found.parents[1]))
+    cache._hold.cache_clear()
 """
 
 
@@ -249,10 +255,10 @@ DAMAGE = {
 @pytest.mark.parametrize("damage", DAMAGE)
 def test_a_damaged_entry_is_made_anew(place, tmp_path, name, damage):
     path = fill(tmp_path / "x.fmu")
-    with cache.unpacked(path) as found:
+    with unpacked(path) as found:
         DAMAGE[damage](found / name)
     for _ in range(2):
-        with cache.unpacked(path) as found:
+        with unpacked(path) as found:
             assert read(found) == CONTENT
     assert len(entries(place)) == 1
 
@@ -260,11 +266,11 @@ def test_a_damaged_entry_is_made_anew(place, tmp_path, name, damage):
 @pytest.mark.parametrize("left", [[], ["sha256"], ["content"]])
 def test_an_entry_of_which_something_is_left_is_made_anew(place, tmp_path, left):
     path = fill(tmp_path / "x.fmu")
-    with cache.unpacked(path) as found:
+    with unpacked(path) as found:
         pass
     for part in {"sha256", "content"} - set(left):
         (found.parent / part).rename(tmp_path / part)
-    with cache.unpacked(path) as found:
+    with unpacked(path) as found:
         assert read(found) == CONTENT
 
 
@@ -308,7 +314,7 @@ def test_an_entry_is_on_the_disk_before_it_has_its_name(place, tmp_path, monkeyp
 
     monkeypatch.setattr(os, "fsync", synced)
     monkeypatch.setattr(Path, "rename", renamed)
-    with cache.unpacked(fill(tmp_path / "x.fmu")) as found:
+    with unpacked(fill(tmp_path / "x.fmu")) as found:
         pass
     (at,) = [k for k, (what, _) in enumerate(events) if what == "rename"]
     entry, new = found.parent, events[at][1]
@@ -345,7 +351,7 @@ def notes(caplog):
 
 def used_three_times(path):
     for _ in range(3):
-        with cache.unpacked(path) as found:
+        with unpacked(path) as found:
             yield found
 
 
