@@ -15,7 +15,7 @@ from harness.errors import FmuError
 from harness.files.archive import XmlElement
 from harness.ssp.xml import NS, NUMBERS, tag
 from harness.system.interface import Interface, read_interface
-from harness.system.model import Connection, Port
+from harness.system.model import Connection
 from harness.system.values import Index, Name, Variable, elements_of, grid, index
 
 
@@ -79,10 +79,16 @@ def values(element: XmlElement) -> list[str]:
 
 
 class JoinedEnd(NamedTuple):
-    """A connector at an end of a connection, and the element of it that is meant; () for all."""
+    """A connector at an end of a connection, the element of it that is meant, () for all, and its
+    shape.
+    """
 
     connector: str
-    indices: Index = ()
+    indices: Index
+    shape: Index
+
+
+Joined = tuple[Connection, JoinedEnd, JoinedEnd]
 
 
 def connector_name(interface: Interface, variable: Variable) -> str:
@@ -109,41 +115,33 @@ def type_name(variable: Variable, version: int) -> str:
 
 def joined(
     connections: Sequence[Connection], interfaces: Mapping[str, Interface]
-) -> Iterator[tuple[Connection, JoinedEnd, JoinedEnd]]:
-    """Connections with both ends as SSP has them: one for all elements of two arrays that belong
-    together.
+) -> Iterator[Joined]:
+    """Connections with both ends as SSP has them: one for all elements of two arrays of one shape
+    that are joined each with its like.
     """
-    bundles: dict[tuple[Port, Port], list[Connection]] = {}
+    bundles: dict[tuple[str, ...], list[Joined]] = {}
+    rows = []
     for c in connections:
-        bundles.setdefault(_bundle(c), []).append(c)
-    whole = {key for key, bundle in bundles.items() if _is_whole(bundle, interfaces)}
-    for c in connections:
-        source, target = (_end(interfaces[p.component], p.variable) for p in c[:2])
-        if _bundle(c) not in whole:
+        source, target = (_end(interfaces[port.component], port.variable) for port in c[:2])
+        key = c.source.component, source.connector, c.target.component, target.connector
+        rows.append((key, (c, source, target)))
+        bundles.setdefault(key, []).append(rows[-1][1])
+    whole = {key for key, bundle in bundles.items() if _is_whole(bundle)}
+    for key, (c, source, target) in rows:
+        if key not in whole:
             yield c, source, target
-        elif c is bundles[_bundle(c)][0]:
-            yield c, JoinedEnd(source.connector), JoinedEnd(target.connector)
+        elif c is bundles[key][0][0]:
+            yield c, source._replace(indices=()), target._replace(indices=())
 
 
-def _is_whole(bundle: Sequence[Connection], interfaces: Mapping[str, Interface]) -> bool:
+def _is_whole(bundle: Sequence[Joined]) -> bool:
     """Whether connections join all elements of two arrays of one shape, each with its like."""
-    first = bundle[0]
-    ends = ((interfaces[port.component], port.variable) for port in first[:2])
-    one, other = (shape(interface, interface.variables[name]) for interface, name in ends)
-    alike = all(
-        c.hops == first.hops and index(c.source.variable) == index(c.target.variable)
-        for c in bundle
-    )
-    return bool(one) and one == other and alike and len(bundle) == math.prod(one)
-
-
-def _bundle(c: Connection) -> tuple[Port, Port]:
-    """The arrays that a connection is between."""
-    return Port(c.source.component, c.source.signal), Port(c.target.component, c.target.signal)
+    (first, source, _), *_ = bundle
+    alike = all(c.hops == first.hops and a[1:] == b[1:] for c, a, b in bundle)
+    return bool(source.shape) and alike and len(bundle) == math.prod(source.shape)
 
 
 def _end(interface: Interface, name: str) -> JoinedEnd:
     variable = interface.variables[name]
-    return JoinedEnd(
-        connector_name(interface, variable), index(name) if shape(interface, variable) else ()
-    )
+    sizes = shape(interface, variable)
+    return JoinedEnd(connector_name(interface, variable), index(name) if sizes else (), sizes)

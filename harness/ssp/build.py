@@ -29,7 +29,7 @@ from harness.ssp.extends import extended
 from harness.ssp.writer import write_ssp
 from harness.system import graph, problems, schema, sliders
 from harness.system.instants import date
-from harness.system.interface import Interface
+from harness.system.interface import Interface, read_interface
 from harness.system.model import (
     Alternative,
     Component,
@@ -148,9 +148,11 @@ def system_of(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> System:
 
 def _ill_formed(source: Mapping[str, Any], fmus: Mapping[str, Path]) -> Iterator[str]:
     """Problems that make it pointless to look further."""
-    for name, fmu in source["components"].items():
+    for name in source["components"]:
         if not (name.isidentifier() and name.isascii()):
             yield f"{name}: the name of a component must be a C identifier"
+    others = {f"alternatives.{fmu}": fmu for fmu in source.get("alternatives", {})}
+    for name, fmu in {**source["components"], **others}.items():
         if fmu not in fmus:
             yield f"{name}: there is no FMU {fmu}{did_you_mean(fmu, fmus)}"
     for tables, kind in (("sets", Set), ("alternatives", Replacement)):
@@ -291,11 +293,25 @@ class _Builder:
         problems = []
         for fmu, table in self.source.alternatives.items():
             try:
-                yield alternative(system, fmu, table, self.fmus)
+                yield self._alternative(system, fmu, table)
             except (StructureError, UsageError) as error:
                 problems += [f"alternatives.{fmu}: {line}" for line in str(error).splitlines()]
         if problems:
             raise StructureError(problems)
+
+    def _alternative(self, system: System, fmu: str, table: Mapping[str, Any]) -> Alternative:
+        """Parameters for another FMU in the place of the component that the table `replaces`."""
+        head, tables = _parted(table, Replacement)
+        place, path = head["replaces"], self.fmus[fmu]
+        values = Assignments({**self.interfaces, place: read_interface(path)})
+        values.tables(tables)
+        given = {name: own for name, own in values.parameters.items() if own}
+        found = Alternative(place, fmu, given)
+        changed = exchange(replace(system, alternatives=(found,)), place, path)
+        if values.problems:
+            raise StructureError(values.problems)
+        graph.build_graph(changed)
+        return found
 
 
 def _unknown(names: Iterable[str], known: Collection[str]) -> Iterator[str]:
@@ -303,28 +319,6 @@ def _unknown(names: Iterable[str], known: Collection[str]) -> Iterator[str]:
     for name in names:
         if name not in known:
             yield f"{name}: there is none of this name{did_you_mean(name, known)}"
-
-
-def alternative(
-    system: System, fmu: str, table: Mapping[str, Any], fmus: Mapping[str, Path]
-) -> Alternative:
-    """Parameters for another FMU in the place of the component that the table `replaces`, tried
-    there.
-    """
-    if fmu not in fmus:
-        raise StructureError([f"there is no such FMU{did_you_mean(fmu, fmus)}"])
-    head, tables = _parted(table, Replacement)
-    place = head["replaces"]
-    changed = exchange(replace(system, alternatives=(Alternative(place, fmu),)), place, fmus[fmu])
-    values = Assignments(graph.read_interfaces(changed))
-    values.tables(tables)
-    if values.problems:
-        raise StructureError(values.problems)
-    found = Alternative(
-        place, fmu, {name: given for name, given in values.parameters.items() if given}
-    )
-    graph.build_graph(exchange(replace(system, alternatives=(found,)), place, fmus[fmu]))
-    return found
 
 
 def read(source: Path, fmus: Mapping[str, Path]) -> System:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import logging
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -69,25 +69,17 @@ def opened(path: Path) -> Iterator[System]:
 
 
 @contextmanager
-def _read(path: Path) -> Iterator[Reading]:
-    """What an archive holds; in the cache, whose names say their content, it is read once."""
-    if (kept := cache.unpacked(path)) is not None:
-        yield _known(kept)
-        return
-    with PrivateFolder() as folder:
-        unpack(path, folder)
-        yield _of_folder(folder)
-
-
-@contextmanager
 def examined(path: Path) -> Iterator[tuple[System, tuple[str, ...]]]:
     """The system in an .ssp as far as it can be read, and what is wrong with its description.
 
     Unpacked as by opened(). Raises ArchiveError or StructureError if there is nothing to read.
     """
-    with ExitStack() as stack:
-        try:
-            system, problems, notes = stack.enter_context(_read(path))
+    kept = cache.unpacked(path)
+    with PrivateFolder() if kept is None else nullcontext(kept) as folder:
+        if kept is None:
+            unpack(path, folder)
+        try:  # what is in the cache is read once: its names say its content
+            system, problems, notes = _of_folder(folder) if kept is None else _known(folder)
         except StructureError as error:
             raise StructureError(f"{path.name}: {problem}" for problem in error.problems) from error
         for note in notes:

@@ -9,7 +9,6 @@ problems are reported at once.
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -127,7 +126,7 @@ SAMPLE_PERIOD = "sample_period"
 
 
 def _uneven_samples(graph: Graph, macro_step: float) -> Iterator[str]:
-    """Components whose samples do not all fall onto the ends of their steps."""
+    """Components whose samples do not all fall onto the ends of their steps, and what to do."""
     every = {node.component.name: node.component.every for node in graph.nodes}
     for slot, period in constants(graph):
         component, _, name = slot.name.partition(".")
@@ -136,20 +135,12 @@ def _uneven_samples(graph: Graph, macro_step: float) -> Iterator[str]:
         step = every[component] * macro_step
         ratio = period / step
         if ratio < 1 - 1e-9 or (ratio < 1e9 and abs(ratio - round(ratio)) > 1e-9 * ratio):
-            yield _uneven(slot.name, component, period, step, macro_step)
-
-
-def _uneven(name: str, component: str, period: float, step: float, macro_step: float) -> str:
-    """What comes of samples between communication points, and what to do about it."""
-    countable = max(period, step) < 1e15  # in nanoseconds
-    common = math.gcd(round(1e9 * period), round(1e9 * step)) / 1e9 if countable else 0.0
-    finer = f"--step {common * macro_step / step:.12g} or " if common > step / 100 else ""
-    nearest = step * max(1, round(period / step))
-    return (
-        f"{name} = {period:g} s is not a multiple of the step of {component}, {step:g} s: a sample "
-        f"between two steps reads inputs that are up to {step:g} s old and acts at the end of its "
-        f"step; {finer}--set {name}={nearest:.12g} avoids that"
-    )
+            yield (
+                f"{slot.name} = {period:g} s is not a multiple of the step of {component}, "
+                f"{step:g} s: a sample between two steps reads inputs that are up to {step:g} s "
+                f"old and acts at the end of its step; another --step or "
+                f"--set {slot.name}={step * max(1, round(ratio)):.12g} avoids that"
+            )
 
 
 def rechecked(system: System, known: System, graph: Graph) -> Checked:

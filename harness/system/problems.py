@@ -12,11 +12,11 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from harness.files.archive import MAX_UNPACKED
 from harness.spelling import did_you_mean
 from harness.system.conversion import final, is_unconverted, way
-from harness.system.interface import Interface, units_agree
+from harness.system.interface import NO_NUMBERS, Interface, units_agree
 from harness.system.model import Component, Connection, Parameter, Port, System
 from harness.system.schedule import problems as schedule_problems
 from harness.system.units import IDENTITY, UndefinedUnitError, Unit, compose
-from harness.system.values import STRUCTURAL, Scalar, Variable, base, structural_problem
+from harness.system.values import STRUCTURAL, Variable, base, unsettable
 
 _log = logging.getLogger("harness")
 
@@ -52,23 +52,18 @@ def value_problems(
 
 def _shared_streams(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
     """Components that draw the same random numbers: seed and stream are equal."""
-    owners: dict[tuple[Scalar, ...], list[str]] = {}
+    owners: dict[tuple[float, ...], list[str]] = {}
     for component in system.components:
         known = interfaces[component.name].variables if component.name in interfaces else {}
         if "seed" in known and "stream" in known:
-            numbers = tuple(_value(component, known[name]) for name in ("seed", "stream"))
+            given = {n: p.value for n, p in component.parameters.items()}
+            values = (given.get(n, known[n].start) for n in ("seed", "stream"))
+            numbers = tuple(v if isinstance(v, int | float) else 0.0 for v in values)
             owners.setdefault(numbers, []).append(component.name)
     for (seed, stream), names in owners.items():
         if len(names) > 1:
             drawn = f"the same random numbers (seed {seed:g}, stream {stream:g})"
             yield f"{' and '.join(names)}: draw {drawn}: give each a stream of its own"
-
-
-def _value(component: Component, variable: Variable) -> Scalar:
-    """The number that a parameter is given, or else its start value."""
-    given = component.parameters.get(variable.name)
-    value = given.value if given else variable.start
-    return float(value) if isinstance(value, int | float) else 0.0
 
 
 def _connection_problems(
@@ -85,8 +80,9 @@ def _connection_problems(
         except ValueError as error:
             yield f"{port}: {error}"
     if len(ends) == 2:
-        yield from _mismatch(connection, *ends)
-        yield from _unit_problem(connection, interfaces, strict)
+        problem = _misfit(connection, ends[0], ends[1], interfaces, strict)
+        if problem is not None:
+            yield f"{connection.target}: {problem}"
 
 
 def _end(port: Port, causality: str, interfaces: Mapping[str, Interface]) -> Variable:
@@ -105,34 +101,32 @@ def _end(port: Port, causality: str, interfaces: Mapping[str, Interface]) -> Var
     return variable
 
 
-def _mismatch(connection: Connection, source: Variable, target: Variable) -> Iterator[str]:
-    if "Binary" in (source.type, target.type):
-        binary = connection.source if source.type == "Binary" else connection.target
-        yield f"{binary}: Binary variables cannot be connected"
-    elif source.type != target.type or source.type == "String":
-        driver = f"{connection.source}, a {source.type}"
-        yield f"{connection.target}: is {target.type}, cannot be driven by {driver}"
-
-
-def _unit_problem(
-    connection: Connection, interfaces: Mapping[str, Interface], strict: bool
-) -> Iterator[str]:
-    """Units that do not fit, and in a strict system those that differ: no other tool converts."""
-    source, target = (interfaces[p.component].variables[p.variable] for p in connection[:2])
+def _misfit(
+    connection: Connection,
+    source: Variable,
+    target: Variable,
+    interfaces: Mapping[str, Interface],
+    strict: bool,
+) -> str | None:
+    """Why an output cannot drive an input: types, or units, which in a strict system have to be
+    equal since no other tool converts.
+    """
+    if source.type != target.type or source.type in NO_NUMBERS:
+        return f"is {target.type}, cannot be driven by {connection.source}, a {source.type}"
     unequal = f"expected unit {target.unit}, {connection.source} has {source.unit}"
     try:
         change = way(connection, interfaces, strict=True)
-        if change != IDENTITY and target.type != "Real":
-            yield f"{connection.target}: is {target.type}, only a Real signal can be transformed"
-        elif strict and not connection.hops and not units_agree(source.unit, target.unit):
-            yield f"{connection.target}: {unequal}"
     except UndefinedUnitError as error:
         if strict:
-            yield f"{connection.target}: {error}"
-        else:
-            _log.warning("%s: taken as it is, %s", connection.target, error)
+            return str(error)
+        _log.warning("%s: taken as it is, %s", connection.target, error)
+        return None
     except ValueError as error:
-        yield f"{connection.target}: {unequal} ({error})"
+        return f"{unequal} ({error})"
+    if change != IDENTITY and target.type != "Real":
+        return f"is {target.type}, only a Real signal can be transformed"
+    is_equal = connection.hops or units_agree(source.unit, target.unit)
+    return unequal if strict and not is_equal else None
 
 
 def _declared_problems(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
@@ -196,9 +190,9 @@ def _parameter_problem(name: str, parameter: Parameter, interface: Interface) ->
     if variable is None:
         return f"there is no such parameter{did_you_mean(name, interface.settable())}"
     if variable.causality == STRUCTURAL:
-        return None if parameter.value == variable.begin else structural_problem(variable)
+        return None if parameter.value == variable.begin else unsettable(variable)
     if not variable.settable:
-        return f"its causality is {variable.causality}, it cannot be set"
+        return unsettable(variable)
     if parameter.value != parameter.value:
         return "must not be NaN"
     try:

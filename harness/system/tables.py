@@ -16,7 +16,6 @@ from harness.spelling import did_you_mean
 from harness.system.interface import Interface
 from harness.system.model import Parameter, Parameters
 from harness.system.values import (
-    STRUCTURAL,
     Value,
     assign,
     base,
@@ -25,8 +24,8 @@ from harness.system.values import (
     leaves,
     parse,
     parse_text,
-    structural_problem,
     too_deep,
+    unsettable,
 )
 
 SHARED = "shared"
@@ -39,14 +38,14 @@ def read_toml(path: Path) -> dict[str, Any]:
     """Content of a TOML file; StructureError if it is not one, UsageError if it is not there."""
     try:
         table = tomllib.loads(contents(path, LONGEST).decode())
+        if too_deep(table):
+            raise RecursionError
     except RecursionError as error:
         raise StructureError([f"{path}: not a readable TOML file (nested too deep)"]) from error
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error.strerror})") from error
     except ValueError as error:  # not TOML, not UTF-8, or a number of thousands of digits
         raise StructureError([f"{path}: not a readable TOML file ({error})"]) from error
-    if too_deep(table):
-        raise StructureError([f"{path}: not a readable TOML file (nested too deep)"])
     return table
 
 
@@ -94,8 +93,8 @@ class Assignments:
         """
         interface = self.interfaces[component]
         found = interface.variables.get(name)
-        if found is not None and found.causality == STRUCTURAL:
-            self.problems.append(f"{component}.{name}: {structural_problem(found)}")
+        if found is not None and known is None and not found.settable:
+            self.problems.append(f"{component}.{name}: {unsettable(found)}")
             return
         try:
             scalars = assign(name, value, interface.settable() if known is None else known)

@@ -352,7 +352,6 @@ STRUCTURAL = "structuralParameter"
 """Causality of what the sizes of arrays may depend on."""
 
 
-def structural_problem(variable: Variable) -> str:
-    """Why a structural parameter cannot be set."""
-    size = f"{variable.begin:g}" if isinstance(variable.begin, (int, float)) else variable.begin
-    return f"is a structural parameter; arrays keep the size of the file ({size})"
+def unsettable(variable: Variable) -> str:
+    """Why a variable cannot be given a value."""
+    return f"its causality is {variable.causality}, it cannot be set"

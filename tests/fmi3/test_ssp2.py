@@ -293,7 +293,7 @@ def _read(path):
         ),
         (
             pair("source.y sink.u", parameters=(("n", "UInt64", "5", ""),)),
-            "sink.n: is a structural parameter; arrays keep the size of the file (2)",
+            "sink.n: its causality is structuralParameter, it cannot be set",
         ),
         (
             pair("source.y sink.u", parameters=(("gain", "Float64", "1 2 3", GAIN[3]),)),

@@ -262,7 +262,7 @@ def test_check_knows_no_changes_of_an_fmu(said):
             )
             for text in ("0:1", "1:b:2", "0:1:0.3")
         ),
-        ("servicer.mass=1,2", "--vary servicer.mass: there is no such variable"),
+        ("servicer.mass=1,2", "--vary servicer.mass: its causality is output, it cannot be set"),
         ("servicer.rho_0_H=1,2", "--vary servicer.rho_0_H: expected 3 elements, got a number"),
         ("servicer.mass_0", "--vary servicer.mass_0: expected name=value"),
         ("servicer.mass_0=1,,2", "--vary servicer.mass_0=1,,2: a value is missing"),

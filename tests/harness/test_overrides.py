@@ -347,7 +347,7 @@ def test_an_exchanged_component_has_no_alternatives_any_more(prepared, other):
     [
         (
             '[alternatives.othr]\nreplaces = "second"',
-            r"alternatives\.othr: there is no such FMU \(close: other\)",
+            r"alternatives\.othr: there is no FMU othr \(close: other\)",
         ),
         (
             '[alternatives.other]\nreplaces = "secnd"',
