@@ -33,6 +33,7 @@ def of_folder(folder: Path) -> str:
     results = _results(folder, labels)
     canvas = canvas_of(results, Arrays())
     drawn = figures(canvas, results)
+    measures = together(map(of_result, results.values())).measures
     return render(
         "compare.html",
         canvas,
@@ -40,9 +41,12 @@ def of_folder(folder: Path) -> str:
             results, canvas.arrays, [{"name": "figures", "figures": drawn}] if drawn else []
         ),
         name=folder.resolve().name,
-        system=next((r.system for r in results.values()), ""),
-        runs=[_run(label, results.get(label)) for label in labels],
-        table=_table(columns, labels, _words(results)),
+        labels=labels,
+        results=results,
+        message=facts.message,
+        table={head: c for head, c in columns.items() if any(map(math.isfinite, c.values()))},
+        words={f"{m.name} [{m.unit}]": m.words for m in measures},
+        cell=_cell,
     )
 
 
@@ -77,34 +81,8 @@ def _curves(result: Result) -> int:
     return sum(3 * len(f.panels) if isinstance(f, Figure) else 3 for f in fitting)
 
 
-def _run(label: str, result: Result | None) -> facts.Facts:
-    """State of a run."""
-    if result is None:
-        return {"label": label, "complete": False, "message": "it has left no results"}
-    return {"label": label, "complete": result.complete, "message": facts.head(result)["message"]}
-
-
-def _words(results: Mapping[str, Result]) -> dict[str, tuple[str, ...]]:
-    """What the values 0, 1, .. of measures stand for, by the heading of the column."""
-    measures = together(map(of_result, results.values())).measures
-    return {f"{m.name} [{m.unit}]": m.words for m in measures if m.words}
-
-
-def _table(
-    columns: Mapping[str, Mapping[str, float]],
-    labels: list[str],
-    words: Mapping[str, tuple[str, ...]],
-) -> facts.Facts:
-    """Measures that at least one run has, with the numbers as texts."""
-    shown = {head: c for head, c in columns.items() if any(map(math.isfinite, c.values()))}
-    rows = [
-        {"label": label, "cells": [_cell(c[label], words.get(head)) for head, c in shown.items()]}
-        for label in labels
-    ]
-    return {"heads": [head.removesuffix(" [1]") for head in shown], "rows": rows}
-
-
-def _cell(value: float, words: Sequence[str] | None) -> str:
+def _cell(value: float, words: Sequence[str] = ()) -> str:
+    """A measure as text; words: what its values 0, 1, .. stand for."""
     if words and 0 <= value < len(words):
         return words[int(value)]
     return f"{value:.4g}" if math.isfinite(value) else "-"

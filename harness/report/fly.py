@@ -22,7 +22,7 @@ import numpy as np
 from harness.errors import UsageError
 from harness.master.changes import Changes, apply
 from harness.master.fused import Module, module_of
-from harness.report import conditions, models, run
+from harness.report import conditions, facts, run
 from harness.report.arrays import Arrays, Canvas, kept_rows
 from harness.report.template import render, text_of
 from harness.report.trace import Trace, traces_kept
@@ -61,17 +61,16 @@ def _page(result: Result, system: System) -> str:
     module = module_of(system, steps)
     named = list(sliders(system.sliders, read_interfaces(system)))
     content = traced(result, [slider.name for slider in named])
-    page = render(
+    return render(
         "fly.html",
         content.canvas,
         content.data,
-        **run.texts(result),
+        **facts.texts(result),
         sliders=[_slider(result, module, slider) for slider in named],
         flight=_flight(result, system, steps, module) | content.operations(),
         module=base64.b64encode(gzip.compress(module.code, 9, mtime=0)).decode(),
         live={name: text_of(name) for name in LIVE},
     )
-    return models.fitting(page, result)
 
 
 # ---- what a flight is told

@@ -28,8 +28,6 @@ LONGEST = 64 * 1024**2
 """Bytes of a model file."""
 MOST = 60_000
 """Triangles of all models together: 48 characters each, half of the page."""
-PAGE = 6_000_000
-"""Bytes of a page."""
 
 
 class Mesh(NamedTuple):
@@ -114,13 +112,9 @@ def _read(path: Path, _stamp: Any) -> tuple[Mesh, ...]:
 
 
 def _meshes(scene: Any) -> Iterator[Mesh]:
-    for node in scene.graph.nodes_geometry:
-        turn, name = scene.graph[node]
-        geometry = scene.geometry[name]
-        if (faces := getattr(geometry, "faces", None)) is None or not len(faces):
-            continue  # lines or points
-        corners = np.asarray(geometry.vertices, dtype=float)[np.asarray(faces).ravel()]
-        yield Mesh(corners @ turn[:3, :3].T + turn[:3, 3], _tint(geometry.visual))
+    for part in scene.dump():
+        if len(getattr(part, "faces", ())):  # else lines or points
+            yield Mesh(np.asarray(part.triangles, dtype=float).reshape(-1, 3), _tint(part.visual))
 
 
 def _tint(visual: Any) -> tuple[float, float, float] | None:
@@ -133,16 +127,6 @@ def _tint(visual: Any) -> tuple[float, float, float] | None:
     shown = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
     red, green, blue = (round(float(x), 4) for x in shown)
     return red, green, blue
-
-
-def fitting(page: str, result: Result) -> str:
-    """The page, if a model has not made it too large; UsageError."""
-    files = named(result)
-    if files and (size := len(page.encode())) > PAGE:
-        raise _refused(
-            ", ".join(files), f"the page has {size / 1e6:.1f} MB, at most 6 MB; simplify the models"
-        )
-    return page
 
 
 def _refused(body: str, problem: str) -> UsageError:

@@ -7,7 +7,7 @@ from typing import Any
 
 from harness.figures.choice import figures_of
 from harness.figures.plots import paint
-from harness.report import facts, models, plots
+from harness.report import facts, plots
 from harness.report.arrays import Arrays, Canvas, points_of
 from harness.report.plots import PAGE, painted
 from harness.report.story import replay
@@ -33,8 +33,7 @@ def canvas_of(result: Result, arrays: Arrays) -> Canvas:
 def of_run(result: Result) -> str:
     """The page of one run as text."""
     canvas = canvas_of(result, Arrays())
-    data = content(canvas, result)
-    return models.fitting(render("run.html", canvas, data, **texts(result)), result)
+    return render("run.html", canvas, content(canvas, result), **facts.texts(result))
 
 
 def content(canvas: Canvas, result: Result) -> dict[str, Any]:
@@ -44,19 +43,6 @@ def content(canvas: Canvas, result: Result) -> dict[str, Any]:
         "scene": replay(result, canvas.arrays),
         "figures": drawn,
         "signals": plots.signals(canvas, result) if len(result.time) > 1 else [],
-    }
-
-
-def texts(result: Result) -> dict[str, Any]:
-    """What the template shows in words and tables."""
-    return {
-        "head": facts.head(result),
-        "measures": facts.measures(result),
-        "papers": facts.papers(result),
-        "demands": facts.demands(result),
-        "chips": facts.chips(result),
-        "margins": facts.margins(result),
-        "parameters": facts.parameters(result),
     }
 
 

@@ -26,7 +26,7 @@ from harness import read, run
 from harness.cli import main
 from harness.errors import HarnessError, ResultsError, UsageError
 from harness.mission.exchange import convert, start_values
-from harness.report.facts import head
+from harness.report.facts import notes
 from harness.results.result import Result
 from harness.ssp.library import load
 from harness.system.instants import days_since_j2000, epoch_of
@@ -650,11 +650,11 @@ def test_a_dated_result_says_when_it_is_in_the_shadow():
     beside = np.linalg.norm(r - np.outer(r @ to_sun, to_sun), axis=1)
     dark = np.flatnonzero((r @ to_sun < 0) & (beside < EARTH))
     assert 0 == dark[0] < dark[-1] < 1790
-    (line,) = [note for note in head(result)["notes"] if "shadow" in note]
+    (line,) = [note for note in notes(result) if "shadow" in note]
     body, begin, end = re.fullmatch(
         r"(\w+) in the shadow of the Earth: (\S+) to (\S+) s", line
     ).groups()
     assert (body, float(begin)) == ("servicer", 0.0)
     assert 0 <= float(end) - result.time[dark[-1]] < 15
     undated = replace(result, provenance=replace(result.provenance, epoch=""))
-    assert not [note for note in head(undated)["notes"] if "shadow" in note]
+    assert not [note for note in notes(undated) if "shadow" in note]

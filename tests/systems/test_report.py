@@ -441,21 +441,17 @@ def test_requirements_stand_in_the_page_with_their_worst_instant(tmp_path, capsy
 def test_the_head_begins_with_what_is_worst():
     """Two rules and a requirement that fail come before all that holds."""
     result = replace(violated(result_of("servicing_mission")), complete=True)
-    looks = [chip["kind"] for chip in facts.chips(result)]
+    looks = [look for look, _ in facts.chips(result)]
     assert looks == sorted(looks, key=facts.WORST_FIRST.index)
-    assert facts.chips(result)[0]["text"] == "2 safety rules violated"
+    assert facts.chips(result)[0] == ("bad", "2 safety rules violated")
     text = Page(of_run(result)).text
     assert text.index("2 safety rules violated") < text.index("complete")
 
 
 def test_many_notes_are_folded_below_the_verdicts(monkeypatch):
     """A mission notes each of its phases: the replay still stands near the top."""
-    result, head, notes = (
-        result_of("sync_approach"),
-        facts.head,
-        ["note 1 of 3", "note 2", "note 3"],
-    )
-    monkeypatch.setattr(facts, "head", lambda of: head(of) | {"notes": notes})
+    result, notes = result_of("sync_approach"), ["note 1 of 3", "note 2", "note 3"]
+    monkeypatch.setattr(facts, "notes", lambda of: notes)
     text = of_run(result)
     assert '<div class="note">' not in text
     chips, folded = text.index('class="chips"'), text.index('<details class="flown notes">')
@@ -467,10 +463,10 @@ def test_many_notes_are_folded_below_the_verdicts(monkeypatch):
 
 def test_claims_of_several_papers_are_counted_together():
     result = result_of("arm_capture")
-    verdicts = [claim["verdict"] for paper in facts.papers(result) for claim in paper["claims"]]
-    assert len(facts.papers(result)) == 2
-    count = sum(verdict.startswith("reproduced") for verdict in verdicts)
-    texts = [chip["text"] for chip in facts.chips(result) if "claim" in chip["text"]]
+    verdicts = [each.verdict for paper in judged(result) for _, each in paper.claims]
+    assert len(judged(result)) == 2
+    count = verdicts.count(Verdict.REPRODUCED)
+    texts = [text for _, text in facts.chips(result) if "claim" in text]
     assert f"{count} claims reproduced" in texts
     assert len({text.split(" ", 2)[2] for text in texts}) == len(texts)
 
