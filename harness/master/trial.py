@@ -16,7 +16,7 @@ from harness.master.isolated import in_child, timed
 from harness.master.messages import noted
 from harness.master.refusals import as_typed, without
 from harness.master.simulation import Simulation
-from harness.system.model import Origin, System
+from harness.system.model import System
 
 
 def refused(
@@ -76,11 +76,10 @@ def _begin(system: System) -> None:
 
 def _alone(system: System, name: str) -> System:
     """One component for one macro step."""
-    experiment = system.experiment
-    (component,) = (alone := system.alone(name)).components
+    component, experiment = system.component(name), system.experiment
     step = experiment.step or 1.0
     span = replace(experiment, step=step, stop=experiment.start + max(1, component.every) * step)
-    return replace(alone, experiment=span, origin=Origin())
+    return System(system.name, (component,), (), span)
 
 
 def _try(system: System, patience: float) -> None:

@@ -19,7 +19,8 @@ def extended(source: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
 
     above: the files that extend this one.
     """
-    table, mission = _read(source), source.resolve().parent.name
+    table = _read(source)
+    mission = folder = source.resolve().parent.name
     if (base := table.get("extends")) is not None:
         path = _base(source, str(base))
         if path.resolve() in (chain := (*above, source.resolve())):
@@ -28,30 +29,22 @@ def extended(source: Path, above: tuple[Path, ...] = ()) -> dict[str, Any]:
         if not source.with_name(FILE).is_file():
             mission = under["mission"]
         table = _over({k: v for k, v in under.items() if k != "name"}, table)
-    folder = source.resolve().parent.name
     table.setdefault("name", folder if source.name == SYSTEM else f"{folder}_{source.stem}")
     return table | {"mission": mission}
 
 
 def _read(source: Path) -> dict[str, Any]:
-    """Content of a TOML; paths of files as seen from the folder that it stands in."""
-    table, scene = read_toml(source), "scene"
-    if "start" in table:
-        table["start"] = _placed(table["start"], source)
-    if isinstance(table.get(scene), Mapping):
-        table[scene] = {k: _placed(v, source) for k, v in table[scene].items()}
+    """Content of a TOML; paths of files as seen from the folder that it stands in. What has several
+    lines is the content of a file.
+    """
+    table = read_toml(source)
+    scene = table.get("scene")
+    tables: list[Any] = [table.get("start"), isinstance(scene, dict) and scene.get("models")]
+    for files in tables:
+        for name, text in files.items() if isinstance(files, dict) else ():
+            if isinstance(text, str) and "\n" not in text.strip():
+                files[name] = str(source.resolve().parent / text)
     return table
-
-
-def _placed(files: Any, source: Path) -> Any:
-    """A table of files; what has several lines is the content of one."""
-    if not isinstance(files, Mapping):
-        return files
-    folder = source.resolve().parent
-    return {
-        name: str(folder / text) if isinstance(text, str) and "\n" not in text.strip() else text
-        for name, text in files.items()
-    }
 
 
 def _base(source: Path, name: str) -> Path:
@@ -59,11 +52,9 @@ def _base(source: Path, name: str) -> Path:
     or of any mission at hand.
     """
     folder = source.resolve().parent
-    beside = [p for p in folder.parent.glob(f"*/{SYSTEM}") if p.parent != folder]
-    known = {path.stem: path for path in sorted(folder.glob("*.toml"))}
-    for mission in (folder, *(path.parent for path in beside)):
+    known = {**systems(), **{path.stem: path for path in sorted(folder.glob("*.toml"))}}
+    for mission in (folder, *(path.parent for path in folder.parent.glob(f"*/{SYSTEM}"))):
         known |= systems_in(mission)
-    known = systems() | known
     if name not in known:
         raise StructureError([f"extends: there is no system {name}{did_you_mean(name, known)}"])
     return known[name]

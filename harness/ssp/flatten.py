@@ -175,11 +175,10 @@ def _names(places: list[Place]) -> dict[Place, str]:
     """A C identifier for every component: its own name, or all names on the way to it joined;
     unique.
     """
-    fitting = (place for place in places if place == (_identifier(place[0]),))
-    names: dict[Place, str] = {place: place[0] for place in fitting}
-    taken = set(names.values())
+    names: dict[Place, str] = {}
+    taken: set[str] = set()
     last: Counter[str] = Counter()
-    for place in (place for place in places if place not in names):
+    for place in sorted(places, key=lambda place: place != (_identifier(place[0]),)):
         wish = name = _identifier("_".join(place))
         while name in taken:
             last[wish] += 1

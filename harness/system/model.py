@@ -188,16 +188,3 @@ class System:
     @cached_property
     def _by_name(self) -> dict[str, Component]:
         return {c.name: c for c in self.components}
-
-    def alone(self, name: str) -> System:
-        """One component, with nothing that drives it and nobody who reads it."""
-        return System(
-            self.name,
-            (self.component(name),),
-            (),
-            self.experiment,
-            self.description,
-            compared=self.compared,
-            mission=self.mission,
-            origin=self.origin,
-        )

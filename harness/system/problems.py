@@ -15,7 +15,7 @@ from harness.system.conversion import final, is_unconverted, way
 from harness.system.interface import NO_NUMBERS, Interface, units_agree
 from harness.system.model import Component, Connection, Parameter, Port, System
 from harness.system.schedule import problems as schedule_problems
-from harness.system.units import IDENTITY, UndefinedUnitError, Unit, compose
+from harness.system.units import IDENTITY, UndefinedUnitError, compose
 from harness.system.values import STRUCTURAL, Variable, base, unsettable
 
 _log = logging.getLogger("harness")
@@ -130,23 +130,24 @@ def _misfit(
 
 
 def _declared_problems(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
-    """Connectors that claim another unit than the FMU has."""
+    """Connectors that claim another unit than the FMU has, whatever its name; the log says where
+    that is not known.
+    """
     for port, claimed in system.declared.items():
         interface = interfaces.get(port.component)
         variable = None if interface is None else interface.variables.get(port.variable)
-        if interface and variable and not _same(port, claimed, interface.unit(variable)):
+        if interface is None or variable is None:
+            continue
+        try:
+            is_equal = compose(claimed, (), interface.unit(variable)) == IDENTITY
+        except UndefinedUnitError as error:
+            note = "%s: the unit %s of its connector is not compared (%s)"
+            _log.warning(note, port, claimed.name, error)
+            continue
+        except ValueError:
+            is_equal = False
+        if not is_equal:
             yield f"{port}: the connector has the unit {claimed.name}, the FMU {variable.unit}"
-
-
-def _same(port: Port, a: Unit, b: Unit | None) -> bool:
-    """Whether two units mean the same, under whatever names; the log says if that is not known."""
-    try:
-        return compose(a, (), b) == IDENTITY
-    except UndefinedUnitError as error:
-        _log.warning("%s: the unit %s of its connector is not compared (%s)", port, a.name, error)
-        return True
-    except ValueError:
-        return False
 
 
 def _double_drive(connections: Sequence[Connection]) -> Iterator[str]:

@@ -204,26 +204,19 @@ def assign(name: str, value: Value, known: Collection[str]) -> dict[str, Scalar]
     elements = elements_of(name, known)
     if not elements:
         raise ValueError(f"there is no such variable{did_you_mean(name, with_arrays(known))}")
-    if elements == [name]:
-        given = _single(name, value)
-    else:
-        whole = grid(map(index, elements))
-        by_place = expand(name, value, whole.first if whole else ())
-        if by_place.keys() != {str(Name.read(e)) for e in elements}:
-            got = _quoted(value) if isinstance(value, str) else _shape(list(by_place))
-            wanted = f"expected {_shape(elements)}"
-            raise ValueError(f"{wanted}, got {got}{_as_a_list(value, elements)}")
-        given = {element: by_place[str(Name.read(element))] for element in elements}
+    is_scalar = elements == [name]
+    whole = None if is_scalar else grid(map(index, elements))
+    by_place = expand(name, value, whole.first if whole else ())
+    places = {e: e if is_scalar else str(Name.read(e)) for e in elements}
+    if by_place.keys() != set(places.values()):
+        wanted = "a number" if is_scalar else _shape(elements)
+        got = _quoted(value) if isinstance(value, str) else _shape(list(by_place))
+        raise ValueError(f"expected {wanted}, got {got}{_as_a_list(value, elements)}")
+    given = {element: by_place[place] for element, place in places.items()}
     for element, scalar in given.items():
         if isinstance(scalar, float) and math.isnan(scalar):
             raise ValueError(f"{element if element != name else 'it'} must not be NaN")
     return given
-
-
-def _single(name: str, value: Value) -> dict[str, Scalar]:
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        raise ValueError(f"expected a number, got {_shape(list(expand('x', value)))}")
-    return {name: value}
 
 
 def _as_a_list(value: Value, elements: Sequence[str]) -> str:

@@ -224,6 +224,24 @@ def test_parameters_of_nested_systems_by_connector_and_by_dotted_name(fly):
         assert np.array_equal(result.values, flat.values)
 
 
+@pytest.mark.parametrize(
+    ("inner", "outer", "k"),
+    [
+        ("rate=5", "plant.rate=9", 9),
+        ("rate=5", "plant.gain.k=8", 8),
+        ("rate=5", "", 5),
+        ("gain.k=7", "plant.rate=9", 9),
+    ],
+)
+def test_the_outer_binding_wins_by_connector_and_by_name(fly, inner, outer, k):
+    gain = component("gain", "gain", bindings=inline(ssv("k=3")))
+    ports, wires = ("u<", "rate="), ["u gain.u", "rate gain.k"]
+    plant = system("plant", [gain], wires, *ports, bindings=inline(ssv(inner)))
+    over = inline(ssv(outer)) if outer else ""
+    result = fly(system("top", [COUNT, plant], ["count.n plant.u"], bindings=over))
+    assert result["plant_gain.y"].tolist() == [0, 0, k, 2 * k]
+
+
 def test_inputs_of_the_top_system_take_their_value_from_its_bindings(fly):
     wires = [f"u gain.u {linear(2, 1)}", "gain.y y"]
     top = system("top", [GAIN], wires, "u<", "y>", bindings=inline(ssv("u=3")))
