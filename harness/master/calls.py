@@ -48,14 +48,8 @@ CTYPES: Mapping[int, Mapping[str, Any]] = {
 }
 """Types in C by version of FMI; values go in this order, and loop.c counts those of 3.0 so."""
 
-NEEDED = (
-    "EnterInitializationMode",
-    "ExitInitializationMode",
-    "DoStep",
-    "Terminate",
-    "FreeInstance",
-)
-"""Functions that every run calls, beside those that get and set values."""
+NEEDED = ("DoStep", "Terminate", "FreeInstance")
+"""Functions that are called when there are rows to lose."""
 
 
 def layout(*types: tuple[Any, str]) -> list[tuple[str, Any]]:

@@ -166,11 +166,10 @@ def _known(system: System, option: str, name: str) -> str:
 
 def joined(own: Changes, further: Changes) -> Changes:
     """Changes with further ones over them; those of one name each do not replace others."""
+    one: Mapping[str, Any] = own
     both: dict[str, Any] = {**own, **further}
-    for name in ("set", "swap", "on", "latency"):
-        given: list[Any] = [c[name] for c in (own, further) if name in c]
-        if len(given) == 2:
-            both[name] = {k: v for each in given for k, v in pairs(f"--{name}", each)}
+    for name in (n for n in NAMED if n in own and n in further):
+        both[name] = {k: v for each in (one[name], both[name]) for k, v in pairs(f"--{name}", each)}
     return both  # type: ignore[return-value]
 
 
@@ -185,7 +184,8 @@ def as_in_a_file(error: HarnessError) -> str:
 def _swapped(system: System, swaps: Given, names: Given) -> System:
     """Other FMUs, each with the names of ports that are given for it."""
     if unknown := unmapped(swaps, names):
-        raise UsageError(_without_port(unknown[0], swaps))
+        ports = {base(port) for fmu in swaps.values() for port in _ports_of(fmu)}
+        raise UsageError(no_port(unknown[0], ports))
     for component, fmu in swaps.items():
         known = _ports_of(fmu) if names else []
         local = [(_local(theirs, component, known), str(ours)) for theirs, ours in names.items()]
@@ -210,12 +210,9 @@ def _local(name: str, component: str, known: Collection[str]) -> str:
     return next((each for each in (name, inner) if has_port(each, known)), "")
 
 
-def _without_port(name: str, swaps: Given) -> str:
-    if not swaps:
-        return f"--map {name}: names ports of an FMU that is put in by --swap"
-    known = {base(port) for fmu in swaps.values() for port in _ports_of(fmu)}
-    fmus = " and ".join(dict.fromkeys(find_fmu(fmu).name for fmu in swaps.values()))
-    return f"--map {name}: {fmus} has no such port{did_you_mean(name, known)}"
+def no_port(name: str, known: Collection[str] = ()) -> str:
+    """What is wrong with a name of --map that stands for none of these ports."""
+    return f"--map {name}: no FMU that --swap puts in has such a port{did_you_mean(name, known)}"
 
 
 # ---- parameters

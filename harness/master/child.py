@@ -220,17 +220,12 @@ def _work(
     _log.handlers, _log.propagate = [Notes(lambda text: send(NOTE, text))], False
     try:
         value = function(send, *arguments)
-    except Exception as error:
-        send(OUTCOME, (portable(error), None))
+    except HarnessError as error:
+        send(OUTCOME, (error, None))
+    except Exception as error:  # others may not go through a pipe
+        send(OUTCOME, (RuntimeError(f"{type(error).__name__}: {error}"), None))
     else:
         send(OUTCOME, (None, value))
-
-
-def portable(error: Exception) -> Exception:
-    """The error as it can be sent: ours as they are, others by name and text."""
-    if isinstance(error, HarnessError):
-        return error
-    return RuntimeError(f"{type(error).__name__}: {error}")
 
 
 def _stand_alone() -> None:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import FmuError, RefusalError, RunError
-from harness.files import cache, machine
+from harness.files import cache
 from harness.files.archive import unpack
 from harness.files.paths import is_ours
 from harness.master import messages
@@ -27,11 +27,14 @@ from harness.master.calls import FATAL, NAMES, OK, WARNING, Calls
 from harness.master.refusals import refusals
 from harness.master.transfer import Transfer, transfers
 from harness.system.graph import Node
-from harness.system.interface import Interface, binaries
+from harness.system.interface import Interface, binaries, binary_problem
 from harness.system.schedule import EARLY_RETURN, TERMINATION, Verb
 from harness.system.values import Scalar, Variable, base, resting
 
-ERROR_CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
+HEARD = (
+    *("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal"),
+    messages.STATISTICS,
+)
 """Log categories of FMI 2.0 that are listened to; everything else stays off."""
 
 SAID = {
@@ -45,8 +48,6 @@ DOING = {
     Verb.STEP: "step failed",
     Verb.GET: "reading outputs failed",
 }
-
-HEARD = (*ERROR_CATEGORIES, messages.STATISTICS)
 
 
 def _is_python(interface: Interface) -> bool:
@@ -69,18 +70,6 @@ def _unpacked(path: Path, folder: Callable[[], Path], files: ExitStack, ours: bo
     return own
 
 
-def _library(interface: Interface, folder: Path, label: str) -> Path:
-    """Path of its library in the unpacked FMU."""
-    places = (folder / name for name in binaries(interface))
-    if (library := next((file for file in places if file.is_file()), None)) is None:
-        raise FmuError(f"{label} holds no binary for this platform")
-    with library.open("rb") as file:
-        reason = machine.foreign(file.read(machine.HEAD))
-    if reason:
-        raise FmuError(f"{label}: {library.relative_to(folder)} {reason}")
-    return library
-
-
 class Instance:
     """An instance of an FMU in its place in the system."""
 
@@ -99,21 +88,23 @@ class Instance:
         with ExitStack() as files:
             self.calls = self._loaded(_unpacked(node.interface.path, folder, files, self.ours))
             self._listen()
+            self.transfers = self._transfers()
             self._files = files.pop_all()
         self.no_rollback = 0 if node.interface.model.coSimulation.canGetAndSetFMUstate else 1
-        self.transfers = self._transfers()
 
     def _loaded(self, folder: Path) -> Calls:
         """The calls of an unpacked FMU; FmuError."""
         interface = self.node.interface
-        label = f"{self.name}: {interface.path.name}"
-        library = _library(interface, folder, label)
+        places = [folder / name for name in binaries(interface)]
+        library = next((file for file in places if file.is_file()), places[0])
         messages.forget(self.name)
         try:
             return Calls(self.name, interface, folder, library, logging=_is_python(interface))
         except Exception as error:  # whatever the library has made of it
-            reason = messages.take_error(self.name) or " ".join(str(error).split())
-            raise FmuError(f"{label} cannot be loaded: {reason}") from error
+            said = messages.take_error(self.name) or " ".join(str(error).split())
+            reason = binary_problem(interface) or said
+            file = interface.path.name
+            raise FmuError(f"{self.name}: {file} cannot be loaded: {reason}") from error
 
     @property
     def every(self) -> int:

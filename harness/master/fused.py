@@ -10,7 +10,6 @@ core/build/web_module.py makes the module of it.
 from __future__ import annotations
 
 import ctypes
-import hashlib
 import importlib.util
 import json
 import logging
@@ -19,11 +18,10 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -156,8 +154,7 @@ class WholeInstance(Instance):
 # ---- a module for pages
 
 
-@dataclass(frozen=True)
-class Module:
+class Module(NamedTuple):
     """A module and what its flights are told.
 
     names, references, values: of everything that can be set, in one order; outputs: references by
@@ -187,17 +184,11 @@ def module_of(system: System, found: Checked) -> Module:
     web = web_compiler()
     native = COMPILER if shutil.which(COMPILER) else shlex.join(web)
     whole = Whole(system, found.graph, native)
-    fmu = whole.interface.path
-    key = hashlib.sha256(fmu.read_bytes())
-    core = _core()
-    tool = core / "build" / "web_module.py"
-    for file in (core / "web" / "fly.c", tool):
-        key.update(file.read_bytes())
-    key.update(repr(web).encode())
-    said = f"--cc={shlex.join(web)}"
-    file = cache.made(
-        "whole.wasm", key.digest(), lambda to: _run(tool, str(fmu), "-o", str(to), said)
-    )
+    core, fmu = _core(), whole.interface.path
+    tool, options = core / "build" / "web_module.py", f"--cc={shlex.join(web)}"
+    contents = (file.read_bytes() for file in (fmu, core / "web" / "fly.c", tool))
+    key = b"\0".join([repr(web).encode(), *contents])
+    file = cache.made("whole.wasm", key, lambda to: _run(tool, str(fmu), "-o", str(to), options))
     slots = (slot.name for slot in found.graph.slots)
     return Module(
         file.read_bytes(),
@@ -260,27 +251,20 @@ def _command(compiler: str) -> list[str]:
 
 def _key(plan: dict[str, Any], compiler: Sequence[str]) -> bytes:
     """What the compiled whole depends on: structure, FMUs, tools; not the values, which are set."""
-    total = hashlib.sha256(json.dumps([plan["plan"], list(compiler)]).encode())
-    for part in plan["parts"]:
-        total.update(json.dumps([part["name"], part["driven"], part["late"]]).encode())
-        total.update(hashlib.sha256(Path(part["fmu"]).read_bytes()).digest())
+    parts = plan["parts"]
+    built = [plan["plan"], compiler, *([p["name"], p["driven"], p["late"]] for p in parts)]
     found = Path(shutil.which(compiler[0]) or "").resolve()
-    total.update(repr((str(found), paths.stamp(found))).encode())
-    for file in _tools():
-        total.update(file.read_bytes())
-    return total.digest()
+    rooms = (sorted((_core() / room).iterdir()) for room in ("adapter", "build"))
+    tools = (f for files in rooms for f in files if f.suffix in (".c", ".h", ".py"))
+    contents = (f.read_bytes() for f in (*(Path(p["fmu"]) for p in parts), *tools))
+    about = json.dumps([built, str(found), repr(paths.stamp(found))])
+    return b"\0".join([about.encode(), *contents])
 
 
 def _core() -> Path:
     core = paths.core()
     assert core is not None  # _command() has looked
     return core
-
-
-def _tools() -> Iterator[Path]:
-    for room in ("adapter", "build"):
-        files = (_core() / room).iterdir()
-        yield from sorted(f for f in files if f.suffix in (".c", ".h", ".py"))
 
 
 def _make(plan: dict[str, Any], path: Path, compiler: Sequence[str], fmi: int = 2) -> None:

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from harness.errors import FmuError, HarnessError, InterruptionError, RunError
+from harness.errors import FmuError, InterruptionError, RunError
 from harness.files import signals
 from harness.files.paths import is_ours
 from harness.master import child
@@ -24,8 +24,8 @@ from harness.master import simulation as here
 from harness.master.child import GRACE_SECONDS, OUTCOME, Block, Child, Send, array, block
 from harness.master.messages import noted
 from harness.master.pacer import Pacer
-from harness.master.progress import Watch, shown
-from harness.master.simulation import Progress, Simulation
+from harness.master.progress import Show, Watch, shown
+from harness.master.simulation import Simulation
 from harness.results.result import Result
 from harness.system.model import System
 
@@ -148,7 +148,7 @@ class _Run:
             self._judge()
             return self.simulation.result()
 
-    def _follow(self, show: Progress, seconds: float = math.inf) -> None:
+    def _follow(self, show: Show | None, seconds: float = math.inf) -> None:
         for kind, content in self.child.messages(seconds):
             if kind == BEGUN:
                 self.calls = content
@@ -188,31 +188,23 @@ class _Run:
 
     def _judge(self) -> None:
         """Raise what has ended the run early; a complete run is not lost to what came after it."""
-        simulation = self.simulation
-        simulation.recorder.mend()
+        simulation, recorder = self.simulation, self.simulation.recorder
+        recorder.mend()
         complete = self.calls is not None and simulation.step == simulation.steps
-        instance, call = self.child.place
+        (instance, call), end = self.child.place, self.verdict or self.child.end()
         if self.closed:
             self.child.report_output()
         elif self.over or complete:
-            _log.warning("%s: %s %s; the run was over", instance, call, self._end())
+            _log.warning("%s: %s %s; the run was over", instance, call, end)
         else:
-            self.error = self._crash(instance, call)
+            if self.calls is not None and 0 <= recorder.call < len(self.calls):
+                instance, call = self.calls[recorder.call]
+            name = instance or simulation.system.name
+            self.error = RunError(name, simulation.time, f"{call} {end}")
         if isinstance(self.error, RunError) and self.calls is not None:
             self.error.partial = simulation.result(str(self.error))
         if self.error is not None:
             raise self.error
-
-    def _crash(self, instance: str, call: str) -> HarnessError:
-        simulation = self.simulation
-        if self.calls is not None and 0 <= simulation.recorder.call < len(self.calls):
-            instance, call = self.calls[simulation.recorder.call]
-        name = instance or simulation.system.name
-        return RunError(name, simulation.time, f"{call} {self._end()}")
-
-    def _end(self) -> str:
-        """In what way the child has ended."""
-        return self.verdict or self.child.end()
 
 
 # ---- in the child

@@ -81,14 +81,8 @@ class Pacer:
         late, waited = np.array(self._late), np.array(self._waited, dtype=bool)
         waited[:1] = True  # the first step is what the others are counted from
         jitter = late[waited] if waited.any() else np.zeros(1)
-        over = late[~waited]
-        return Timing(
-            self.factor,
-            len(late),
-            float(jitter.mean()),
-            float(np.percentile(jitter, 99)),
-            float(jitter.max()),
-            len(over),
-            float(over.max(initial=0.0)),
-            float(late[-1]) if len(late) else 0.0,
-        )
+        mean, p99, largest = map(float, (jitter.mean(), np.percentile(jitter, 99), jitter.max()))
+        over, drift = late[~waited], float(late[-1]) if len(late) else 0.0
+        overruns, longest = len(over), float(over.max(initial=0.0))
+        steps = len(late)
+        return Timing(self.factor, steps, mean, p99, largest, overruns, longest, drift)

@@ -90,12 +90,9 @@ class StandIn:
         path = next(file for name in binaries(interface) if (file := folder / name).is_file())
         self._fmu = ctypes.CDLL(str(path))
         self._serve = ctypes.CDLL(str(place)).serve
-        self._software = _Software(
-            name=fmu.stem.encode(),
-            guid=interface.model.guid.encode(),
-            variables=len(interface.variables),
-            **{member: _address(self._fmu, f) for member, f in functions(interface).items()},
-        )
+        about = fmu.stem.encode(), interface.model.guid.encode(), len(interface.variables)
+        members = {member: _address(self._fmu, f) for member, f in functions(interface).items()}
+        self._software = _Software(*about, **members)
         self._slot = _Slot()
 
     def __enter__(self) -> StandIn:
@@ -127,14 +124,8 @@ class StandIn:
                 failures.append(error)
             return not failures
 
-        board = _Board(
-            target=TARGET,
-            software=ctypes.pointer(self._software),
-            slot=ctypes.pointer(self._slot),
-            count=1,
-            read=_READ(read),
-            write=_WRITE(write),
-        )
+        software, slot = ctypes.pointer(self._software), ctypes.pointer(self._slot)
+        board = _Board(TARGET, software, slot, 1, _READ(read), _WRITE(write))
         self._serve(ctypes.byref(board))
         if failures:
             raise failures[0]

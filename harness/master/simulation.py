@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +24,7 @@ from harness.master.executors import EXECUTORS, FUSED, Clock, Loop, known_execut
 from harness.master.fmu import Instance
 from harness.master.fused import Whole, WholeInstance, compiled, slots_of
 from harness.master.pacer import Pacer
-from harness.master.progress import Watch, shown
+from harness.master.progress import Show, Watch, shown
 from harness.master.recorder import Recorder
 from harness.master.refusals import as_typed
 from harness.results.provenance import flown, now
@@ -46,8 +46,6 @@ _log = logging.getLogger("harness")
 
 Kept = tuple[int, ...] | None
 """Slots that are recorded, in order; None: all."""
-Progress = Callable[[int], None] | None
-"""Called now and then with the number of complete steps."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +144,7 @@ class Simulation:
     # ---- a further run
 
     def fly(
-        self, *, every: int | None = None, progress: Progress = None, **changes: Unpack[Changes]
+        self, *, every: int | None = None, progress: Show | None = None, **changes: Unpack[Changes]
     ) -> Result:
         """Run the system that the simulation was made with, with these changes: the same bits as
         run().
@@ -161,7 +159,7 @@ class Simulation:
         system: System,
         *,
         every: int | None = None,
-        progress: Progress = None,
+        progress: Show | None = None,
         wanted: Collection[str] | None = None,
     ) -> Result:
         """The same for a system that was changed already.
@@ -299,7 +297,7 @@ class Simulation:
         """Present time [s]."""
         return self.clock.time(self.step)
 
-    def advance(self, to: int | None = None, progress: Progress = None) -> None:
+    def advance(self, to: int | None = None, progress: Show | None = None) -> None:
         """Perform macro steps until `to` are complete (default: all), initialising first if that
         was not done.
 
@@ -327,7 +325,7 @@ class Simulation:
         except RunError as error:
             raise self._partial(error) from error.__cause__
 
-    def _advance(self, to: int, progress: Progress) -> None:
+    def _advance(self, to: int, progress: Show | None) -> None:
         if not self._initialised:
             self.initialize()
         chunk = 1
@@ -344,7 +342,7 @@ class Simulation:
         if self.pacer is not None:
             self.timing = str(self.pacer.timing())
 
-    def _look(self, progress: Progress) -> None:
+    def _look(self, progress: Show | None) -> None:
         if progress is not None:
             progress(self.step)
         signals.check()

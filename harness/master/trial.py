@@ -31,11 +31,10 @@ def refused(
     for system in systems:
         for component in system.components:
             values = component.name, component.fmu, frozenset(component.parameters.items())
-            if values in tried or not is_file(component.fmu):
+            chosen = component.name in foreign or is_ours(component.fmu)
+            if values in tried or not is_file(component.fmu) or not chosen:
                 continue
             tried.add(values)
-            if not (is_ours(component.fmu) or component.name in foreign):
-                continue
             try:
                 _try(_alone(system, component.name), patience)
             except RefusalError as error:
@@ -69,11 +68,6 @@ def unreachable(system: System, components: Iterable[str]) -> Iterator[HarnessEr
             continue
 
 
-def _begin(system: System) -> None:
-    with Simulation(system) as simulation:
-        simulation.initialize()
-
-
 def _alone(system: System, name: str) -> System:
     """One component for one macro step."""
     component, experiment = system.component(name), system.experiment
@@ -82,11 +76,14 @@ def _alone(system: System, name: str) -> System:
     return System(system.name, (component,), (), span)
 
 
+def _begin(system: System) -> None:
+    with Simulation(system) as simulation:
+        simulation.initialize()
+
+
 def _try(system: System, patience: float) -> None:
-    (component,) = system.components
     with noted():
-        if not is_ours(component.fmu):
+        if is_ours(system.components[0].fmu):
+            _begin(system)
+        else:
             timed(system, patience=patience)
-            return
-        with Simulation(system) as simulation:
-            simulation.initialize()

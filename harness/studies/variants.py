@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from harness.errors import UsageError
-from harness.master.changes import Changes, joined, pairs, unmapped
+from harness.master.changes import Changes, joined, no_port, pairs, unmapped
 from harness.spelling import is_number
 from harness.studies.campaign.factors import Factor
 from harness.studies.campaign.plan import changes_of, kind_of, option_of
@@ -141,7 +141,7 @@ def _with_maps(variants: Sequence[Variant]) -> Sequence[Variant]:
     strange = [unmapped(each, names) for each in swaps]
     for name in names:
         if all(name in each for each in strange):
-            raise UsageError(f"--map {name}: no FMU that is swapped has such a port")
+            raise UsageError(no_port(name))
     return [
         replace(v, changes={**v.changes, "map": {a: b for a, b in names.items() if a not in each}})
         for v, each in zip(variants, strange, strict=True)

@@ -297,7 +297,7 @@ def with_library(make, fmus, tmp_path):
 
 
 def test_an_fmu_without_a_binary_for_this_platform_is_refused(with_library):
-    with pytest.raises(FmuError, match=r"a: odd\.fmu holds no binary for this platform"):
+    with pytest.raises(FmuError, match=r"a: odd\.fmu cannot be loaded: it holds no binary"):
         run(with_library("binaries/vax/gain.so", b""))
 
 
