@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from harness.errors import UsageError
 from harness.studies.campaign.stopping import clopper_pearson
-from harness.studies.campaign.store import Store
-from harness.studies.inquiry.study import Probability, Study, begun, prepared, say_nominal
+from harness.studies.inquiry.study import Probability, Study, begun, earlier, prepared, say_nominal
 
 Array = NDArray[np.float64]
 
@@ -326,7 +325,9 @@ def _method(entry: Probability, name: str, d: int, seed: int) -> Ask:
             raise UsageError("probability.flights: at least 1400, five repeats of 50 per level")
         return subset(d, seed, entry.flights)
     if entry.centres:
-        failed = _failures(Path(entry.centres), name, d)
+        numbers, margins = earlier("probability.centres", Path(entry.centres), [name], d)
+        if not len(failed := numbers[fails(margins[:, 0])]):
+            raise UsageError(f"probability.centres: no flight of {entry.centres} fails {name}")
         return importance(d, seed, entry.flights, regions(failed), len(failed))
     if per_level(entry.flights // 2) < fewest(d):
         raise UsageError(
@@ -334,16 +335,3 @@ def _method(entry: Probability, name: str, d: int, seed: int) -> Ask:
             f"to find the centres with {fewest(d)} flights per level in {d} numbers"
         )
     return centred(d, seed, entry.flights)
-
-
-def _failures(path: Path, name: str, d: int) -> Array:
-    """Numbers (n, d) of the failures that the dataset of another study of the same factors has."""
-    store = Store.open(path)
-    names = [str(n) for n in store.array("requirement")]
-    if "numbers" not in store.group or name not in names:
-        raise UsageError(f"probability.centres: {path} is of no study of {name}")
-    numbers, margins = store.array("numbers"), store.array("margin")[:, names.index(name)]
-    failed = numbers[margins <= 0]
-    if not len(failed) or numbers.shape[1] != d:
-        raise UsageError(f"probability.centres: {path} has no failure of {name} in {d} numbers")
-    return np.asarray(failed)

@@ -6,10 +6,10 @@ is wrong with them, how they begin, what they leave, and how it reads.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 import numpy as np
@@ -20,6 +20,7 @@ from harness.errors import StructureError, UsageError
 from harness.studies.campaign.campaign import Campaign
 from harness.studies.campaign.draft import table_of
 from harness.studies.campaign.stopping import clopper_pearson
+from harness.studies.campaign.store import Store
 from harness.studies.campaign.worker import FAILED
 from harness.studies.inquiry.driver import Driver
 from harness.studies.inquiry.flights import Flights
@@ -102,12 +103,16 @@ class Study(Campaign):
 
     def summary(self) -> str:
         """What was found, for reading."""
-        status, store = self.store.array("status"), self.store
+        status = self.store.array("status")
         lines = [f"{len(status)} flights, {int((status == FAILED).sum())} died"]
-        units = dict(zip(store.array("requirement"), store.array("margin_units"), strict=True))
         for name, found in self.estimate["of"].items():
-            lines += ["", *LINES[self.kind](_Of(name, found, self, str(units.get(name, ""))))]
+            lines += ["", *LINES[self.kind](name, found, self)]
         return "\n".join(lines)
+
+    def unit(self, name: str) -> str:
+        """Unit of the margins of a requirement."""
+        names = self.store.array("requirement").tolist()
+        return str(self.store.array("margin_units")[names.index(name)])
 
     @property
     def verdict(self) -> bool:
@@ -143,6 +148,16 @@ def prepared(kind: type[T], definition: Any, how: Mapping[str, Any]) -> tuple[T,
     return entry, Flights(definition, workers=how.get("workers"), said=how.get("said", print))
 
 
+def earlier(entry: str, path: Path, of: Iterable[str], d: int) -> tuple[Array, Array]:
+    """Numbers (runs, d) of another study of the same factors, and its margins of requirements."""
+    store = Store.open(path)
+    names = [str(n) for n in store.array("requirement")]
+    chosen = [names.index(n) for n in of if n in names]
+    if "numbers" not in store.group or store.group["numbers"].shape[1] != d or not chosen:
+        raise UsageError(f"{entry}: {path} is no study of {', '.join(of)} with the same factors")
+    return store.array("numbers"), store.array("margin")[:, chosen]
+
+
 def say_nominal(driver: Driver, of: Mapping[str, int]) -> None:
     """Say which requirements the nominal flight fails; UsageError if it does not exercise one."""
     for name, k in of.items():
@@ -163,15 +178,6 @@ SMALL = 0.03
 """Share of all effects below which a factor does not matter."""
 
 
-class _Of(NamedTuple):
-    """One requirement: what a study found of it, and the unit of its margins."""
-
-    name: str
-    found: Any
-    study: Study
-    unit: str
-
-
 def of_unit(value: float | None, unit: str) -> str:
     """A margin as one reads it."""
     if value is None or np.isnan(value):
@@ -185,17 +191,17 @@ def of_unit(value: float | None, unit: str) -> str:
     return f"{value:+.4g} {'' if unit == '1' else unit}".rstrip()
 
 
-def _effects(of: _Of) -> Iterator[str]:
-    found, factors, method = of.found, of.study.estimate["factors"], of.study.estimate["method"]
+def _effects(name: str, found: Any, study: Study) -> Iterator[str]:
+    factors, method, unit = study.estimate["factors"], study.estimate["method"], study.unit(name)
     words = {"morris": "share of the mean effects", "sobol": "total index"}
-    yield f"{of.name}: {words.get(method, 'dependence R2 (HSIC of ranks)')}"
+    yield f"{name}: {words.get(method, 'dependence R2 (HSIC of ranks)')}"
     value, p = np.array(found["value"]), found.get("p")
     share = value / value.sum() if value.sum() > 0 else value
     matters = np.array(p) < 0.05 if p else share > SMALL
     order = np.argsort(-value, kind="stable")
     shown = [k for k in order[:SHOWN] if matters[k]]
     for k in shown:
-        yield f"  {factors[k]:32} {_effect(of, method, k, share[k])}"
+        yield f"  {factors[k]:32} {_effect(found, method, k, share[k], unit)}"
     if len(shown) < len(order):
         hardly = [factors[k] for k in order if k not in shown and value[k] != 0]
         yield f"  hardly: {', '.join(hardly) or 'none'}"
@@ -206,9 +212,8 @@ def _effects(of: _Of) -> Iterator[str]:
         yield f"  {found['died']} flights died and count as the least margin"
 
 
-def _effect(of: _Of, method: str, k: int, share: float) -> str:
+def _effect(found: Any, method: str, k: int, share: float, unit: str) -> str:
     """What factor k does, in the numbers of the method."""
-    found = of.found
     value = found["value"][k]
     if found.get("p"):
         return f"{value:.3f}  p {found['p'][k]:.3f}"
@@ -216,12 +221,12 @@ def _effect(of: _Of, method: str, k: int, share: float) -> str:
         interval = f"({found['low'][k]:.2f} to {found['high'][k]:.2f})"
         return f"{value:.2f} {interval}  first order {found['first'][k]:.2f}"
     sign = "+" if found["signs"][k] >= 0 else "-"
-    return f"{share:.2f}  {sign}{of_unit(value, of.unit)[1:]}"
+    return f"{share:.2f}  {sign}{of_unit(value, unit)[1:]}"
 
 
-def _worst(of: _Of) -> Iterator[str]:
-    name, found, study, unit = of
-    nominal, flights = of_unit(found["nominal"], unit), found["flights"]
+def _worst(name: str, found: Any, study: Study) -> Iterator[str]:
+    unit, flights = study.unit(name), found["flights"]
+    nominal = of_unit(found["nominal"], unit)
     if found["margin"] < 0:
         yield (
             f"{name}: NOT MET, worst margin {of_unit(found['margin'], unit)} in {flights} flights "
@@ -245,8 +250,7 @@ def _worst(of: _Of) -> Iterator[str]:
         yield f"  with {len(seeds)} other seeds: {of_unit(min(seeds), unit)} at worst"
 
 
-def _probability(of: _Of) -> Iterator[str]:
-    name, found = of.name, of.found
+def _probability(name: str, found: Any, _: Study) -> Iterator[str]:
     interval = f"95 %: {found['low']:.2g} to {found['high']:.2g}"
     by = f"by {found['method']}, {found['flights']} flights"
     yield f"{name}: p = {found['p']:.3g} ({interval}) {by}"
@@ -258,10 +262,9 @@ def _probability(of: _Of) -> Iterator[str]:
         yield f"  below {found['below']:g}: {found['verdict']}"
 
 
-def _map(of: _Of) -> Iterator[str]:
-    name, found, store = of.name, of.found, of.study.store
-    names = [str(n) for n in store.array("requirement")]
-    margins = store.array("margin")[:, names.index(name)]
+def _map(name: str, found: Any, study: Study) -> Iterator[str]:
+    store = study.store
+    margins = store.array("margin")[:, store.array("requirement").tolist().index(name)]
     failed = margins < 0
     yield f"{name}: {int(failed.sum())} of {len(margins)} flights fail"
     for factor in found["factors"]:
@@ -271,8 +274,7 @@ def _map(of: _Of) -> Iterator[str]:
             yield f"  fails with {factor} from {low:.6g} to {high:.6g}"
 
 
-def _tuned(of: _Of) -> Iterator[str]:
-    name, found = of.name, of.found
+def _tuned(name: str, found: Any, _: Study) -> Iterator[str]:
     for k, each in enumerate(name.split(", ")):
         yield (
             f"{each}: worst margin {found['start'][k]:+.4g} before, {found['best'][k]:+.4g} after; "

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from harness.errors import UsageError
 from harness.studies.campaign.draft import table_of
-from harness.studies.campaign.store import Store
 from harness.studies.inquiry.flights import Flights
-from harness.studies.inquiry.study import Study, Tune, begun, entries
+from harness.studies.inquiry.study import Study, Tune, begun, earlier, entries
 from harness.studies.inquiry.worst import generation, needs_cma, search
 
 Array = NDArray[np.float64]
@@ -37,39 +36,12 @@ class Tuned(NamedTuple):
     best_unseen: Array
 
 
-def tuned(
-    flights: Flights,
-    gains: list[int],
-    entry: Tune,
-    archive: Store | None,
-    of: list[str],
-) -> tuple[Generator[Array, Array, Tuned], int]:
-    """The method, and how many flights it takes."""
-    rng = np.random.default_rng([flights.plan.table.seed, 1])
-    draws = rng.standard_normal((entry.draws, flights.d))
-    if archive is not None:
-        draws = np.concatenate([_archived(archive, flights, gains, of), draws])
-    unseen = rng.standard_normal((entry.draws, flights.d))
-    draws[:, gains] = unseen[:, gains] = 0
-    candidates = entry.flights // len(draws)
-    least = 2 * generation(len(gains))
-    if candidates < least:
-        raise UsageError(f"tune.flights: at least {least * len(draws)}, {least} candidates")
-    runs = len(draws) * (1 + candidates) + 2 * len(unseen)
-    inner = search(len(gains), flights.plan.table.seed, candidates, entry.box)
-    return _tuned(draws, unseen, gains, inner), runs
-
-
-def _archived(archive: Store, flights: Flights, gains: list[int], of: list[str]) -> Array:
+def _archived(path: Path, of: list[str], gains: list[int], d: int) -> Array:
     """The worst flights of a study of the same factors, without gains."""
-    others = [k for k in range(flights.d) if k not in gains]
-    names = [str(n) for n in archive.array("requirement")]
-    if "numbers" not in archive.group or archive.array("numbers").shape[1] != len(others):
-        raise UsageError("tune.archive: expected the dataset of a study of the same factors")
-    least = archive.array("margin")[:, [names.index(n) for n in of if n in names]].min(axis=1)
-    chosen = archive.array("numbers")[np.argsort(least, kind="stable")[:ARCHIVED]]
-    rows = np.zeros((len(chosen), flights.d))
-    rows[:, others] = chosen
+    numbers, margins = earlier("tune.archive", path, of, d - len(gains))
+    chosen = numbers[np.argsort(margins.min(axis=1), kind="stable")[:ARCHIVED]]
+    rows = np.zeros((len(chosen), d))
+    rows[:, [k for k in range(d) if k not in gains]] = chosen
     return rows
 
 
@@ -139,8 +111,18 @@ def tune(definition: Any, output: str | Path, **how: Any) -> Study:
     flights = Flights({**table, "factors": factors}, workers=how.get("workers"), file=file)
     of = flights.columns(entry.of, slope=True)
     gains = [p for n in entry.gains for p in flights.groups[n]]
-    archive = Store.open(file.parent / entry.archive) if entry.archive else None
-    method, runs = tuned(flights, gains, entry, archive, list(of))
+    d, seed = flights.d, flights.plan.table.seed
+    rng = np.random.default_rng([seed, 1])
+    draws, unseen = rng.standard_normal((2, entry.draws, d))
+    if entry.archive:
+        archive = _archived(file.parent / entry.archive, list(of), gains, d)
+        draws = np.concatenate([archive, draws])
+    draws[:, gains] = unseen[:, gains] = 0
+    candidates, least = entry.flights // len(draws), 2 * generation(len(gains))
+    if candidates < least:
+        raise UsageError(f"tune.flights: at least {least * len(draws)}, {least} candidates")
+    runs = len(draws) * (1 + candidates) + 2 * len(unseen)
+    method = _tuned(draws, unseen, gains, search(len(gains), seed, candidates, entry.box))
     with begun("tune", flights, runs, output, how) as driver:
         found = driver.answer(method, list(of.values()))
         chosen = flights.values(found.numbers, 0)

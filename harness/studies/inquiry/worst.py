@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator, Iterable
+from contextlib import closing
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -177,23 +178,22 @@ def _confirm(driver: Driver, found: dict[str, Any], output: Path) -> None:
     """The worst flights and the nominal one with the own macro step of the system, to files."""
     flights, folder = driver.flights, _folder(output)
     folder.mkdir(parents=True, exist_ok=True)
-    warm = Warm(flights.plan.system)
-    try:
-        rows = {"nominal": (np.zeros(flights.d), 0)}
-        rows |= {n: (np.array(each["numbers"]), each["run"]) for n, each in found.items()}
+    rows = {"nominal": (np.zeros(flights.d), 0)}
+    rows |= {n: (np.array(each["numbers"]), each["run"]) for n, each in found.items()}
+    with closing(Warm(flights.plan.system)) as warm:
         for name, (z, run) in rows.items():
             changes: Any = {k: v for k, v in flights.changes(z, run).items() if k != "step"}
-            result = _flown(warm, changes, flights.plan.table.patience)
-            if result is None:
-                continue
+            try:
+                result = warm.fly(changes, 1, flights.plan.table.patience)
+            except RunError as error:  # of one that died there may be nothing
+                if (result := error.partial) is None:
+                    continue
             save(result, folder / f"{_file(name)}.nc")
             if name in found:
                 own = margin(result, flights.task.requirements[name])
                 found[name]["own step"] = own
                 limit = CLOSE * abs(found[name]["margin"] - found[name]["nominal"])
                 found[name]["differs"] = not abs(own - found[name]["margin"]) <= limit
-    finally:
-        warm.close()
 
 
 def _folder(output: Path) -> Path:
@@ -212,11 +212,3 @@ def confirmed(path: Path, requirements: Iterable[str]) -> dict[str, Path]:
 
 def _file(name: str) -> str:
     return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
-
-
-def _flown(warm: Warm, changes: Any, patience: float) -> Any:
-    """The result of a flight, what there is of one that died, None if it left nothing."""
-    try:
-        return warm.fly(changes, 1, patience)
-    except RunError as error:
-        return error.partial
