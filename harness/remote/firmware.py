@@ -198,14 +198,10 @@ def _run(command: Sequence[object], why: str) -> None:
     except OSError as error:
         raise UsageError(f"{command[0]} cannot be run ({error.strerror})") from error
     if done.returncode:
-        raise FmuError(f"{why}: {_complaint(done.stderr)}")
-
-
-def _complaint(text: str) -> str:
-    """The first error of a compiler, without the folder it was found in."""
-    lines = [line for line in text.splitlines() if "error" in line or "undefined" in line]
-    first = (lines or text.splitlines() or ["the compiler gives no reason"])[0]
-    return re.sub(r"^\S*/", "", first).strip()
+        said = done.stderr.splitlines() or ["the compiler gives no reason"]
+        first = next((line for line in said if "error" in line or "undefined" in line), said[0])
+        complaint = re.sub(r"^\S*/", "", first).strip()  # without the folder it was found in
+        raise FmuError(f"{why}: {complaint}")
 
 
 def _table(parts: Sequence[Part], target: Target) -> str:

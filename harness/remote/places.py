@@ -22,17 +22,14 @@ from harness.errors import UsageError
 from harness.remote.firmware import Part
 from harness.remote.remote import on_processor, stand_in
 from harness.remote.targets import TARGETS, find_target
-from harness.spelling import did_you_mean
+from harness.spelling import did_you_mean, is_number
 from harness.system.model import System
 
 LATE = ("wait", "hold", "stop")
 
 
 def _seconds(text: str) -> bool:
-    try:
-        return 0 < float(text) < math.inf
-    except ValueError:
-        return False
+    return is_number(text) and 0 < float(text) < math.inf
 
 
 def _count(text: str) -> bool:

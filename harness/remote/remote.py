@@ -68,27 +68,20 @@ def _made(fmu: Path, lines: Sequence[tuple[str, str]], firmware: bytes) -> Path:
     if library is None:
         raise UsageError("links to other processors are for Linux and macOS only")
     root = parsed(read_entry(fmu, "modelDescription.xml"))
+    name = root.find("CoSimulation").get("modelIdentifier")
     settings = [("guid", root.get("guid")), *lines]
+    for _, value in settings:
+        if any(c in value for c in "\r\n\0"):
+            raise UsageError(f"{value!r}: cannot be written in one line")
     content = {
         "modelDescription.xml": describe(root),
-        SETTINGS: "".join(f"{key}={_line(value)}\n" for key, value in settings).encode(),
-        _binary(root): library.read_bytes(),
+        SETTINGS: "".join(f"{key}={value}\n" for key, value in settings).encode(),
+        f"binaries/{platform}/{name}{sharedLibraryExtension}": library.read_bytes(),
     }
     if firmware:
         content[FIRMWARE] = firmware
     key = b"\0".join(part for name in sorted(content) for part in (name.encode(), content[name]))
     return cache.made(fmu.name, key, lambda path: pack(path, content))
-
-
-def _line(value: str) -> str:
-    if any(c in value for c in "\r\n\0"):
-        raise UsageError(f"{value!r}: cannot be written in one line")
-    return value
-
-
-def _binary(root: etree._Element) -> str:
-    name = root.find("CoSimulation").get("modelIdentifier")
-    return f"binaries/{platform}/{name}{sharedLibraryExtension}"
 
 
 def describe(root: etree._Element) -> bytes:

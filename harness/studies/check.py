@@ -27,7 +27,7 @@ from harness.rules.judge import judge
 from harness.spelling import did_you_mean
 from harness.ssp.library import examined
 from harness.system.graph import readable_interfaces
-from harness.system.interface import Interface, binary_problem, read_interface
+from harness.system.interface import binary_problem, read_interface
 from harness.system.model import System
 from harness.system.problems import problems as graph_problems
 from harness.system.problems import size_problems, value_problems
@@ -77,7 +77,7 @@ def machine() -> Iterator[str]:
 
 def _check_fmu(path: Path, strict: bool) -> Verdict:
     found = judge(path)
-    errors = [*found.errors, *_complaints(lambda: _loadable(path))[: not found.errors]]
+    errors = found.errors or _complaints(lambda: _load(path))
     lines = (*errors, *(f"warning: {w}" for w in found.warnings))
     if errors or (strict and lines):
         raise FmuError("\n".join(f"{path.name}: {line}" for line in lines))
@@ -87,8 +87,8 @@ def _check_fmu(path: Path, strict: bool) -> Verdict:
     return Verdict(text, tuple(f"{path.name}: {warning}" for warning in found.warnings))
 
 
-def _loadable(path: Path) -> None:
-    """FmuError if the FMU has nothing to load."""
+def _load(path: Path) -> None:
+    """FmuError if an FMU without errors of its description has nothing to load."""
     if problem := binary_problem(read_interface(path)):
         raise FmuError(problem)
 
@@ -138,23 +138,12 @@ def _system_errors(system: System, chosen: Sequence[System]) -> Iterator[str]:
         yield from value_problems(each, interfaces, each.components)
     boards = [name for name, place in system.origin.on.items() if "://" in place]
     for error in (*refused(chosen), *unreachable(system, boards)):
-        yield from str(_told(error, system)).splitlines()
-    _say_warnings(interfaces)
-
-
-def _told(error: HarnessError, system: System) -> HarnessError:
-    """Values that are refused as they were typed."""
-    if isinstance(error, RefusalError):
-        return as_typed(error, system.origin.set, f"{error.component}.")
-    return error
-
-
-def _say_warnings(interfaces: dict[str, Interface]) -> None:
-    """All warnings of the FMUs, each once."""
-    log = logging.getLogger("harness")
+        refusal = isinstance(error, RefusalError)
+        typed = as_typed(error, system.origin.set, f"{error.component}.") if refusal else error
+        yield from str(typed).splitlines()
     for interface in {i.path: i for i in interfaces.values()}.values():
         for warning in interface.warnings:
-            log.warning("%s: %s", interface.path.name, warning)
+            logging.getLogger("harness").warning("%s: %s", interface.path.name, warning)
 
 
 def _complaints(test: Callable[[], object]) -> list[str]:

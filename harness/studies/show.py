@@ -5,7 +5,7 @@ connect and to set; what a mission plans.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -211,8 +211,6 @@ def _nested(whole: Grid | None, values: Mapping[str, Scalar | None]) -> Nested:
 
 # ---- plans
 
-Planner = Callable[..., Plan]
-
 
 def plan(system: str | Path | System, **changes: Unpack[Changes]) -> Plan:
     """The plan of a system by its mission; changes: those of run().
@@ -224,15 +222,7 @@ def plan(system: str | Path | System, **changes: Unpack[Changes]) -> Plan:
         planners = own.plans if own else ()
         if not planners:
             raise UsageError(f"{found.name}: its mission plans nothing")
-        return _first(planners, found, **changes)
-
-
-def _first(planners: tuple[Planner, ...], system: System, **changes: Unpack[Changes]) -> Plan:
-    """The plan of the first planner that the system is for: of a system without a mission every
-    one is asked.
-    """
-    *others, last = planners
-    for planner in others:
-        with suppress(UsageError):
-            return planner(system, **changes)
-    return last(system, **changes)
+        for planner in planners[:-1]:  # of a system without a mission every one is asked
+            with suppress(UsageError):
+                return planner(found, **changes)
+        return planners[-1](found, **changes)

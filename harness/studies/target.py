@@ -65,7 +65,11 @@ def measure(  # noqa: PLR0913 - every one is an option of the command line
         raise UsageError(f"--clock {clock:g}: expected a frequency above 0 [Hz]")
     chosen = [find_target(name) for name in targets]
     rows = []
-    for flight in _flights(list(_places(fmus, place))):
+    # FMUs of a system as it is fly together; who is swapped flies alone
+    flights: dict[object, list[Place]] = {}
+    for each in _places(fmus, place):
+        flights.setdefault(each.fmu if each.swapped else each.system, []).append(each)
+    for flight in flights.values():
         for row in _rows(flight, chosen, stop, clock):
             rows.append(row)
             said(row)
@@ -144,14 +148,6 @@ def _version(program: str) -> bytes:
 
 
 # ---- places
-def _flights(places: Sequence[Place]) -> list[list[Place]]:
-    """Places that are flown together: those of a system as it is; who is swapped flies alone."""
-    found: dict[object, list[Place]] = {}
-    for i, place in enumerate(places):
-        found.setdefault(i if place.swapped else place.system, []).append(place)
-    return list(found.values())
-
-
 def _places(fmus: Sequence[str], place: str | None) -> Iterator[Place]:
     homes = {} if place else _homes()
     for name in fmus:
@@ -160,20 +156,15 @@ def _places(fmus: Sequence[str], place: str | None) -> Iterator[Place]:
             raise UsageError(
                 f"{path.stem}: no system has this FMU; name its place with --as SYSTEM.COMPONENT"
             )
-        system, component = _place(place) if place else homes[path.stem]
+        system, component = homes[path.stem] if not place else place.rpartition(".")[::2]
+        if not system:
+            raise UsageError(f"--as {place}: expected SYSTEM.COMPONENT")
         with load(system) as found:
-            there = found.component(component).fmu.read_bytes()
-        yield Place(system, component, path, there != path.read_bytes())
-
-
-def _place(text: str) -> tuple[str, str]:
-    system, dot, component = text.rpartition(".")
-    if not dot:
-        raise UsageError(f"--as {text}: expected SYSTEM.COMPONENT")
-    with load(system) as found:
-        if component not in (names := [c.name for c in found.components]):
-            raise UsageError(f"--as {text}: {found.name} has only {', '.join(names)}")
-    return system, component
+            there = {c.name: c.fmu for c in found.components}
+            if component not in there:
+                raise UsageError(f"--as {place}: {found.name} has only {', '.join(there)}")
+            swapped = there[component].read_bytes() != path.read_bytes()
+        yield Place(system, component, path, swapped)
 
 
 def _homes() -> dict[str, tuple[str, str]]:
