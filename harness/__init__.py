@@ -37,24 +37,24 @@ if TYPE_CHECKING:
     __version__: str
 
 _HOMES = {
-    "Flights": "studies.inquiry.flights",
-    "HarnessError": "errors",
-    "Result": "results.result",
-    "Simulation": "master.simulation",
-    "boundary": "studies.inquiry.boundary",
-    "build": "api",
-    "campaign": "studies.campaign.campaign",
-    "compare": "api",
-    "export": "exports.package",
-    "linearize": "api",
-    "load": "ssp.library",
-    "probability": "studies.inquiry.probability",
-    "read": "results.files",
-    "run": "api",
-    "sensitivity": "studies.inquiry.sensitivity",
-    "show": "studies.show",
-    "tune": "studies.inquiry.tuning",
-    "worst": "studies.inquiry.worst",
+    "Flights": "harness.studies.inquiry.flights",
+    "HarnessError": "harness.errors",
+    "Result": "harness.results.result",
+    "Simulation": "harness.master.simulation",
+    "boundary": "harness.studies.inquiry.boundary",
+    "build": "harness.api",
+    "campaign": "harness.studies.campaign.campaign",
+    "compare": "harness.api",
+    "export": "harness.exports.package",
+    "linearize": "harness.api",
+    "load": "harness.ssp.library",
+    "probability": "harness.studies.inquiry.probability",
+    "read": "harness.results.files",
+    "run": "harness.api",
+    "sensitivity": "harness.studies.inquiry.sensitivity",
+    "show": "harness.studies.show",
+    "tune": "harness.studies.inquiry.tuning",
+    "worst": "harness.studies.inquiry.worst",
 }
 """Modules of the public names."""
 
@@ -70,4 +70,4 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     import_module("harness.api")  # where results learn to draw and to save themselves
-    return getattr(import_module(f"harness.{_HOMES[name]}"), name)
+    return getattr(import_module(_HOMES[name]), name)
