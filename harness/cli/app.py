@@ -17,33 +17,13 @@ from functools import cache
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperCommand
 
-from harness.cli import look, models, runs, studies
+from harness.cli import runs, studies, look, models  # noqa: F401 # isort: skip - the order of --help
+from harness.cli.options import app
 from harness.errors import HarnessError, missing
 from harness.files import signals
 from harness.files.output import commanded
 from harness.spelling import printable
-
-
-class OnceCommand(TyperCommand):
-    """A command of typer that does not silently drop what was given first."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse as usual; wrong use if an option with a single value is given twice."""
-        _, _, order = self.make_parser(ctx).parse_args(args=list(args))
-        for parameter in order:
-            single = parameter.param_type_name == "option" and not parameter.multiple
-            if single and not getattr(parameter, "is_flag", False) and order.count(parameter) > 1:
-                ctx.fail(f"{parameter.opts[0]} is given twice")
-        return super().parse_args(ctx, args)
-
-
-app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None, no_args_is_help=True)
-for group in (runs, studies, look, models):
-    for command in group.app.registered_commands:
-        command.cls = OnceCommand
-    app.registered_commands += group.app.registered_commands
 
 INTERRUPTED = 130
 """What newer versions of typer return after Ctrl-C."""

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from harness.cli.options import (
+    CHANGES,
     Drawing,
     FileArgument,
     MissionOption,
@@ -19,19 +20,17 @@ from harness.cli.options import (
     StrictOption,
     SystemArgument,
     argument,
+    command,
     figures_of,
     option,
     output,
     size_of,
-    takes,
 )
 from harness.errors import UsageError
 from harness.spelling import file_stem, printable
 
-app = typer.Typer()
 
-
-@app.command("list")
+@command("list")
 def list_command(
     system: Annotated[str | None, argument("[SYSTEM]", "System: name, or path of an .ssp")] = None,
 ) -> None:
@@ -41,7 +40,7 @@ def list_command(
     typer.echo(printable(showing.listed(system)))
 
 
-@app.command("docs")
+@command("docs")
 def docs_command(
     where: Annotated[
         bool, option("--where", "Print the path of the first page, open nothing")
@@ -63,8 +62,7 @@ def docs_command(
         webbrowser.open(page.as_uri())
 
 
-@app.command("show")
-@takes("params", "set", "swap", "map", "step")
+@command("show", "params", "set", "swap", "map", "step")
 def show_command(
     *,
     system: ShownArgument,
@@ -90,9 +88,8 @@ JudgedArgument = Annotated[
 ]
 
 
-@app.command()
-@takes("params", "set", "swap", "map", "on", "latency", "step", "stop", "algorithm", "require")
-def check(
+@command("check", *CHANGES)
+def check_command(
     *,
     system: JudgedArgument = None,
     strict: Annotated[bool, option("--strict", "Treat warnings as errors")] = False,
@@ -101,8 +98,8 @@ def check(
     """Report every mistake of a system or an FMU.
 
     Errors keep it from being run (exit status 1); warnings are what is not by the book. With
-    changes: what a run with them would fly. Without a name: what this machine lacks for the flight
-    processors of --on.
+    changes: the system that a run with them has. Without a name: what this machine lacks for the
+    flight processors of --on.
     """
     from harness.studies import check as study
 
@@ -122,8 +119,7 @@ DiagramOption = Annotated[
 ]
 
 
-@app.command("draw")
-@takes("swap")
+@command("draw", "swap")
 def draw_command(
     *,
     system: SystemArgument,
@@ -146,8 +142,7 @@ PlanFolderOption = Annotated[
 ]
 
 
-@app.command("plan")
-@takes("params", "set", "swap", "map", "step", "stop")
+@command("plan", "params", "set", "swap", "map", "step", "stop")
 def plan_command(
     *,
     system: SystemArgument,
@@ -189,9 +184,8 @@ WideOption = Annotated[
 ]
 
 
-@app.command()
-@takes()
-def plot(  # noqa: PLR0913 - one argument per option or group of them
+@command("plot")
+def plot_command(  # noqa: PLR0913 - one argument per option or group of them
     *,
     file: FileArgument,
     output: Annotated[Path | None, output("Folder for the figures (default: FILE_figures)")] = None,
@@ -216,8 +210,8 @@ def plot(  # noqa: PLR0913 - one argument per option or group of them
         typer.echo(path)
 
 
-@app.command()
-def report(  # noqa: PLR0913, PLR0917 - options
+@command("report")
+def report_command(  # noqa: PLR0913, PLR0917 - options
     file: ReportArgument,
     output: Annotated[Path | None, output("Write an HTML page with plots and a replay")] = None,
     fly: Annotated[
@@ -263,7 +257,7 @@ ConvertedOption = Annotated[
 ]
 
 
-@app.command("convert")
+@command("convert")
 def convert_command(
     file: FileArgument,
     output: ConvertedOption,
@@ -284,7 +278,7 @@ def convert_command(
     typer.echo(f"{path}{size_of(path)}")
 
 
-@app.command("validate")
+@command("validate")
 def validate_command(
     names: Annotated[list[str] | None, argument("[CASE]...", "Cases to run (default: all)")] = None,
 ) -> None:

@@ -17,18 +17,16 @@ from harness.cli.options import (
     SystemArgument,
     Texts,
     argument,
+    command,
     option,
     output,
-    takes,
 )
 from harness.errors import UsageError
 from harness.files.output import written
 from harness.spelling import printable
 
-app = typer.Typer()
 
-
-@app.command("new")
+@command("new")
 def new_command(
     kind: Annotated[str, argument("KIND", "Kind: controller or mission")],
     name: Annotated[
@@ -54,11 +52,11 @@ def new_command(
         return
     created = new_controller(name, language, place)
     typer.echo(printable(f"{created.source}: edit control(), then"))
-    for command in created.commands:
-        typer.echo(printable(f"    {command}"))
+    for line in created.commands:
+        typer.echo(printable(f"    {line}"))
 
 
-@app.command("build")
+@command("build")
 def build_command(
     name: Annotated[Path, argument("NAME_OR_FILE", "Folder NAME, or a .c or .py file")],
     output: Annotated[Path | None, output("FMU to write (default: beside the file)")] = None,
@@ -84,8 +82,7 @@ FmiOption = Annotated[
 ]
 
 
-@app.command("export")
-@takes("params", "set", "swap", "map", "on", "latency", "step", "stop", "algorithm")
+@command("export", "params", "set", "swap", "map", "on", "latency", "step", "stop", "algorithm")
 def export_command(
     *,
     system: SystemArgument,
@@ -103,7 +100,7 @@ def export_command(
     typer.echo(export(system, target, fmi, ssp, **changes))
 
 
-@app.command("linearize")
+@command("linearize")
 def linearize_command(
     fmu: FmuArgument,
     output: Annotated[Path, output("File to write: .npz with matrices, names and units")],
@@ -125,7 +122,7 @@ def linearize_command(
     )
 
 
-@app.command("target")
+@command("target")
 def target_command(  # noqa: PLR0913, PLR0917 - one argument per option
     fmus: Annotated[list[str], argument("FMU...", "FMUs: names, or paths of .fmu files")],
     on: Annotated[Texts, option("PROCESSOR", "Use this processor (default: all)")] = None,
@@ -159,7 +156,7 @@ def target_command(  # noqa: PLR0913, PLR0917 - one argument per option
         raise typer.Exit(1)
 
 
-@app.command("serve")
+@command("serve")
 def serve_command(
     fmu: FmuArgument,
     port: Annotated[int, option("", "TCP port to listen on (0: any that is free)")] = 0,

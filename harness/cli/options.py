@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 import typer
+from typer.core import TyperCommand
 
 from harness.files import paths
 
@@ -216,22 +217,40 @@ class Pictures(Drawing):
     figures: Annotated[bool, option("--figures/--no-figures", "Draw figures, or none")] = True
 
 
-def takes(*changes: str) -> Callable[[Command], Command]:
-    """Let a command take an option for every field of a data class among its parameters, and those
-    of CHANGES that are named; these it receives, as far as they are given, as `changes`.
+class OnceCommand(TyperCommand):
+    """A command of typer that does not silently drop what was given first."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse as usual; wrong use if an option with a single value is given twice."""
+        _, _, order = self.make_parser(ctx).parse_args(args=list(args))
+        for parameter in order:
+            single = parameter.param_type_name == "option" and not parameter.multiple
+            if single and not getattr(parameter, "is_flag", False) and order.count(parameter) > 1:
+                ctx.fail(f"{parameter.opts[0]} is given twice")
+        return super().parse_args(ctx, args)
+
+
+app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None, no_args_is_help=True)
+
+
+def command(name: str, *changes: str, text: str | None = None) -> Callable[[Command], Command]:
+    """Add a command: with an option for every field of a data class among its parameters, and those
+    of CHANGES that are named; these it receives, as far as they are given, as `changes`. text: its
+    help (None: its docstring).
     """
 
-    def decorate(command: Command) -> Command:
-        own = _parameters(command)
+    def decorate(work: Command) -> Command:
+        own = _parameters(work)
 
-        @functools.wraps(command)
+        @functools.wraps(work)
         def with_options(**given: Any) -> None:
-            command(**{each.name: _taken(each, changes, given) for each in own})
+            work(**{each.name: _taken(each, changes, given) for each in own})
 
         options = [option for each in own for option in _options(each, changes)]
         with_options.__signature__ = Signature(options)  # type: ignore[attr-defined]
         with_options.__annotations__ = {each.name: each.annotation for each in options}
-        return with_options  # type: ignore[return-value]
+        app.command(name, cls=OnceCommand, help=text)(with_options)
+        return work
 
     return decorate
 

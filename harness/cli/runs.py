@@ -13,23 +13,22 @@ from typing import Annotated, Any
 import typer
 
 from harness.cli.options import (
+    CHANGES,
     ExecutorOption,
     PatienceOption,
     QuietOption,
     StrictOption,
     Texts,
     argument,
+    command,
     figures_of,
     option,
     output,
     size_of,
     systems,
-    takes,
 )
 from harness.errors import RunError, UsageError
 from harness.spelling import printable
-
-app = typer.Typer()
 
 SystemOption = Annotated[
     str | None,
@@ -128,8 +127,7 @@ class Live:
         return how
 
 
-@app.command("run")
-@takes("params", "set", "swap", "map", "on", "latency", "step", "stop", "algorithm", "require")
+@command("run", *CHANGES)
 def run_command(  # noqa: PLR0913 - one argument per option or group of them
     *,
     system: SystemOption = None,

@@ -24,15 +24,13 @@ from harness.cli.options import (
     SystemArgument,
     Texts,
     argument,
+    command,
     figures_of,
     option,
     output,
-    takes,
 )
 from harness.errors import ComparisonError, RequirementError, UsageError
 from harness.spelling import did_you_mean, is_number, printable
-
-app = typer.Typer()
 
 StudyArgument = Annotated[
     Path,
@@ -147,8 +145,7 @@ class Compared:
         return names
 
 
-@app.command("compare")
-@takes("set", "map", "on", "step", "stop", "require")
+@command("compare", "set", "map", "on", "step", "stop", "require")
 def compare_command(  # noqa: PLR0913 - one argument per option or group of them
     *,
     system: SystemArgument,
@@ -243,8 +240,7 @@ class Campaign:
             raise problem
 
 
-@app.command("campaign")
-@takes()
+@command("campaign")
 def campaign_command(definition: StudyArgument, campaign: Campaign) -> None:
     """Run a system thousands of times.
 
@@ -315,9 +311,8 @@ class How:
 def _add(kind: str, text: str) -> None:
     """Add the command of a study."""
 
-    @app.command(kind, help=inspect.cleandoc(text))
-    @takes()
-    def command(definition: StudyArgument, how: How) -> None:
+    @command(kind, text=inspect.cleandoc(text))
+    def study(definition: StudyArgument, how: How) -> None:
         if not how.ask(kind, _file(definition)):
             raise typer.Exit(1)
 
@@ -326,8 +321,7 @@ for each in STUDIES.items():
     _add(*each)
 
 
-@app.command("study")
-@takes()
+@command("study")
 def study_command(
     name: Annotated[
         str | None, argument("[NAME]", "Campaign of the project; without a name: list them")
