@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import unquote, urlsplit
@@ -17,7 +18,7 @@ from harness.files.paths import is_file
 from harness.spelling import did_you_mean
 from harness.ssp import xml
 from harness.ssp.arrays import indices
-from harness.ssp.parameters import hop_of, mapped, mapping, parameter_set, units_of
+from harness.ssp.parameters import hop_of, mapped, parameter_set, units_of
 from harness.system.model import Parameter
 from harness.system.units import Hop, Unit
 from harness.system.values import Index, base
@@ -74,9 +75,9 @@ class Leaf(NamedTuple):
 
 
 class Given(NamedTuple):
-    """A parameter for a connector, and how deep in the tree of systems it is bound."""
+    """A parameter for a connector, and its place in the order of all: of two the later one wins."""
 
-    depth: int
+    order: int
     parameter: Parameter
 
 
@@ -114,6 +115,7 @@ class Tree:
         self.connectors: dict[Point, Connector] = {}
         self.edges: list[Edge] = []
         self.given: dict[Point, Given] = {}
+        self._orders = count()
         self._system(xml.first(root, "ssd:System"), ())
 
     def _system(self, element: XmlElement, place: Place) -> None:
@@ -192,7 +194,7 @@ class Tree:
         for binding in xml.every(element, "ssd:ParameterBindings/ssd:ParameterBinding"):
             try:
                 for name, parameter in self._bound(binding, label).items():
-                    given = Given(len(place), replace(parameter, optional=not self.own))
+                    given = Given(next(self._orders), replace(parameter, optional=not self.own))
                     self._give(place, name, given)
             except StructureError as error:
                 self.problems += [f"{label}: {problem}" for problem in error.problems]
@@ -227,7 +229,7 @@ class Tree:
         parameters = {prefix + n: p for n, p in parameter_set(root, self.units).items()}
         found = xml.first(binding, "ssd:ParameterMapping")
         root = None if found is None else self._part(found, MAPPING, label)
-        return parameters if root is None else mapped(parameters, mapping(root), self.notes)
+        return parameters if root is None else mapped(parameters, root, self.notes)
 
     def _part(self, element: XmlElement, part: Part, label: str) -> XmlElement | None:
         """Root of a parameter set or mapping, inside the element or a file of the archive; None

@@ -36,7 +36,7 @@ class Flat:
         self.names = _names(list(tree.components))
         self.parameters: dict[Place, dict[str, Parameter]] = {p: {} for p in tree.components}
         self.connections: list[Connection] = []
-        self._depths: dict[Point, int] = {}
+        self._orders: dict[Point, int] = {}
         self._known: dict[Point, dict[Index, str]] = {}
         self._into: dict[End, list[Edge]] = {}
         for edge in tree.edges:
@@ -134,9 +134,9 @@ class Flat:
     # ---- parameters
 
     def _set(self, variable: Point, given: Given) -> None:
-        """Give a variable a value, unless it has one from farther outside."""
-        if given.depth <= self._depths.get(variable, given.depth):
-            self._depths[variable] = given.depth
+        """Give a variable a value, unless it has one from a later binding."""
+        if given.order >= self._orders.get(variable, 0):
+            self._orders[variable] = given.order
             self.parameters[variable.place][variable.connector] = given.parameter
 
     def _take(self, point: Point, variable: Point, hops: Hops) -> None:
@@ -155,7 +155,7 @@ class Flat:
             parameter = replace(parameter, hops=(*earlier, last._replace(unit=unit)))
         if hops != (PLAIN,) or parameter.hops:
             parameter = replace(parameter, hops=(*parameter.hops, *hops))
-        self._set(variable, Given(given.depth, parameter))
+        self._set(variable, given._replace(parameter=parameter))
 
 
 def _one(scalars: dict[Index, str], array: Point, index: Index) -> str:

@@ -9,7 +9,6 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 from harness.errors import StructureError
 from harness.files.archive import XmlElement
@@ -23,14 +22,6 @@ from harness.system.units import Affine, Hop, Unit
 from harness.system.values import Scalar, Variable, elements_of, resting
 
 UnitsByName = Mapping[str, Unit]
-
-
-class Entry(NamedTuple):
-    """Parameter `source` of a set goes to `target`, changed by a hop."""
-
-    source: str
-    target: str
-    hop: Hop
 
 
 def read_ssv(path: Path) -> dict[str, Parameter]:
@@ -93,21 +84,6 @@ BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
 # ---- mappings
 
 
-def mapping(root: XmlElement) -> list[Entry]:
-    """Entries of an ssm:ParameterMapping element; StructureError with every transformation that
-    makes no sense.
-    """
-    entries, problems = [], []
-    for e in xml.every(root, "ssm:MappingEntry"):
-        try:
-            entries.append(Entry(e.get("source"), e.get("target"), hop_of(e)))
-        except ValueError as error:
-            problems.append(f"mapping of {e.get('source')}: {error}")
-    if problems:
-        raise StructureError(problems)
-    return entries
-
-
 def hop_of(element: XmlElement, unit: Unit | None = None) -> Hop:
     """What a connection or mapping entry does to a number that ends in `unit`; ValueError if it is
     not finite.
@@ -123,22 +99,27 @@ def hop_of(element: XmlElement, unit: Unit | None = None) -> Hop:
 
 
 def mapped(
-    parameters: Mapping[str, Parameter], entries: Iterable[Entry], notes: list[str]
+    parameters: Mapping[str, Parameter], root: XmlElement, notes: list[str]
 ) -> dict[str, Parameter]:
-    """Parameters under the names of their targets, arrays element by element; StructureError if one
-    is not there. What a mapping does not mention is not set, with a note.
+    """Parameters under the names of the targets in an ssm:ParameterMapping element, arrays element
+    by element; StructureError if one is not there, or with a transformation that makes no sense.
+
+    What a mapping does not mention is not set, with a note.
     """
-    problems, result, mentioned = [], {}, set()
-    for entry in entries:
-        names = elements_of(entry.source, parameters)
-        if not names:
-            fault = "the parameter set has no such parameter"
-            problems.append(f"mapping of {entry.source} to {entry.target}: {fault}")
+    problems, result, mentioned = [], {}, set[str]()
+    for entry in xml.every(root, "ssm:MappingEntry"):
+        source, target = entry.get("source"), entry.get("target")
+        try:
+            hop, names = hop_of(entry), elements_of(source, parameters)
+            if not names:
+                raise ValueError("the parameter set has no such parameter")
+        except ValueError as error:
+            problems.append(f"mapping of {source} to {target}: {error}")
+            continue
+        mentioned.update(names)
         for name in names:
-            given, further = parameters[name], () if entry.hop == Hop() else (entry.hop,)
-            target = entry.target + name.removeprefix(entry.source)
-            result[target] = replace(given, hops=(*given.hops, *further))
-            mentioned.add(name)
+            hops = (*parameters[name].hops, *(() if hop == Hop() else (hop,)))
+            result[target + name.removeprefix(source)] = replace(parameters[name], hops=hops)
     if problems:
         raise StructureError(problems)
     if unused := ", ".join(name for name in parameters if name not in mentioned):

@@ -56,8 +56,9 @@ def _shared_streams(system: System, interfaces: Mapping[str, Interface]) -> Iter
     for component in system.components:
         known = interfaces[component.name].variables if component.name in interfaces else {}
         if "seed" in known and "stream" in known:
-            given = {n: p.value for n, p in component.parameters.items()}
-            values = (given.get(n, known[n].start) for n in ("seed", "stream"))
+            given = [component.parameters.get(name) for name in ("seed", "stream")]
+            starts = known["seed"].start, known["stream"].start
+            values = [p.value if p else start for p, start in zip(given, starts, strict=True)]
             numbers = tuple(v if isinstance(v, int | float) else 0.0 for v in values)
             owners.setdefault(numbers, []).append(component.name)
     for (seed, stream), names in owners.items():

@@ -119,14 +119,13 @@ def problems(algorithm: str, instances: Sequence[Periodic]) -> list[str]:
     if algorithm not in ALGORITHMS:
         return [f"algorithm: there is no {algorithm}, only {' and '.join(ALGORITHMS)}"]
     largest = ALGORITHMS[algorithm].largest_latency
-    found = [f"{i.name}: every must be at least 1, not {i.every}" for i in instances if i.every < 1]
-    found += [f"{i.name}: every must be at most {MOST}" for i in instances if i.every > MOST]
+    found = []
     for i in instances:
-        if 1 <= i.every <= MOST and not 0 <= i.latency <= largest(i):
-            found.append(
-                f"{i.name}: latency must lie in 0..{largest(i)} macro steps under {algorithm}, "
-                f"not {i.latency}"
-            )
+        if not 1 <= i.every <= MOST:
+            found.append(f"{i.name}: every must lie in 1..{MOST}, not {i.every}")
+        elif not 0 <= i.latency <= largest(i):
+            limits = f"must lie in 0..{largest(i)} macro steps under {algorithm}"
+            found.append(f"{i.name}: latency {limits}, not {i.latency}")
     return found
 
 
