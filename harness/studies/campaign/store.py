@@ -11,23 +11,26 @@ from __future__ import annotations
 
 import json
 import shutil
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from harness.errors import ResultsError, UsageError
 from harness.files.output import naming, new_beside
-from harness.files.paths import Stamp, stamp
 from harness.files.sealed import Taken, locked, on_the_disk
 from harness.ssp.library import name_of
 from harness.studies.campaign.layout import SCRATCH, Field
-from harness.studies.campaign.plan import Plan, Values
+from harness.studies.campaign.plan import Plan, Table, Values
 from harness.studies.campaign.worker import PENDING, Row
+from harness.system.schema import Count
 
 Array = NDArray[np.float64]
 PERCENTILES = (5.0, 25.0, 50.0, 75.0, 95.0)
@@ -35,10 +38,34 @@ COMPRESSED = 4096
 """Bytes of a chunk from which on it is compressed; for less it costs more than it saves."""
 MAKING = "unfinished_"
 """What a band is called until it is complete."""
-ATTRIBUTES = {"definition": str, "folder": str, "digest": str, "system": str, "block": int}
-"""Of a dataset, and their types."""
 SCHEMA = 1
 """Version of the layout of a dataset, see docs/release.md; datasets without a number have 1."""
+DAMAGES = (OSError, KeyError, ValueError, TypeError, AttributeError, IndexError, RuntimeError)
+"""What zarr raises where it cannot read."""
+
+
+class About(Struct, frozen=True):
+    """Attributes of a dataset; block: runs that are written together; decided: all its runs are
+    there, fewer than were planned.
+    """
+
+    definition: str
+    folder: str
+    digest: str
+    system: str
+    block: Count
+    repeat: str = ""
+    schema: int = SCHEMA
+    decided: bool = False
+
+
+class Labels(Struct, frozen=True):
+    """Attributes of an array."""
+
+    role: str = ""
+    units: str = ""
+    long_name: str = ""
+    whole: bool = False
 
 
 class Store:
@@ -46,8 +73,7 @@ class Store:
 
     def __init__(self, path: Path, group: Any) -> None:
         self.path, self.group = path, group
-        self._written: dict[str, Any] = {}  # opening an array costs as much as writing to it
-        self._seen: dict[str, tuple[Stamp, Any]] = {}
+        self._seen: dict[str, Any] = {}  # opening an array costs as much as writing to it
 
     # ---- life
 
@@ -57,20 +83,16 @@ class Store:
         import zarr
 
         refuse_existing(path)
-        about = {
-            "definition": json.dumps(plan.definition),
-            "folder": str(plan.folder),
-            "digest": plan.digest,
-            "system": name_of(plan.system),
-            "block": block,
-            "repeat": f"harness run {name_of(plan.system)} --like DATASET#RUN",
-            "schema": SCHEMA,
-        }
+        name, text = name_of(plan.system), json.dumps(plan.definition)
+        repeat = f"harness run {name} --like DATASET#RUN"
+        about = About(text, str(plan.folder), plan.digest, name, block, repeat)
         with naming(path), ExitStack() as life:
             beside = new_beside(path.absolute(), folder=True)
             life.callback(shutil.rmtree, beside, ignore_errors=True)
             store = cls(path, zarr.open_group(beside, mode="w", zarr_format=3))
-            store.group.attrs.update(about)
+            given = msgspec.structs.asdict(about)
+            del given["decided"]
+            store.group.attrs.update(given)
             for field in laid:
                 store._lay_out(field, block)
             on_the_disk(beside)
@@ -85,10 +107,14 @@ class Store:
 
         try:
             store = cls(path, zarr.open_group(path, mode="r+", zarr_format=3))
-            store._legible()
-        except (OSError, KeyError, ValueError, TypeError, AttributeError) as error:
+            schema = store.about.schema
+            msgspec.convert(store.definition()[0], Table)
+            for name in store._folders():
+                if (array := store._array(name)) is not None:
+                    msgspec.convert(dict(array.attrs), Labels)
+        except DAMAGES as error:
             raise ResultsError(f"{path}: is not the dataset of a campaign") from error
-        if (schema := store.group.attrs.get("schema", 1)) != SCHEMA:
+        if schema != SCHEMA:
             raise ResultsError(f"{path}: has schema {schema}, this version reads {SCHEMA}")
         return store
 
@@ -100,43 +126,37 @@ class Store:
         `life`, with what was lost pending; UsageError if it is another one.
         """
         store = cls.open(path)
-        known = store.group.attrs
-        if known["digest"] != digest or (kind and known.get("kind") != kind):
-            other = "of another campaign or of another"
-            if kind:
-                other = f"no {kind} of this file and of this"
+        if store.about.digest != digest or (kind and store.group.attrs.get("kind") != kind):
+            other = f"no {kind} of this file and of this"
+            other = other if kind else "of another campaign or of another"
             raise UsageError(f"{path}: is {other} state of its system")
         life.enter_context(store.alone())
         if not store.decided:
             store.mend(laid)
         return store
 
-    def _legible(self) -> None:
-        """ValueError if attributes are not of their types."""
-        given = {name: self.group.attrs[name] for name in ATTRIBUTES}
-        wrong = [n for n, kind in ATTRIBUTES.items() if type(given[n]) is not kind]
-        if wrong or given["block"] < 1 or not isinstance(self.definition()[0], Mapping):
-            raise ValueError(wrong)
-        for name in self._folders():
-            if (array := self._found(name)) is not None:
-                texts = [array.attrs.get(each, "") for each in ("role", "units", "long_name")]
-                whole = array.attrs.get("whole", False)
-                if not all(isinstance(t, str) for t in texts) or not isinstance(whole, bool):
-                    raise ValueError(name)
+    @property
+    def about(self) -> About:
+        """Its attributes; ValueError if they are not of their types."""
+        return msgspec.convert(dict(self.group.attrs), About)
 
     def _folders(self) -> list[str]:
         """Names of all arrays, whether they can be read or not."""
         return sorted(each.name for each in self.path.iterdir() if each.is_dir())
 
-    def _found(self, name: str) -> Any:
-        """An array, None if it cannot be read; opened anew only where its file has changed."""
-        try:
-            now = stamp(self.path / name / "zarr.json")
-            if name not in self._seen or self._seen[name][0] != now:
-                self._seen[name] = now, self.group[name]
-            return self._seen[name][1]
-        except (OSError, KeyError, ValueError, TypeError, AttributeError):
+    def _array(self, name: str) -> Any:
+        """An array, None if it cannot be read; a chunk without news is written too."""
+        from zarr import config
+
+        if not (self.path / name / "zarr.json").is_file():
             return None
+        if name not in self._seen:
+            try:
+                with config.set({"array.write_empty_chunks": True}):
+                    self._seen[name] = self.group[name]
+            except DAMAGES:
+                return None
+        return self._seen[name]
 
     def _arrays(self) -> Iterator[tuple[str, Any]]:
         """All complete arrays by name; ResultsError if one is damaged. What whoever flies the
@@ -145,7 +165,7 @@ class Store:
         for name in self._folders():
             if name.startswith(MAKING):
                 continue
-            if (array := self._found(name)) is not None:
+            if (array := self._array(name)) is not None:
                 yield name, array
             elif (self.path / name).is_dir():
                 raise self._damaged(name)
@@ -168,6 +188,7 @@ class Store:
         from zarr import config
         from zarr.codecs import Crc32cCodec, ZstdCodec
 
+        self._seen.pop(field.name, None)
         length = block if field.axes[0] == "run" else max(1, field.shape[0])
         chunks = (min(length, max(1, field.shape[0])), *field.shape[1:])
         small = field.kind is not str and 8 * np.prod(chunks) < COMPRESSED
@@ -189,10 +210,15 @@ class Store:
 
     # ---- blocks
 
-    @property
+    @cached_property
     def block(self) -> int:
         """Runs per block."""
-        return int(self.group.attrs["block"])
+        return self.about.block
+
+    @property
+    def decided(self) -> bool:
+        """Whether all its runs are there, fewer than were planned."""
+        return self.about.decided
 
     @property
     def runs(self) -> int:
@@ -217,55 +243,34 @@ class Store:
         further: Mapping[str, Sequence[Any]] | None = None,
     ) -> None:
         """Keep a block of runs with further arrays of theirs, its status last; ResultsError."""
+        columns = {**(further or {}), **{name: [v[name] for v in values] for name in values[0]}}
+        columns |= {"message": [row.message for row in rows], "end_time": [r.time for r in rows]}
+        columns |= {"last": [row.last for row in rows]}
+        columns |= {name: [row.metrics[name] for row in rows] for name in rows[0].metrics}
+        if rows[0].verdicts:
+            columns |= {"verdict": [row.verdicts for row in rows]}
+            columns |= {"margin": [row.margins for row in rows]}
+        for name in self._histories:
+            empty = np.full(self._array(name).shape[1:], np.nan)
+            plain = name.removeprefix(SCRATCH)
+            columns[name] = [row.histories.get(plain, empty) for row in rows]
+        columns["status"] = [row.status for row in rows]
         with naming(self.path):
-            for name, array in (further or {}).items():
-                self._put(name, slice(first, first + len(rows)), array)
-            self._write(first, values, rows)
+            for name, column in columns.items():
+                self._put(name, slice(first, first + len(rows)), column)
+
+    def _put(self, name: str, place: slice, values: Sequence[Any]) -> None:
+        array = self._array(name)
+        text = bool(values) and isinstance(values[0], str)
+        array[place] = np.array(values, dtype=object if text else array.dtype)
 
     def shorten(self, runs: int) -> None:
         """The runs after these were not needed; ResultsError."""
         with naming(self.path):
-            for name in self._of_runs:
-                self._opened(name).resize((runs, *self._opened(name).shape[1:]))
-            self._written.clear()
+            for name in self._of_runs():
+                self._array(name).resize((runs, *self._array(name).shape[1:]))
+            self._seen.clear()
             self.group.attrs["decided"] = True
-
-    @property
-    def decided(self) -> bool:
-        """Whether all its runs are there, fewer than were planned."""
-        return bool(self.group.attrs.get("decided", False))
-
-    def _write(self, first: int, values: Sequence[Values], rows: Sequence[Row]) -> None:
-        place = slice(first, first + len(rows))
-        for name in values[0]:
-            self._put(name, place, [v[name] for v in values])
-        self._put("message", place, [row.message for row in rows])
-        self._put("end_time", place, [row.time for row in rows])
-        self._put("last", place, [row.last for row in rows])
-        for name in rows[0].metrics:
-            self._put(name, place, [row.metrics[name] for row in rows])
-        if rows[0].verdicts:
-            self._put("verdict", place, [row.verdicts for row in rows])
-            self._put("margin", place, [row.margins for row in rows])
-        for name in self._histories:
-            empty = np.full(self._opened(name).shape[1:], np.nan)
-            plain = name.removeprefix(SCRATCH)
-            self._put(name, place, [row.histories.get(plain, empty) for row in rows])
-        self._put("status", place, [row.status for row in rows])
-
-    def _put(self, name: str, place: slice, values: Sequence[Any]) -> None:
-        array = self._opened(name)
-        text = bool(values) and isinstance(values[0], str)
-        array[place] = np.array(values, dtype=object if text else array.dtype)
-
-    def _opened(self, name: str) -> Any:
-        """An array that is written again and again; a chunk without news is written too."""
-        if name not in self._written:
-            from zarr import config
-
-            with config.set({"array.write_empty_chunks": True}):
-                self._written[name] = self.group[name]
-        return self._written[name]
 
     @cached_property
     def _histories(self) -> list[str]:
@@ -282,44 +287,40 @@ class Store:
             for left in self.path.rglob("*.partial"):
                 left.unlink(missing_ok=True)
             for name in self._folders():
-                if name.startswith(MAKING) or self._found(name) is None:
+                if name.startswith(MAKING) or self._array(name) is None:
                     shutil.rmtree(self.path / name)
             for field in laid:
                 plain = field.name.removeprefix(SCRATCH)
                 done = plain != field.name and f"{plain}_band" in self.group
                 if field.values is not None or not (done or self._fits(field)):
                     self._lay_out(field, self.block)
+            names = self._of_runs()
             for part in self.blocks():
-                if not self._whole("status", part):
-                    self._put("status", part, [PENDING] * (part.stop - part.start))
-            status = self.array("status")
-            for part in self.blocks():
-                complete = (status[part] != PENDING).all()
-                if complete and not all(self._whole(name, part) for name in self._of_runs):
+                lost = not self._whole("status", part)
+                if not lost and (self._array("status")[part] != PENDING).all():
+                    lost = not all(self._whole(name, part) for name in names)
+                if lost:
                     self._put("status", part, [PENDING] * (part.stop - part.start))
 
     def _fits(self, field: Field) -> bool:
         """Whether an array is there and as it is laid out."""
-        if (array := self._found(field.name)) is None:
+        if (array := self._array(field.name)) is None:
             return False
         chunk = min(self.block, field.shape[0])
         return bool(array.shape == field.shape and array.chunks[0] == chunk)
 
-    @cached_property
     def _of_runs(self) -> list[str]:
         return [n for n, a in self._arrays() if (a.metadata.dimension_names or [""])[0] == "run"]
 
     def _whole(self, name: str, part: slice) -> bool:
         """Whether the chunk of a block is there and has the sum that was written with it."""
-        array = self._opened(name)
+        array = self._array(name)
         place = (part.start // self.block, *[0] * (array.ndim - 1))
-        if not (self.path / name / array.metadata.encode_chunk_key(place)).is_file():
-            return False
         try:
             np.asarray(array[part])
-        except (ValueError, IndexError, RuntimeError):
+        except DAMAGES:
             return False
-        return True
+        return (self.path / name / array.metadata.encode_chunk_key(place)).is_file()
 
     # ---- reading
 
@@ -339,8 +340,8 @@ class Store:
 
     def _read(self, name: str, place: Any) -> Any:
         try:
-            return self.group[name][place]
-        except (KeyError, ValueError, TypeError, RuntimeError, OSError) as error:
+            return self._array(name)[place]
+        except DAMAGES as error:
             raise self._damaged(name) from error
 
     def values(self, run: int) -> Values:
@@ -348,7 +349,7 @@ class Store:
         return {name: self._value(name, run) for name in self.names("factor")}
 
     def _value(self, name: str, run: int) -> Any:
-        value, array = self._read(name, run), self.group[name]
+        value, array = self._read(name, run), self._array(name)
         if array.dtype.kind not in "fiu":
             return str(value)
         plain = np.asarray(value).tolist()
@@ -358,29 +359,26 @@ class Store:
     def system(self) -> str:
         """What `harness run` knows the system by: its name, of a TOML its path as it was given."""
         given = str(self.definition()[0].get("system", ""))
-        return given if given.endswith(".toml") else str(self.group.attrs["system"])
+        return given if given.endswith(".toml") else self.about.system
 
     def definition(self) -> tuple[Mapping[str, Any], Path]:
         """The table of the campaign, and the folder of the files that it names."""
-        return json.loads(self.group.attrs["definition"]), Path(self.group.attrs["folder"])
+        return json.loads(self.about.definition), Path(self.about.folder)
 
     # ---- the end
 
     def finish(self) -> None:
         """Compute the percentile bands and remove what they were computed from; ResultsError."""
         with naming(self.path):
-            self._finish()
-
-    def _finish(self) -> None:
-        for name in self.names("history"):
-            plain = name.removeprefix(SCRATCH)
-            label = f"{plain}_band"
-            if label not in self.group:
-                self._bands(self.group[name], plain)
-                (self.path / (MAKING + label)).rename(self.path / label)  # complete or not there
-            if name.startswith(SCRATCH):
-                gone = (self.path / name).rename(self.path / (MAKING + name))  # whole or not there
-                shutil.rmtree(gone)
+            for name in self.names("history"):
+                plain = name.removeprefix(SCRATCH)
+                label = f"{plain}_band"
+                if label not in self.group:
+                    self._bands(self._array(name), plain)
+                    (self.path / (MAKING + label)).rename(self.path / label)  # whole or not there
+                if name.startswith(SCRATCH):
+                    gone = (self.path / name).rename(self.path / (MAKING + name))
+                    shutil.rmtree(gone)
 
     def _bands(self, source: Any, plain: str) -> None:
         if "percentile" not in self.group:
@@ -394,14 +392,11 @@ class Store:
         field = Field(f"{MAKING}{plain}_band", np.float64, shape, axes, about=about)
         band = self._lay_out(field, self.block)
         step = max(1, 4_000_000 // max(1, source.shape[0] * width))  # some 32 MB at once
-        for first in range(0, rows, step):
-            part = np.asarray(source[:, first : first + step])
-            flown = part[:, np.isfinite(part).any(axis=(0, 2))]
-            values = np.full((len(PERCENTILES), *part.shape[1:]), np.nan)
-            if flown.size:
-                found = np.nanpercentile(flown, PERCENTILES, axis=0)
-                values[:, np.isfinite(part).any(axis=(0, 2))] = found
-            band[:, first : first + step] = values
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # rows that no run has reached
+            for first in range(0, rows, step):
+                part = np.asarray(source[:, first : first + step])
+                band[:, first : first + step] = np.nanpercentile(part, PERCENTILES, axis=0)
 
 
 def refuse_existing(path: Path) -> None:
