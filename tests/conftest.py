@@ -105,6 +105,14 @@ def pytest_collection():
         gc.set_threshold(50_000, 20, 20)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _remembered():
+    """What costs most in many tests: to read what others have read."""
+    from tests.remembered import remember
+
+    remember()
+
+
 def version_of(distribution):
     try:
         return version(distribution)

@@ -13,6 +13,7 @@ import pytest
 from harness import run
 from harness.errors import FmuError, HarnessError, RunError, StructureError
 from harness.files import paths
+from harness.master.changes import apply
 from harness.master.simulation import Simulation
 from harness.ssp.library import load
 from harness.studies.linearize import linearize
@@ -124,11 +125,13 @@ def test_a_linear_model_has_the_numbers_of_fmi_2():
 
 
 @needs_compiler
-def test_a_whole_system_is_one_fmu_of_fmi_3(tmp_path):
+@pytest.mark.parametrize("name", ["space_robot", pytest.param(SYSTEM, marks=pytest.mark.long)])
+def test_a_whole_system_is_one_fmu_of_fmi_3(tmp_path, name):
     from harness import export
 
-    with load(SYSTEM) as system:
-        with Simulation(system, stop=2.0) as simulation:
+    with load(name) as found:
+        system = apply(found, step=0.1, stop=2.0)
+        with Simulation(system) as simulation:
             simulation.advance()
             expected, slots = simulation.recorder.rows.copy(), simulation.graph.slots
         whole = export(of_fmi_3(system, lambda i: i % 2 == 0), tmp_path / "whole.fmu", fmi=3)

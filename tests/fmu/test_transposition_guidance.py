@@ -244,19 +244,21 @@ def test_rates_and_accelerations_are_differences_of_the_attitude(flown):
     assert np.abs(plan["alpha_DN_D"]).max() > 1e-7
 
 
-def balance(plan, model, torque):
-    """Largest gap between the change of total momentum and the impulse, over spans of 60 s."""
-    arm = [quintic(t)[:2] for t in plan["t"]]
-    H, tau = [], []
-    for k, t in enumerate(plan["t"]):
-        C_SO = C_SO_of(plan["q_DH"][k])
-        C_NS = C_NO(t) @ C_SO.T
-        carried = model.momentum(plan["omega_DN_D"][k], *arm[k])
-        H.append(C_NS @ (carried + plan["h_ref_D"][k]))
-        tau.append(C_NS @ torque(C_SO, arm[k][0]))
-    H, tau, n = np.array(H), np.array(tau), 12
-    starts = range(0, len(H) - n, n)
-    gaps = [H[k + n] - H[k] - simpson(tau[k : k + n + 1], dx=5.0, axis=0) for k in starts]
+def balance(plan, model, torque, every=1):
+    """Largest gap between the change of total momentum and the impulse, over every n-th span of
+    60 s.
+    """
+
+    def at(k):
+        C_SO, arm = C_SO_of(plan["q_DH"][k]), quintic(plan["t"][k])[:2]
+        C_NS = C_NO(plan["t"][k]) @ C_SO.T
+        carried = model.momentum(plan["omega_DN_D"][k], *arm)
+        return C_NS @ (carried + plan["h_ref_D"][k]), C_NS @ torque(C_SO, arm[0])
+
+    at, n, gaps = cache(at), 12, []
+    for k in range(0, len(plan["t"]) - n, n * every):
+        tau = [at(j)[1] for j in range(k, k + n + 1)]
+        gaps.append(at(k + n)[0] - at(k)[0] - simpson(tau, dx=5.0, axis=0))
     return np.linalg.norm(gaps, axis=1).max()
 
 
@@ -273,9 +275,9 @@ def test_wrong_terms_do_not_balance(flown):
     def printed_air(C_SO, angle):
         return model.gravity_torque(C_SO, angle) + prefix * model.aero_torque(C_SO, angle)
 
-    assert balance(plan, model, printed_air) > 0.2
-    assert balance(plan, model, model.aero_torque) > 1
-    assert balance(plan, Assembly(hinge=(9.6, 0, 0.1)), model.torque) > 1
+    assert balance(plan, model, printed_air, every=6) > 0.2
+    assert balance(plan, model, model.aero_torque, every=6) > 1
+    assert balance(plan, Assembly(hinge=(9.6, 0, 0.1)), model.torque, every=6) > 1
 
 
 def test_rate_of_momentum_is_its_mean_over_the_coming_sample(flown):

@@ -661,7 +661,7 @@ def test_runs_that_do_not_exist_cannot_be_repeated(system, serial, monkeypatch, 
         like(text, system)
 
 
-@pytest.mark.parametrize("name", some(campaigns(), 4))
+@pytest.mark.parametrize("name", some(campaigns(), 8))
 def test_the_studies_of_the_project_make_sense(name):
     plan, _ = read_plan(campaigns()[name])
     assert plan.runs > 1

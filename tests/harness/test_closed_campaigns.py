@@ -29,14 +29,14 @@ ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
 
 CAMPAIGN = """
-system = "sync_approach"
+system = "space_robot"
 runs = {runs}
 [fixed]
 stop = 20.0
 [factors]
-"servicer.mass_0" = {{uniform = {{low = 90.0, high = 110.0}}}}
+"robot.e" = {{uniform = {{low = 0.1, high = 0.3}}}}
 [metrics]
-range = "guidance.range[-1]"
+rate = "max(norm(robot.omega_SN_S))"
 """
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and users of POSIX")

@@ -25,6 +25,7 @@ from harness.master.child import OUTCOME, Child
 from harness.results.files import read
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
+from tests.each import each
 from tests.harness import vices
 from tests.harness.interrupts import LONGEST, start, until
 from tests.harness.vices import CRASH, FAIL, HANG, NO_STATUS, PHASES, QUIET, VICES
@@ -172,7 +173,8 @@ def test_a_vice_costs_one_line_and_no_rows(folder, vice, phase):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("vice", "phase"), CASES)
+@pytest.mark.parametrize("vice", NOT_ENDLESS)
+@each("phase", PHASES)
 def test_every_vice_in_every_phase_of_a_run(folder, vice, phase):
     judge_run(folder, vice, phase, run_with(folder, vice, phase))
 
@@ -296,10 +298,11 @@ def test_compare_is_never_ended_by_one_run(folder, tmp_path, vice, phase):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("vice", "phase"), CASES)
+@pytest.mark.parametrize("vice", NOT_ENDLESS)
+@each("phase", PHASES)
 def test_every_vice_in_every_phase_of_compare(folder, tmp_path, vice, phase):
-    outcome = compare_with(folder, tmp_path / "out", vice, phase, harness)
-    judge_compare(folder, tmp_path / "out", outcome, vice, phase)
+    outcome = compare_with(folder, tmp_path / phase, vice, phase, harness)
+    judge_compare(folder, tmp_path / phase, outcome, vice, phase)
 
 
 # ---- patience
@@ -404,7 +407,8 @@ def test_workers_outlive_the_vices_of_a_run(folder, monkeypatch):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("vice", "phase"), CASES)
+@pytest.mark.parametrize("vice", NOT_ENDLESS)
+@each("phase", PHASES)
 def test_every_vice_in_every_phase_of_a_campaign(folder, monkeypatch, vice, phase):
     monkeypatch.chdir(folder)
     judge_campaign(folder, vice, phase)
@@ -450,7 +454,8 @@ def test_the_other_commands_survive_too(folder, command, file, vice):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("vice", "phase"), CASES)
+@pytest.mark.parametrize("vice", NOT_ENDLESS)
+@each("phase", PHASES)
 def test_every_vice_in_every_phase_of_linearize_and_export(folder, vice, phase):
     for command, file in ((LINEARIZE, "model.npz"), (EXPORT, "copy.ssp")):
         (folder / file).write_bytes(OLD)

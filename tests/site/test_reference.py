@@ -12,6 +12,7 @@ import pytest
 from fmpy import read_model_description
 
 from harness.cli import main
+from harness.exports import draw
 from harness.files import paths
 from harness.mission.library import places, systems_in
 from harness.ssp import build
@@ -19,15 +20,21 @@ from harness.ssp.library import load
 from harness.studies.campaign import factors, plan
 from harness.studies.inquiry import study
 
+HEAD = b"<?xml"
+
 
 @pytest.fixture(scope="module")
 def commands(writer):
     return dict(writer["commands"].pages())
 
 
-@pytest.fixture(scope="module")
-def missions(writer):
-    return dict(writer["missions"].pages({}, {}))
+@pytest.fixture(scope="module", params=[4, pytest.param(1, marks=pytest.mark.long)])
+def missions(writer, request):
+    """With the diagrams of every fourth system; of the others the head alone."""
+    drawn = sorted(paths.systems())[:: request.param]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(draw, "painted", lambda s, f=draw.painted: f(s) if s.name in drawn else HEAD)
+        return dict(writer["missions"].pages({}, {}))
 
 
 @pytest.fixture(scope="module")

@@ -60,7 +60,7 @@ ONLY_IN_THE_REFERENCE = {"time", "guidance.normal_distance"}
 
 @pytest.mark.parametrize(
     ("case", "stop"),
-    [(case, 90.0) for case in (PAPER, GYROSCOPIC, THRUSTERS)]
+    [(case, 72.0) for case in (PAPER, GYROSCOPIC, THRUSTERS)]
     + [pytest.param(case, case.stop, marks=pytest.mark.long) for case in EVERY],
     ids=str,
 )
