@@ -151,20 +151,17 @@ def unit_in(result: Result, path: str) -> str:
     return table.unit(name) if table is not None and name in table else ""
 
 
-Units = tuple[tuple[str, str], ...]
-"""Names of an expression with their units, "" where that is not known."""
-
-
-def units_in(result: Result, text: str) -> Units:
-    """Of everything that an expression names; ValueError if the text is none."""
-    return tuple((path, unit_in(result, path)) for path in _parsed(text).variables)
+def fitted(result: Result, text: str) -> Node:
+    """The resolved() tree of a text in the units of a result, made once for all that have these;
+    ValueError.
+    """
+    return _fitted(text, tuple(unit_in(result, path) for path in _parsed(text).variables))
 
 
 _parsed = lru_cache(maxsize=256)(parsed)
 
 
 @lru_cache(maxsize=256)
-def fitted(text: str, units: Units) -> Node:
-    """The resolved() tree of a text, made once for all results with these units."""
-    known = dict(units)
-    return resolved(parsed(text), lambda path: known.get(path, ""))
+def _fitted(text: str, units: tuple[str, ...]) -> Node:
+    tree = _parsed(text)
+    return resolved(tree, dict(zip(tree.variables, units, strict=True)).__getitem__)

@@ -14,8 +14,9 @@ What cannot be written there is kept elsewhere.
 from __future__ import annotations
 
 import os
+import secrets
 import tempfile
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from pathlib import Path
 
 from harness.errors import HarnessError, ResultsError, UsageError, reason_of
@@ -26,51 +27,45 @@ from harness.results.result import Result
 from harness.system.graph import read_interfaces
 from harness.system.model import Port, System
 
+FORMATS = {".csv": comma_separated, ".nc": netcdf, ".mat": matlab, ".parquet": parquet}
+WRITERS = {ending: kind.write for ending, kind in FORMATS.items()}
+READERS = {ending: kind.read for ending, kind in FORMATS.items()}
+
 
 class ResultFile:
     """A results file that was found writable before the run. It appears whole or not at all."""
 
     def __init__(self, path: Path) -> None:
         """UsageError for an unknown ending, ResultsError if the file cannot be written there."""
-        if path.suffix not in WRITERS:
+        if path.suffix not in FORMATS:
             raise UsageError(
-                f"{path}: results are written as {', '.join(WRITERS)}, not as "
+                f"{path}: results are written as {', '.join(FORMATS)}, not as "
                 f"'{path.suffix or path.name}'"
             )
         self.path = path
         self._target = path.absolute()  # wherever an FMU may lead this process
         self.partial = path.with_name(f"{path.stem}.partial{path.suffix}")
-        self._special = self._is_special()
-        if not self._special:
-            self._try()
-
-    def _is_special(self) -> bool:
-        """Whether there is something else than a file, as a pipe, that can be written."""
         try:
-            found = self.path.exists()
-        except (OSError, ValueError) as error:  # a name that no file can have
+            found = path.exists()
+            self._special = found and not path.is_file()  # as a pipe
+            if found and not os.access(path, os.W_OK):
+                raise PermissionError("no permission")
+            if not self._special:
+                self._try()
+        except (OSError, ValueError) as error:  # or a name that no file can have
             raise self._refused(reason_of(error)) from error
-        if self.path.is_dir():
-            raise ResultsError(f"{self.path}: cannot be written, it is a folder")
-        if found and not os.access(self.path, os.W_OK):
-            raise self._refused("no permission")
-        return found and not self.path.is_file()
+        if path.is_dir():
+            raise ResultsError(f"{path}: cannot be written, it is a folder")
 
     def _refused(self, reason: str) -> ResultsError:
         return ResultsError(f"{self.path}: cannot be written ({reason})")
 
     def _try(self) -> None:
-        """Look whether the file can be written, without leaving anything behind."""
+        """Write something beside, or into the folder where the folders will be, and remove it."""
         folder = next(folder for folder in self._target.parents if folder.exists())
         if not folder.is_dir():
-            raise self._refused(f"{folder} is not a folder")
-        if not os.access(folder, os.W_OK):
-            raise self._refused(f"no permission for {folder}")
-        if folder == self._target.parent:
-            try:
-                new_beside(self._target).unlink(missing_ok=True)
-            except OSError as error:
-                raise self._refused(str(error.strerror)) from error
+            raise NotADirectoryError(f"{folder} is not a folder")
+        new_beside(folder / self.path.name).unlink(missing_ok=True)
 
     def accept(self, system: System) -> None:
         """Look whether the file can hold the names of a system; ResultsError with those that it
@@ -136,24 +131,12 @@ def _rescued(result: Result, path: Path) -> Path | None:
     """Where a result was written that could not be written to its place."""
     elsewhere = Path(tempfile.gettempdir())
     for folder, ending in ((elsewhere, path.suffix), (path.parent, ".csv"), (elsewhere, ".csv")):
-        try:
-            number, name = tempfile.mkstemp(ending, f"{path.stem[:100]}-", folder)
-        except OSError:
-            continue
-        os.close(number)
-        if _is_written(result, Path(name)):
-            return Path(name)
+        place = folder / f"{path.stem[:100]}-{secrets.token_hex(6)}{ending}"
+        with suppress(Exception), written(place) as target:  # as at its own place
+            WRITERS[ending](result, target)
+        if place.exists():
+            return place
     return None
-
-
-def _is_written(result: Result, path: Path) -> bool:
-    try:
-        with held():
-            WRITERS[path.suffix](result, path)
-    except Exception:  # the same failures as at its own place
-        path.unlink(missing_ok=True)
-        return False
-    return True
 
 
 def read(file: str | Path) -> Result:
@@ -163,19 +146,14 @@ def read(file: str | Path) -> Result:
     system, which is then the stem of the file.
     """
     path = Path(file)
-    if path.suffix not in READERS:
-        raise UsageError(f"{path}: only {', '.join(READERS)} can be read back")
+    if path.suffix not in FORMATS:
+        raise UsageError(f"{path}: only {', '.join(FORMATS)} can be read back")
     try:
         return sound(READERS[path.suffix](path))
     except HarnessError:  # a library is missing
         raise
     except Exception as error:  # OSError, or what the libraries behind xarray and numpy raise
         raise ResultsError(f"{path}: cannot be read ({reason_of(error)})") from error
-
-
-FORMATS = {".csv": comma_separated, ".nc": netcdf, ".mat": matlab, ".parquet": parquet}
-WRITERS = {ending: kind.write for ending, kind in FORMATS.items()}
-READERS = {ending: kind.read for ending, kind in FORMATS.items()}
 
 
 def save(result: Result, path: str | Path) -> Path:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from harness.results.evaluation import evaluate, fitted, history, units_in
+from harness.results.evaluation import evaluate, fitted, history
 from harness.results.expressions import parsed
 from harness.results.result import Result
 
@@ -48,8 +48,6 @@ class Number:
 
     def __call__(self, result: Result, *further: Any) -> Any:
         """The value; further: what the function takes beside the result."""
-        if not isinstance(self.measure, str):
+        if callable(self.measure):
             return self.measure(result, *further)
-        return evaluate(
-            fitted(self.measure, units_in(result, self.measure)), partial(history, result)
-        )
+        return evaluate(fitted(result, self.measure), partial(history, result))

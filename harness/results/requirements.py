@@ -13,12 +13,12 @@ import logging
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 
-from harness.results.evaluation import Units, resolved, units_in
+from harness.results.evaluation import fitted, resolved, unit_in
 from harness.results.expressions import Node, parsed
 from harness.results.margins import Margins, by_row, compared, leaves, unit_of_margin
 from harness.results.provenance import Provenance
@@ -85,12 +85,11 @@ def refused(system: System, requirements: Mapping[str, Any], fixed: bool = False
     conditions, variables and parameters that nobody has, units that do not fit; fixed: they are
     conditions on parameters alone.
     """
-    tables = {k: table for k, table in _units(system).items() if k or not fixed}
-    known = {f"{kind}{n}": u for kind, table in tables.items() for n, u in table.items()}
+    known = _units(system, fixed)
     return [
         f"{name}: {problem}"
         for name, text in requirements.items()
-        for problem in _problems(text, known if fixed else {"time": "s", **known})
+        for problem in _problems(text, known)
     ]
 
 
@@ -128,17 +127,20 @@ def _written(table: Result, path: str) -> str:
     return f"{' '.join(f'{x:g}' for x in numbers)} {'' if unit == '1' else unit}".rstrip()
 
 
-def _units(system: System) -> dict[str, dict[str, str]]:
-    """Units of everything that an expression may name, by its name after `` or `parameter `."""
-    tables: dict[str, dict[str, str]] = {"": {}, "parameter ": {}}
+def _units(system: System, fixed: bool) -> dict[str, str]:
+    """Units of everything that an expression may name, of parameters alone if fixed."""
+    known = {} if fixed else {"time": "s"}
     for component, interface in read_interfaces(system).items():
-        for kind, causality in (("", "output"), ("parameter ", "parameter")):
-            for name, variable in interface.named(causality).items():
-                port = str(Port(component, name))
-                tables[kind] |= {port: variable.unit or "", base(port): variable.unit or ""}
-    return tables
+        tables = {"parameter ": interface.named("parameter")}
+        tables |= {} if fixed else {"": interface.named("output")}
+        for kind, table in tables.items():
+            for name, variable in table.items():
+                port = f"{kind}{Port(component, name)}"
+                known |= dict.fromkeys((port, base(port)), variable.unit or "")
+    return known
 
 
+@lru_cache(maxsize=256)
 def condition(text: str) -> Node:
     """The tree of a requirement; ValueError if it is none."""
     tree = parsed(text)
@@ -217,7 +219,9 @@ def finding(result: Result, name: str, text: str) -> Finding:
     if not len(result.time):
         return Finding(name, text, Verdict.NOT_JUDGED, reason="nothing was recorded")
     try:
-        tree, unit = _stated(text, units_in(result, text))
+        condition(text)
+        tree = fitted(result, text)
+        unit = unit_of_margin(tree, partial(unit_in, result))
         found = Finding(name, text, Verdict.NOT_JUDGED, margin_unit=unit)
         with np.errstate(all="ignore"):
             if tree.has_window:
@@ -226,16 +230,6 @@ def finding(result: Result, name: str, text: str) -> Finding:
     except (KeyError, ValueError, IndexError, TypeError, ZeroDivisionError, OverflowError) as error:
         reason = str(error.args[0]) if error.args else type(error).__name__
         return Finding(name, text, Verdict.NOT_JUDGED, reason=reason)
-
-
-@lru_cache(maxsize=256)
-def _stated(text: str, units: Units) -> tuple[Node, str]:
-    """The tree of a requirement with its numbers in these units of its variables, and the unit of
-    its margin: made once for all runs, so nobody may change it.
-    """
-    tree, known = condition(text), dict(units)
-    unit = unit_of_margin(tree, lambda path: known.get(path, ""))
-    return resolved(tree, lambda path: known.get(path, "")), unit
 
 
 def _lasting(result: Result, found: Finding) -> Finding:
