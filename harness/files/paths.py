@@ -112,36 +112,18 @@ def _first(*folders: Path) -> Path | None:
     return next((folder for folder in folders if folder.is_dir()), None)
 
 
-def loop_library() -> Path | None:
-    """The C executor, or None if it has not been built."""
-    return _library("loop.so")
-
-
-def monolith_library() -> Path | None:
-    """The models without FMI in one program, or None if it has not been built."""
-    return _library("monolith.so")
-
-
-def link_library() -> Path | None:
-    """The library of an FMU that stands for a component elsewhere, or None if it has not been
-    built.
-    """
-    return _library("link.so")
-
-
-def board_library() -> Path | None:
-    """The board's end of the link as a library, or None if it has not been built."""
-    return _library("board.so")
-
-
 def link_sources() -> Path:
     """Folder of the C files of which firmware is built."""
     installed = PACKAGE / "data" / "link"
     return installed if installed.is_dir() else PACKAGE.parent / "fmus" / "core" / "link"
 
 
-def _library(name: str) -> Path | None:
-    candidates = (folder / name for folder in (*_chosen(), PACKAGE / "data", BUILD))
+def built(name: str) -> Path | None:
+    """A library of ours, or None if there is none: loop (the C executor), link (of an FMU
+    that stands for a component elsewhere), board (the other end of it), monolith (the models
+    without FMI in one program).
+    """
+    candidates = (folder / f"{name}.so" for folder in (*_chosen(), PACKAGE / "data", BUILD))
     return next((path for path in candidates if path.is_file()), None)
 
 

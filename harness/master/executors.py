@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import UsageError
-from harness.files.paths import loop_library
+from harness.files.paths import built
 from harness.master.calls import layout
 from harness.master.fmu import Instance
 from harness.master.recorder import Recorder
@@ -164,7 +164,7 @@ def _address(function: Any) -> int | None:
 
 
 def _library() -> Any:
-    path = loop_library()
+    path = built("loop")
     if path is None:
         raise UsageError(
             "the C executor has not been built: build the project, or choose --executor python"

@@ -16,7 +16,7 @@ from typing import Any
 
 from harness.errors import FmuError, UsageError
 from harness.files.archive import unpack
-from harness.files.paths import board_library
+from harness.files.paths import built
 from harness.files.temporary import PrivateFolder
 from harness.master.calls import layout
 from harness.remote.firmware import ALWAYS, STATES, functions
@@ -81,7 +81,7 @@ class StandIn:
             raise FmuError(f"{fmu.name}: is of FMI 3.0, a board speaks FMI 2.0")
         if problem := binary_problem(interface):
             raise FmuError(f"{fmu.name}: {problem}")
-        place = board_library()
+        place = built("board")
         if place is None:
             raise UsageError("a stand-in board is for Linux and macOS only")
         self._files = ExitStack()

@@ -15,7 +15,7 @@ from lxml import etree
 from harness.errors import UsageError
 from harness.files import cache
 from harness.files.archive import pack, parsed, read_entry
-from harness.files.paths import link_library, link_sources
+from harness.files.paths import built, link_sources
 from harness.remote.firmware import Part, build
 from harness.remote.targets import Target
 
@@ -64,7 +64,7 @@ def _firmware(parts: Sequence[Part], target: Target) -> bytes:
 
 
 def _made(fmu: Path, lines: Sequence[tuple[str, str]], firmware: bytes) -> Path:
-    library = link_library()
+    library = built("link")
     if library is None:
         raise UsageError("links to other processors are for Linux and macOS only")
     root = parsed(read_entry(fmu, "modelDescription.xml"))

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import StructureError, UsageError
-from harness.files.paths import monolith_library
+from harness.files.paths import built
 from harness.master.fmu import Instance
 from harness.master.simulation import Simulation
 from harness.master.transfer import Transfer
@@ -59,7 +59,7 @@ class _Slave(ctypes.Structure):
 
 def library() -> Any:
     """monolith.so with its signatures; UsageError if it has not been built."""
-    path = monolith_library()
+    path = built("monolith")
     if path is None:
         raise UsageError("the monolithic program has not been built: build the project")
     lib = ctypes.CDLL(str(path))

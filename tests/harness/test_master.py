@@ -337,7 +337,7 @@ def test_unknown_executors_and_senseless_thinning_are_wrong_use(make):
 
 
 def test_a_missing_c_executor_is_said_clearly(make, monkeypatch):
-    monkeypatch.setattr("harness.master.executors.loop_library", lambda: None)
+    monkeypatch.setattr("harness.master.executors.built", lambda _: None)
     with pytest.raises(UsageError, match="the C executor has not been built"):
         simulate(make({"a": "counter"}))
     assert simulate(make({"a": "counter"}), executor="python").complete

@@ -23,7 +23,7 @@ from fmpy.fmi2 import fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 
 from harness import Simulation, load, run
 from harness.errors import FmuError, RunError, StructureError, UsageError
-from harness.files.paths import fmus, link_library
+from harness.files.paths import built, fmus
 from harness.ssp.build import system_of
 from harness.ssp.writer import write_ssp
 from harness.studies.check import check
@@ -567,7 +567,7 @@ def said_of(resources):
     said = []
     logger = fmi2CallbackLoggerTYPE(lambda _a, _b, _c, _d, text: said.append(text))
     calls = fmi2CallbackFunctions(logger=logger)
-    instantiate = ctypes.CDLL(str(link_library())).fmi2Instantiate
+    instantiate = ctypes.CDLL(str(built("link"))).fmi2Instantiate
     instantiate.restype = ctypes.c_void_p
     assert instantiate(b"x", 1, b"{guid}", resources, ctypes.byref(calls), 0, 0) is None
     return said

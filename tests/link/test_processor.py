@@ -21,7 +21,7 @@ from typer.testing import CliRunner
 from harness import Simulation, load
 from harness.cli.app import app
 from harness.errors import FmuError, UsageError
-from harness.files.paths import fmus, link_library
+from harness.files.paths import built, fmus
 from harness.master.changes import apply
 from harness.master.serve import StandIn
 from harness.remote import targets
@@ -176,7 +176,7 @@ def test_an_emulator_that_cannot_be_started_leaves_nothing(tmp_path, argument, s
     (tmp_path / "link.txt").write_text(settings)
     (tmp_path / "tmp").mkdir()
     done = subprocess.run(
-        [sys.executable, "-c", INSTANTIATE, str(link_library()), str(tmp_path)],
+        [sys.executable, "-c", INSTANTIATE, str(built("link")), str(tmp_path)],
         env={**os.environ, "TMPDIR": str(tmp_path / "tmp"), "LD_PRELOAD": str(library)},
         capture_output=True,
         text=True,
