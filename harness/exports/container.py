@@ -12,7 +12,7 @@ import json
 import logging
 import shutil
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from uuid import NAMESPACE_URL, uuid5
@@ -28,9 +28,8 @@ from harness.ssp.xml import literal
 from harness.system.conversion import final, way
 from harness.system.graph import read_interfaces
 from harness.system.interface import Interface
-from harness.system.model import Port, System
+from harness.system.model import System
 from harness.system.units import IDENTITY
-from harness.system.values import Scalar
 
 MODEL = "modelDescription.xml"
 RUNTIME = "resources/container.txt"
@@ -66,57 +65,40 @@ def _problems(system: System) -> Iterator[str]:
         yield f"a container starts at 0 s, the system at {system.experiment.start:g} s"
     for c in system.components:
         if c.every != 1 or c.latency != 0:
-            yield (
-                f"{c.name}: steps every {c.every} macro steps with a latency of {c.latency}, a "
-                "container cannot"
-            )
-    for connection in system.connections:
-        if way(connection, interfaces) != IDENTITY:
-            yield (
-                f"{connection.target}: the signal from {connection.source} is transformed, a "
-                "container cannot"
-            )
+            pace = f"steps every {c.every} macro steps with a latency of {c.latency}"
+            yield f"{c.name}: {pace}, a container cannot"
+    for each in system.connections:
+        if way(each, interfaces) != IDENTITY:
+            yield f"{each.target}: the signal from {each.source} is transformed, a container cannot"
 
 
 def assembly(system: System, name: str) -> dict[str, Any]:
     """The system in the words of fmucontainer; every FMU goes by the name of its component."""
     interfaces = read_interfaces(system)
+    autos = ("auto_link", "auto_input", "auto_output", "auto_parameter", "auto_local")
+    starts = [
+        [f"{c.name}.fmu", v, final(parameter, interfaces[c.name].variables[v], interfaces[c.name])]
+        for c in system.components
+        for v, parameter in c.parameters.items()
+        if v in interfaces[c.name].variables
+    ]
     return {
         "name": name,
-        "fmu": [_fmu(c.name) for c in system.components],
+        "fmu": [f"{c.name}.fmu" for c in system.components],
         "step_size": system.experiment.step,
         "sequential": system.experiment.algorithm == "gauss-seidel",
-        **dict.fromkeys(
-            ("auto_link", "auto_input", "auto_output", "auto_parameter", "auto_local"), False
-        ),
+        **dict.fromkeys(autos, False),
         "output": [
-            [_fmu(c), v, f"{c}.{v}"]
+            [f"{c}.fmu", v, f"{c}.{v}"]
             for c, interface in interfaces.items()
             for v in interface.outputs()
         ],
         "link": [
-            [_fmu(source.component), source.variable, _fmu(target.component), target.variable]
+            [f"{source.component}.fmu", source.variable, f"{target.component}.fmu", target.variable]
             for source, target, _ in system.connections
         ],
-        "start": [[_fmu(c), v, value] for (c, v), value in _start_values(system, interfaces)],
+        "start": starts,
     }
-
-
-def _start_values(
-    system: System, interfaces: Mapping[str, Interface]
-) -> Iterator[tuple[Port, Scalar]]:
-    for component in system.components:
-        interface = interfaces[component.name]
-        for name, parameter in component.parameters.items():
-            if name in interface.variables:
-                yield (
-                    Port(component.name, name),
-                    final(parameter, interface.variables[name], interface),
-                )
-
-
-def _fmu(component: str) -> str:
-    return f"{component}.fmu"
 
 
 def _make(folder: Path, description: str) -> None:
@@ -238,11 +220,7 @@ def _units(root: XmlElement, variables: XmlElement, interfaces: dict[str, Interf
             used.setdefault(unit.name, unit.base)
     table = etree.Element("UnitDefinitions")
     for name, base in sorted(used.items()):
-        parts = {
-            part: literal(value)
-            for part, value in base.items()
-            if value != (1 if part == "factor" else 0)
-        }
+        parts = {p: literal(value) for p, value in base.items() if value != int(p == "factor")}
         etree.SubElement(etree.SubElement(table, "Unit", name=name), "BaseUnit", parts)
     if used:
         root.find("LogCategories").addprevious(table)
@@ -252,11 +230,10 @@ def _structure(root: XmlElement, variables: XmlElement) -> None:
     """Outputs by their places in the list of variables; they depend on nothing, the container has
     no inputs.
     """
-    outputs = [i for i, v in enumerate(variables, start=1) if v.get("causality") == "output"]
+    outputs = [str(i) for i, v in enumerate(variables, start=1) if v.get("causality") == "output"]
     structure = root.find("ModelStructure")
-    for child in list(structure):
-        structure.remove(child)
+    structure[:] = []
     for name in ("Outputs", "InitialUnknowns") if outputs else ():
         unknowns = etree.SubElement(structure, name)
         for i in outputs:
-            etree.SubElement(unknowns, "Unknown", index=str(i), dependencies="")
+            etree.SubElement(unknowns, "Unknown", index=i, dependencies="")

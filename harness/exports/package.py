@@ -45,10 +45,9 @@ def export(
         say_warnings(changed)
         graph = checked(changed).graph
         file = _file(Path(target), changed.name)
-        if fmi is not None and file.suffix != ".fmu":
-            raise UsageError(f"{file}: is no .fmu, which alone can be of FMI {fmi}.0")
-        if ssp is not None and file.suffix != ".ssp":
-            raise UsageError(f"{file}: is no .ssp, which alone can be of SSP {ssp}.0")
+        for kind, given, ending in (("FMI", fmi, ".fmu"), ("SSP", ssp, ".ssp")):
+            if given is not None and file.suffix != ending:
+                raise UsageError(f"{file}: is no {ending}, which alone can be of {kind} {given}.0")
         try:
             if file.suffix == ".fmu":
                 _write_fmu(changed, graph, file, fmi or 2)

@@ -124,10 +124,3 @@ def plain_number(value: float) -> str:
     part = f"{value / 10.0**power:.3g}"
     front = "" if part == "1" else f"{part}\u00d7"
     return f"{front}10{str(power).translate(POWERS)}"
-
-
-def untexed(text: str) -> str:
-    """A tick or label of matplotlib without the mark-up of formulas, powers raised."""
-    bare = re.sub(r"\\math\w+\{((?:[^{}]|\{[^{}]*\})*)\}", r"\1", text.replace("$", ""))
-    raised = re.sub(r"\^\{([-\d]+)\}", lambda m: m[1].translate(POWERS), bare)
-    return re.sub(r"\\(?:times|cdot)\s*", "\u00d7", raised).replace("\u2212", "-")

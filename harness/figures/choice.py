@@ -111,9 +111,8 @@ def _panel(result: Result, name: str) -> Panel:
     if elements is None or elements.shape in ((), (3,)):
         return Panel(label, (Curve(name),))
     columns = (result.columns[i].removeprefix(name).strip("[]") for i in elements.flat)
-    return Panel(label, (Curve(name, convert=_flat, labels=tuple(columns)),))
 
+    def flat(history: Array) -> Array:
+        return history.reshape(len(history), -1)
 
-def _flat(history: Array) -> Array:
-    """Matrices as the rows of their elements."""
-    return history.reshape(len(history), -1)
+    return Panel(label, (Curve(name, convert=flat, labels=tuple(columns)),))

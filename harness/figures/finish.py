@@ -6,7 +6,6 @@ differ without colour, and symbols as in formulas.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
 from itertools import product
 from operator import itemgetter
@@ -29,7 +28,7 @@ WIDTHS = (1.0, 1.9, 0.5, 2.8)
 CROWD = 0.06
 """A tick nearer than this part of the axis to its end gives way to the end."""
 LEAST_TICKS = 3
-STEPS = ((1, 3), (1, 2, 5), (1, 2, 3, 4, 6, 8))
+STEPS = (1, 2, 5)
 """Ticks of a decade where whole decades are too few."""
 ROUNDING = 1e-10
 """A curve smaller than this part of those in the same unit beside it, or than this part of its own
@@ -55,7 +54,7 @@ def finished(canvas: Any, end: float | None, distinct: bool) -> Any:
             if axis.get_scale() == "log":
                 _ticked(axis)
     if end is not None:
-        _ended([axes for axes in flat if _of_time(axes)], end)
+        _ended([axes for axes in flat if label_of(axes, "x").startswith("time [")], end)
     if distinct:
         for axes in canvas.axes:
             tell_apart(axes)
@@ -81,7 +80,7 @@ def calm(panels: Sequence[tuple[Any, str]]) -> None:
     for axes, _ in panels:
         _decades(axes)
     sizes = [
-        (_size(axes), axes, unit_of(label))
+        (float(np.abs(_values(axes)).max()), axes, unit_of(label))
         for axes, label in panels
         if axes.get_yscale() == "linear"
     ]
@@ -136,16 +135,14 @@ def _values(axes: Any) -> Array:
     return finite if len(finite) else np.zeros(1)
 
 
-def _size(axes: Any) -> float:
-    return float(np.abs(_values(axes)).max())
-
-
 # ---- axes of time, ticks
 
 
-def _of_time(axes: Any) -> bool:
-    shared = axes.get_shared_x_axes().get_siblings(axes)
-    return any(re.match(r"time \[", each.get_xlabel()) for each in shared)
+def label_of(axes: Any, which: str) -> str:
+    """The label of the axis x or y, or of those that share it."""
+    shared = getattr(axes, f"get_shared_{which}_axes")().get_siblings(axes)
+    labels = (getattr(each, f"get_{which}label")() for each in (axes, *shared))
+    return next(filter(None, labels), "")
 
 
 def _ended(panels: Iterable[Any], end: float) -> None:
@@ -169,17 +166,15 @@ def _times(line: Any) -> Array:
 
 def _ticked(axis: Any) -> None:
     """At least three ticks with labels on a logarithmic axis."""
-    from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator
+    from matplotlib.ticker import FixedFormatter, FixedLocator, LogLocator, MaxNLocator
 
     low, high = sorted(axis.get_view_interval())
     if not 0 < low < high < np.inf:
         return
-    decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
-    if sum(low <= 10.0**k <= high for k in decades) >= LEAST_TICKS:
+    if np.floor(np.log10(high)) - np.ceil(np.log10(low)) + 1 >= LEAST_TICKS:
         return
-    options = [[m * 10.0**k for k in decades for m in parts] for parts in STEPS]
-    options.append(list(MaxNLocator(4, min_n_ticks=LEAST_TICKS + 2).tick_values(low, high)))
-    inside = ([t for t in ticks if low <= t <= high] for ticks in options)
+    locators = (LogLocator(subs=STEPS), MaxNLocator(4, min_n_ticks=LEAST_TICKS + 2))
+    inside = ([t for t in at.tick_values(low, high) if low <= t <= high] for at in locators)
     chosen = next((ticks for ticks in inside if len(ticks) >= LEAST_TICKS), [low, high])
     axis.set_major_locator(FixedLocator(chosen))
     axis.set_major_formatter(FixedFormatter([plain_number(t) for t in chosen]))
@@ -201,14 +196,12 @@ def tell_apart(axes: Any) -> None:
     """
     taken: set[Any] = set()
     for lines in _kinds(axes):
-        own = look_of(lines[0])
-        if own in taken:
-            looks = product(WIDTHS, DASHES)
-            width, dashes = next(x for x in looks if _with(lines[0], x[1], x[0]) not in taken)
+        wide, looks = lines[0].get_linewidth(), product(WIDTHS, DASHES)
+        while look_of(lines[0]) in taken:
+            width, dashes = next(looks)
             for line in lines:
-                line.set(linestyle=dashes, linewidth=width * line.get_linewidth())
-            own = look_of(lines[0])
-        taken.add(own)
+                line.set(linestyle=dashes, linewidth=width * wide)
+        taken.add(look_of(lines[0]))
     if legend := axes.get_legend():
         _repeat(legend, axes.get_legend_handles_labels()[0])
 
@@ -238,21 +231,8 @@ def _dashes(line: Any) -> Any:
     return (offset, tuple(pattern)) if pattern else "-"
 
 
-def _with(line: Any, dashes: Any, width: float) -> tuple[Any, ...]:
-    """The look that a curve would have with dashes and so many times its width."""
-    had, wide = _dashes(line), line.get_linewidth()
-    line.set(linestyle=dashes, linewidth=width * wide)
-    look = look_of(line)
-    line.set(linestyle=had, linewidth=wide)
-    return look
-
-
 def _symbols(canvas: Any) -> None:
-    for axes in canvas.axes:
-        for text in (axes.title, *axes.texts):
-            text.set_text(mathematical(text.get_text()))
-        for axis in filter(None, (axes.xaxis, axes.yaxis, getattr(axes, "zaxis", None))):
-            axis.set_label_text(mathematical(axis.get_label_text()))
-        if legend := axes.get_legend():
-            for text in legend.get_texts():
-                text.set_text(mathematical(text.get_text()))
+    from matplotlib.text import Text
+
+    for text in canvas.findobj(Text):
+        text.set_text(mathematical(text.get_text()))

@@ -31,6 +31,7 @@ from harness.figures.style import (
 )
 from harness.mission.figure import IDLE, Colour, Curve, Drawing, Figure, Overlay, Panel, unit_of
 from harness.results.result import Array, Result
+from harness.spelling import is_number
 
 _log = logging.getLogger("harness")
 
@@ -217,12 +218,8 @@ BAND = (5.0, 50.0, 95.0)
 def _scale(labels: Sequence[str]) -> tuple[str, list[float]]:
     """What many runs are coloured by: the one parameter that varies, else their number."""
     names, _, values = zip(*(label.partition("=") for label in labels), strict=True)
-    try:
-        numbers = [float(value) for value in values]
-    except ValueError:
-        numbers = []
-    if len(set(names)) == 1 and numbers:
-        return names[0], numbers
+    if len(set(names)) == 1 and all(map(is_number, values)):
+        return names[0], [float(value) for value in values]
     return "run", [float(k) for k in range(1, len(labels) + 1)]
 
 

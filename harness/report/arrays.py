@@ -47,11 +47,6 @@ class Arrays:
         flat = np.frombuffer(base64.b64decode(kept["data"]), dtype="<f4")
         return flat.reshape(kept["shape"])
 
-    @property
-    def size(self) -> int:
-        """Characters of all arrays in the page."""
-        return sum(len(kept["data"]) for kept in self.content.values())
-
 
 def kept_rows(values: Array, points: int) -> Rows:
     """Rows of a history (rows,) that are drawn, in order, about `points` at most.

@@ -16,7 +16,7 @@ from harness.figures import campaign as figures
 from harness.figures.style import Style
 from harness.report import comparison, study
 from harness.report.arrays import Arrays, Canvas
-from harness.report.plots import PAGE, painted
+from harness.report.plots import PAGE, Shown, painted
 from harness.report.template import render
 from harness.results.result import Array
 from harness.studies.campaign import summary
@@ -39,15 +39,13 @@ def of_dataset(path: Path) -> str:
 
 
 def _page(store: Store, path: Path) -> str:
-    arrays = Arrays()
-    canvas, flown = Canvas(arrays, POINTS), study.flights(store, path)
-    beside = comparison.canvas_of(flown, arrays)
-    pages = _figures(canvas, store)
-    pages.append({"name": "beside", "figures": comparison.figures(beside, flown) if flown else []})
+    canvas, flown = Canvas(Arrays(), POINTS), study.flights(store, path)
+    beside = comparison.canvas_of(flown, canvas.arrays)
+    compared = comparison.figures(beside, flown, "beside") if flown else ()
     return render(
         "campaign.html",
         canvas,
-        comparison.side_by_side(flown, arrays, [page for page in pages if page["figures"]]),
+        comparison.side_by_side(flown, canvas.arrays, [*_figures(canvas, store), *compared]),
         name=path.name,
         system=store.system,
         command=f"harness run {store.system} --like {path}#",
@@ -83,17 +81,12 @@ def _numbers(values: Array) -> list[float]:
     return [finite.mean(), finite.std(), finite.min(), *middle, finite.max()]
 
 
-def _figures(canvas: Canvas, store: Store) -> list[dict[str, Any]]:
-    """The sections that have something to show, each with one figure."""
-    found = {"study": list(study.plots(canvas, store))}
+def _figures(canvas: Canvas, store: Store) -> Iterator[Shown]:
+    """What the sections show."""
+    yield "study", "study", "", list(study.plots(canvas, store))
     with PAGE.used():
         for section, _, drawing in drawings(store, PAGE):
-            found.setdefault(section, []).extend(painted(canvas, drawing))
-    return [
-        {"name": name, "figures": [{"name": name, "title": "", "plots": plots}]}
-        for name, plots in found.items()
-        if plots
-    ]
+            yield section, section, "", painted(canvas, drawing)
 
 
 def drawings(store: Store, style: Style) -> Iterator[tuple[str, str, Any]]:

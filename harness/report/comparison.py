@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from harness.mission.library import of_result
 from harness.mission.mission import together
 from harness.report import facts
 from harness.report.arrays import Arrays, Canvas, points_of
-from harness.report.plots import PAGE, painted
+from harness.report.plots import PAGE, Shown, painted, sections
 from harness.report.story import replay_several
 from harness.report.template import render
 from harness.results.files import read
@@ -32,14 +32,11 @@ def of_folder(folder: Path) -> str:
     columns, labels = read_csv(folder / TABLE)
     results = _results(folder, labels)
     canvas = canvas_of(results, Arrays())
-    drawn = figures(canvas, results)
     measures = together(map(of_result, results.values())).measures
     return render(
         "compare.html",
         canvas,
-        side_by_side(
-            results, canvas.arrays, [{"name": "figures", "figures": drawn}] if drawn else []
-        ),
+        side_by_side(results, canvas.arrays, figures(canvas, results)),
         name=folder.resolve().name,
         labels=labels,
         results=results,
@@ -56,11 +53,11 @@ def canvas_of(results: Mapping[str, Result], arrays: Arrays) -> Canvas:
 
 
 def side_by_side(
-    results: Mapping[str, Result], arrays: Arrays, figures: list[dict[str, Any]]
+    results: Mapping[str, Result], arrays: Arrays, figures: Iterable[Shown]
 ) -> dict[str, Any]:
     """What the scripts of a page with several runs get: one replay, figures by section, labels."""
     scene = replay_several(results, arrays) if results else None
-    return {"scene": scene, "figures": figures, "runs": list(results)}
+    return {"scene": scene, "figures": sections(figures), "runs": list(results)}
 
 
 def _results(folder: Path, labels: list[str]) -> dict[str, Result]:
@@ -88,16 +85,12 @@ def _cell(value: float, words: Sequence[str] = ()) -> str:
     return f"{value:.4g}" if math.isfinite(value) else "-"
 
 
-def figures(canvas: Canvas, results: Mapping[str, Result]) -> list[dict[str, Any]]:
+def figures(
+    canvas: Canvas, results: Mapping[str, Result], section: str = "figures"
+) -> Iterator[Shown]:
     """The overlaid figures that fit at least one run and show something."""
     colours = {label: f"C{k}" for k, label in enumerate(results)}
     with PAGE.used():
-        found = [
-            {
-                "name": figure.name,
-                "title": figure.title,
-                "plots": painted(canvas, paint_overlay(figure, runs, colours, PAGE)),
-            }
-            for figure, runs in compared(results)[0]
-        ]
-    return [each for each in found if each["plots"]]
+        for figure, runs in compared(results)[0]:
+            plots = painted(canvas, paint_overlay(figure, runs, colours, PAGE))
+            yield section, figure.name, figure.title, plots

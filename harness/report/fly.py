@@ -79,7 +79,7 @@ def _page(result: Result, system: System) -> str:
 def _flight(result: Result, system: System, found: Checked, module: Module) -> Data:
     if missing := [name for name in result.columns if name not in module.outputs]:
         raise UsageError(f"the system has no {missing[0]} any more: run it again")
-    known, span = result.provenance, system.experiment
+    known, table, span = result.provenance, result.parameters, system.experiment
     return {
         "start": span.start,
         "step": span.step,
@@ -89,14 +89,6 @@ def _flight(result: Result, system: System, found: Checked, module: Module) -> D
         "settings": list(module.references),
         "values": module.values.tolist(),
         "sha256": hashlib.sha256(np.ascontiguousarray(result.values).tobytes()).hexdigest(),
-        **_judged(result),
-    }
-
-
-def _judged(result: Result) -> Data:
-    """What requirements are made of."""
-    known, table = result.provenance, result.parameters
-    return {
         "names": _names(result),
         "parameters": {} if table is None else _names(table),
         "constants": [] if table is None else table.values[0].tolist(),

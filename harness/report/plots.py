@@ -11,13 +11,13 @@ or "ink"; `dash` a style of Plotly; `group` the run it belongs to.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 
-from harness.figures.captions import untexed
-from harness.figures.finish import plane
+from harness.figures.finish import label_of, plane
 from harness.figures.style import Style, place_of
 from harness.mission.figure import AXES, Phase
 from harness.mission.library import of_result
@@ -26,6 +26,8 @@ from harness.results.result import Array, Result
 from harness.system.values import base
 
 Plot = dict[str, Any]
+Shown = tuple[str, str, str, list[Plot]]
+"""Section of a page, name and title of a figure, and its plots."""
 
 PAGE = Style("page", sheets=("screen.mplstyle", "page.mplstyle"))
 """How figures are drawn that a page reads back."""
@@ -40,6 +42,19 @@ NOTE = "axes fraction"
 """Coordinates of what is written into a corner of axes."""
 
 
+def sections(found: Iterable[Shown]) -> list[dict[str, Any]]:
+    """Figures in their sections, those of one name together; without what has no plots."""
+    figures: dict[tuple[str, str], dict[str, Any]] = {}
+    for section, name, title, plots in found:
+        figure = figures.setdefault((section, name), {"name": name, "title": title, "plots": []})
+        figure["plots"] += plots
+    listed: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    for (section, _), figure in figures.items():
+        if figure["plots"]:
+            listed[section].append(figure)
+    return [{"name": section, "figures": shown} for section, shown in listed.items()]
+
+
 # ---- what matplotlib was told to draw
 
 
@@ -49,11 +64,11 @@ def painted(canvas: Canvas, drawing: Any) -> list[Plot]:
 
 
 def _plot(canvas: Canvas, axes: Any) -> Plot:
-    seconds = SECONDS.get(_label(axes, "x"), 0.0)
+    seconds = SECONDS.get(label_of(axes, "x"), 0.0)
     return {
         "title": axes.get_title(),
-        "x": "time [s]" if seconds else _label(axes, "x"),
-        "y": " ".join(_label(axes, "y").split()),
+        "x": "time [s]" if seconds else label_of(axes, "x"),
+        "y": " ".join(label_of(axes, "y").split()),
         "time": seconds > 0,
         "log": axes.get_yscale() == "log",
         "equal": axes.get_aspect() == 1.0,
@@ -65,13 +80,6 @@ def _plot(canvas: Canvas, axes: Any) -> Plot:
     }
 
 
-def _label(axes: Any, which: str) -> str:
-    """The label of an axis, or of those that share it."""
-    shared = getattr(axes, f"get_shared_{which}_axes")().get_siblings(axes)
-    labels = (getattr(each, f"get_{which}label")() for each in (axes, *shared))
-    return next(filter(None, labels), "")
-
-
 def _scales(axes: Any, timed: bool) -> Plot:
     """Limits of axes that were set, and ticks that are words."""
     found: Plot = {}
@@ -79,8 +87,8 @@ def _scales(axes: Any, timed: bool) -> Plot:
         found["range"] = [float(limit) for limit in axes.get_ylim()]
     if not axes.get_autoscalex_on() and not timed:
         found["range_x"] = [float(limit) for limit in axes.get_xlim()]
-    texts = [untexed(label.get_text()) for label in axes.get_yticklabels()]
-    if any(re.search("[A-Za-z]", text) for text in texts):
+    texts = [label.get_text() for label in axes.get_yticklabels()]
+    if any(re.match("[^$]*[A-Za-z]", text) for text in texts):
         found["ticks"] = [[float(place) for place in axes.get_yticks()], texts]
     return found
 
@@ -177,11 +185,6 @@ def diagram(title: str, x: str, y: str, curves: list[Plot]) -> Plot:
     return {"title": title, "x": x, "y": y, "time": False, "curves": curves}
 
 
-def plot(y: str, curves: list[Plot], **about: Any) -> Plot:
-    """A plot over time."""
-    return {"x": "time [s]", "y": y, "time": True, "curves": curves, **about}
-
-
 def signals(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
     """Every variable by component: what does not change with its value, the others as plots."""
     components: dict[str, dict[str, Any]] = {}
@@ -206,8 +209,9 @@ def _signal(canvas: Canvas, result: Result, name: str, values: Array) -> Plot:
         canvas.curve(result.time, column, label, colour=k, dash=DASHES[k % len(DASHES)])
         for k, (column, label) in enumerate(zip(flat.T, labels, strict=True))
     ]
-    unit = result.unit(name)
-    return plot(f"{name.partition('.')[2]} [{unit}]" if unit else name, curves, log=spans(flat))
+    unit, short = result.unit(name), name.partition(".")[2]
+    y = f"{short} [{unit}]" if unit else name
+    return {"x": "time [s]", "y": y, "time": True, "curves": curves, "log": spans(flat)}
 
 
 def _labels(result: Result, name: str, values: Array) -> list[str]:

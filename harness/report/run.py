@@ -3,26 +3,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 from harness.figures.choice import figures_of
 from harness.figures.plots import paint
-from harness.report import facts, plots
+from harness.report import facts
 from harness.report.arrays import Arrays, Canvas, points_of
-from harness.report.plots import PAGE, painted
+from harness.report.plots import PAGE, Shown, painted, phases, sections, signals
 from harness.report.story import replay
 from harness.report.template import render
 from harness.results.result import Result
 
+ACTUATORS = (
+    "force", "torque", "wheel_speeds", "firing", "engines", "joints", "gimbals", "acceleration",
+)  # fmt: skip
 SECTIONS = {
-    "margins": {"safety_margins"},
-    "figures": {},
-    "actuators": {
-        "force", "torque", "wheel_speeds", "firing", "engines", "joints", "gimbals", "acceleration",
-    },
-    "phases": {"phase_planes", "poincare"},
-}  # fmt: skip
-"""Sections of the page with the figures that they have; others are in `figures`."""
+    "safety_margins": "margins",
+    "phase_planes": "phases",
+    "poincare": "phases",
+    **dict.fromkeys(ACTUATORS, "actuators"),
+}
+"""Sections of the page by figure; others are in `figures`."""
 
 
 def canvas_of(result: Result, arrays: Arrays) -> Canvas:
@@ -38,28 +40,19 @@ def of_run(result: Result) -> str:
 
 def content(canvas: Canvas, result: Result) -> dict[str, Any]:
     """Replay, figures and signals as data, their numbers in the arrays of the canvas."""
-    drawn = _figures(canvas, result) if len(result.time) > 1 else []
+    lasts = len(result.time) > 1
     return {
+        "figures": sections(_figures(canvas, result)) if lasts else [],
         "scene": replay(result, canvas.arrays),
-        "figures": drawn,
-        "signals": plots.signals(canvas, result) if len(result.time) > 1 else [],
+        "signals": signals(canvas, result) if lasts else [],
     }
 
 
-def _figures(canvas: Canvas, result: Result) -> list[dict[str, Any]]:
-    """The figures of the result in their sections, the first of a name."""
-    sections: dict[str, list[dict[str, Any]]] = {name: [] for name in SECTIONS}
+def _figures(canvas: Canvas, result: Result) -> Iterator[Shown]:
+    """The figures of the result."""
+    yield "phases", "phases", "", list(phases(canvas, result))
     with PAGE.used():
         for figure in figures_of(result):
-            found = () if figure.is_empty(result) else painted(canvas, paint(figure, result, PAGE))
-            if found:
-                sections[_section(figure.name)].append(
-                    {"name": figure.name, "title": figure.title, "plots": found}
-                )
-    if found := list(plots.phases(canvas, result)):
-        sections["phases"].insert(0, {"name": "phases", "title": "", "plots": found})
-    return [{"name": name, "figures": drawn} for name, drawn in sections.items() if drawn]
-
-
-def _section(name: str) -> str:
-    return next((section for section, names in SECTIONS.items() if name in names), "figures")
+            if not figure.is_empty(result):
+                plots = painted(canvas, paint(figure, result, PAGE))
+                yield SECTIONS.get(figure.name, "figures"), figure.name, figure.title, plots

@@ -108,7 +108,7 @@ def _levels(canvas: Canvas, name: str, repeats: Any) -> Plot:
     """Probability of a margin below the limit, of each repeat."""
     curves = []
     for k, levels in enumerate(repeats):
-        limits, p = [level[0] for level in levels], [level[1] for level in levels]
+        limits, p = np.array([level[:2] for level in levels], dtype=float).T
         y = np.log10(np.maximum(p, DECADES))
         curves.append(_line(canvas, limits, y, name=f"repeat {k + 1}", colour=k))
     return diagram(f"{name}: probability of less than a margin", "margin", "log10 p", curves)

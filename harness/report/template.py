@@ -16,15 +16,12 @@ from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from harness.errors import HarnessError
+from harness.errors import HarnessError, library
 from harness.report.arrays import Canvas
-
-if TYPE_CHECKING:
-    from jinja2 import Template
 
 SCRIPTS = {
     "plotly": Path("package_data") / "plotly.min.js",
@@ -39,15 +36,15 @@ CODE = (
 
 
 @cache
-def script(library: str) -> str:
+def script(name: str) -> str:
     """Script of a library, compressed and as text; HarnessError naming the extra if it is not
     there.
     """
-    found = importlib.util.find_spec(library)
-    file = Path(found.origin).parent / SCRIPTS[library] if found and found.origin else None
+    found = importlib.util.find_spec(name)
+    file = Path(found.origin).parent / SCRIPTS[name] if found and found.origin else None
     if file is None or not file.is_file():
         raise HarnessError(
-            f"a report needs {library}: pip install 'servicing-fmus[report]' (or {library})"
+            f"a report needs {name}: pip install 'servicing-fmus[report]' (or {name})"
         )
     return base64.b64encode(gzip.compress(file.read_bytes(), 4, mtime=0)).decode()
 
@@ -68,14 +65,15 @@ def render(template: str, canvas: Canvas, data: dict[str, Any], **texts: Any) ->
     )
 
 
-def _template(name: str) -> Template:
-    try:
-        from jinja2 import Environment, PackageLoader, StrictUndefined
-    except ImportError as error:
-        raise HarnessError("a report needs jinja2: pip install 'servicing-fmus[report]'") from error
-    loader = PackageLoader("harness.report", "page")
-    blocks: Any = {"trim_blocks": True, "lstrip_blocks": True}
-    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, **blocks)
+def _template(name: str) -> Any:
+    jinja2 = library("jinja2", "report")
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("harness.report", "page"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     return environment.get_template(name)
 
 

@@ -113,11 +113,7 @@ class Traced(np.ndarray[Any, Any]):
         """The same numbers."""
         return self._noted(_plain(self).copy(), "positive")
 
-    def __copy__(self) -> Any:
-        return self.copy()
-
-    def __deepcopy__(self, _: Any) -> Any:
-        return self.copy()
+    __copy__ = __deepcopy__ = copy
 
     def _noted(self, value: Array, name: str, **about: Any) -> Any:
         """The value of an operation of that name on this array."""

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure as MplFigure
 
 from harness import run
 from harness.cli.app import main
-from harness.figures.captions import _escaped, mathematical, plain_number, symbols, untexed
+from harness.figures.captions import _escaped, mathematical, plain_number, symbols
 from harness.figures.choice import figures_of, named
 from harness.figures.finish import finished, look_of
 from harness.figures.plots import overlay, paint, plot
@@ -163,19 +163,6 @@ def test_the_least_value_is_marked_where_it_matters():
 )
 def test_symbols_are_those_of_formulas_and_names_of_variables_stay(text, expected):
     assert mathematical(text) == expected
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        (r"$\mathdefault{10^{-3}}$", "10\u207b\u00b3"),
-        (r"$\mathdefault{-10^{1}}$", "-10\u00b9"),
-        ("7", "7"),
-        (r"$\mathdefault{0}$", "0"),
-    ],
-)
-def test_a_tick_is_plain_on_a_page(text, expected):
-    assert untexed(text) == expected
 
 
 def test_numbers_of_ticks():
