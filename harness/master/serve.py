@@ -19,7 +19,7 @@ from harness.files.archive import unpack
 from harness.files.paths import built
 from harness.files.temporary import PrivateFolder
 from harness.master.calls import layout
-from harness.remote.firmware import ALWAYS, STATES, functions
+from harness.remote.firmware import functions, software
 from harness.system.interface import binaries, binary_problem, read_interface
 
 TARGET = b"this machine"
@@ -36,7 +36,7 @@ class _Software(ctypes.Structure):
     _fields_ = layout(
         (ctypes.c_char_p, "name guid"),
         (ctypes.c_uint32, "variables"),
-        (ctypes.c_void_p, " ".join((*ALWAYS, *STATES))),
+        (ctypes.c_void_p, " ".join(software())),
     )
 
 

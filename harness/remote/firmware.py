@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 import subprocess
 from collections.abc import Iterator, Sequence
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -28,34 +29,9 @@ instance keeps of a master's calls is small: 2 kB instead of 20.
 """
 
 LIBRARY = f"--specs={SPECS}"
+HEADERS = f"-isystem{Path(fmpy.__file__).parent / 'c-code'}"
 
 BOARD = ("board.c", "firmware.c", "soft_double.c")
-
-ALWAYS = {
-    "instantiate": "Instantiate",
-    "free_instance": "FreeInstance",
-    "reset": "Reset",
-    "setup_experiment": "SetupExperiment",
-    "enter_initialization": "EnterInitializationMode",
-    "exit_initialization": "ExitInitializationMode",
-    "terminate": "Terminate",
-    "set_real": "SetReal",
-    "get_real": "GetReal",
-    "set_integer": "SetInteger",
-    "get_integer": "GetInteger",
-    "set_boolean": "SetBoolean",
-    "get_boolean": "GetBoolean",
-    "do_step": "DoStep",
-}
-STATES = {
-    "get_state": "GetFMUstate",
-    "set_state": "SetFMUstate",
-    "free_state": "FreeFMUstate",
-    "state_size": "SerializedFMUstateSize",
-    "serialize": "SerializeFMUstate",
-    "deserialize": "DeSerializeFMUstate",
-}
-"""Members of struct Software (board.h) and the functions of FMI 2.0 behind them."""
 
 
 class Part(NamedTuple):
@@ -84,12 +60,18 @@ KINDS = {
 """What the sections of an image hold, by their first names."""
 
 
+@cache
+def software() -> dict[str, str]:
+    """The functions of FMI 2.0 behind the members of struct Software (board.h), in their order."""
+    header = (link_sources() / "board.h").read_text(encoding="utf-8")
+    return {member: name for name, member in re.findall(r"(fmi2\w+)TYPE \*(\w+);", header)}
+
+
 def functions(interface: Interface) -> dict[str, str]:
     """The functions of an FMU that a board calls, by the member of struct Software."""
     model = interface.model.coSimulation
     saves = model.canGetAndSetFMUstate and model.canSerializeFMUstate
-    chosen = {**ALWAYS, **(STATES if saves else {})}
-    return {member: f"fmi2{function}" for member, function in chosen.items()}
+    return {m: name for m, name in software().items() if saves or "FMUstate" not in name}
 
 
 def build(parts: Sequence[Part], target: Target) -> bytes:
@@ -116,7 +98,7 @@ def _linked(parts: Sequence[Part], target: Target, folder: Path) -> Path:
     (folder / "components.c").write_text(_table(parts, target), encoding="utf-8")
     board = [*(link_sources() / name for name in BOARD), folder / "components.c"]
     elf = folder / "firmware.elf"
-    include = [f"-I{link_sources()}", f"-isystem{_headers()}"]
+    include = [f"-I{link_sources()}", HEADERS]
     link = [LIBRARY, *_memory(target), "--oslib=semihost", "--crt0=semihost", "-Wl,--gc-sections"]
     out = [f"-Wl,-Map={elf.with_suffix('.map')}", "-lm", "-o", elf]
     command = [*_compiler(target), *include, *board, *objects, *link, *out]
@@ -139,10 +121,6 @@ def _sizes(text: str) -> Sizes:
         elif kind == "code" and ".a(" in file:
             found["library"] += int(size, 16)
     return Sizes(**found)
-
-
-def _headers() -> Path:
-    return Path(fmpy.__file__).parent / "c-code"
 
 
 def _compiler(target: Target) -> list[str]:
@@ -168,7 +146,7 @@ def _component(number: int, part: Part, target: Target, folder: Path) -> Path:
     sources = _sources(part.fmu, place / "sources")
     seen = functions(interface).values()
     whole, names = place.with_suffix(".o"), place.with_suffix(".names")
-    include = [f"-I{place / 'sources'}", f"-isystem{_headers()}"]
+    include = [f"-I{place / 'sources'}", HEADERS]
     why = f"{part.fmu.name} does not compile for {target.name}"
     compile_c = [*_compiler(target), LIBRARY, *include, "-c"]
     objects = [place / f"{i}.o" for i in range(len(sources))]

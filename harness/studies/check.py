@@ -138,8 +138,9 @@ def _system_errors(system: System, chosen: Sequence[System]) -> Iterator[str]:
         yield from value_problems(each, interfaces, each.components)
     boards = [name for name, place in system.origin.on.items() if "://" in place]
     for error in (*refused(chosen), *unreachable(system, boards)):
-        refusal = isinstance(error, RefusalError)
-        typed = as_typed(error, system.origin.set, f"{error.component}.") if refusal else error
+        typed: HarnessError = error
+        if isinstance(error, RefusalError):
+            typed = as_typed(error, system.origin.set, f"{error.component}.")
         yield from str(typed).splitlines()
     for interface in {i.path: i for i in interfaces.values()}.values():
         for warning in interface.warnings:

@@ -183,11 +183,10 @@ def _signal(  # noqa: PLR0913, PLR0917 - of a signal
         _nested(whole, {e: _value(e, values, interface) for e in elements})
         for values in ({}, given)
     )
-    return Signal(
-        *(name, first.causality, first.type, whole.shape if whole else (), first.unit or ""),
-        *(default, None if wires or first.causality == "output" else value),
-        *(first.low, first.high, first.description, tuple(wires)),
-    )
+    given_here = None if wires or first.causality == "output" else value
+    shape, unit = whole.shape if whole else (), first.unit or ""
+    about = (name, first.causality, first.type, shape, unit, default, given_here, first.low)
+    return Signal(*about, first.high, first.description, tuple(wires))
 
 
 def _value(name: str, given: Parameters, interface: Interface) -> Scalar | None:

@@ -28,7 +28,7 @@ from harness.studies.campaign import worker
 from harness.studies.campaign.clusters import Workers
 from harness.studies.campaign.draft import read_plan, table_of
 from harness.studies.campaign.engine import Block, Fly, crew, get_ready
-from harness.studies.campaign.factors import CHOICES, SMALLEST
+from harness.studies.campaign.factors import SMALLEST
 from harness.studies.campaign.plan import Values
 from harness.studies.campaign.worker import FAILED, Row
 
@@ -61,18 +61,13 @@ class Flights:
         if file is None and not isinstance(definition, Mapping):
             file = Path(definition)
         table = {k: v for k, v in table_of(definition).items() if k not in UNUSED}
-        factors = table.get("factors")
-        given = factors.items() if isinstance(factors, Mapping) else ()
-        if listed := [n for n, f in given if isinstance(f, Mapping) and f.keys() & {*CHOICES}]:
-            raise StructureError(
-                f"factors.{name}: listed values cannot be asked about; one file per value, or "
-                "[fixed]"
-                for name in listed
-            )
         self.workers = Workers(workers)
         get_ready(self.workers, worker.__name__)
         with said_once():
             self.plan, self.task = read_plan(table | {"runs": 1}, file)
+        if listed := [each.name for each in self.plan.factors if each.draw is None]:
+            rule = "listed values cannot be asked about; one file per value, or [fixed]"
+            raise StructureError(f"factors.{name}: {rule}" for name in listed)
         self.groups = {name: list(places) for name, places in self.plan.groups.items()}
         self.d = sum(map(len, self.groups.values()))
         if not self.d:
