@@ -34,24 +34,16 @@ ROUNDING = 1e-12
 
 
 def unlike(paper: Paper, result: Result) -> list[str]:
-    """How a result differs from the cases of a paper, from the nearest one, one text each."""
+    """How a result differs from the nearest case of a paper, one text each."""
     if paper.cases and result.parameters is None:
         return ["the file does not hold the parameters of the run"]
-    held = deviations(result, paper.cases)
-    return [*(held[1] if held else ()), *(paper.differs(result) if len(result.time) else ())]
-
-
-def deviations(result: Result, cases: Sequence[Case]) -> tuple[str, list[str]] | None:
-    """The case that is nearest to a result and how the result deviates from it, one text each; None
-    if the result does not say what was flown, or no case is there to compare it with.
-    """
-    if result.parameters is None:
-        return None
-    found = [(case.name, each) for case in cases if (each := _deviations(result, case)) is not None]
-    return min(found, key=lambda pair: len(pair[1]), default=None)
+    known = (_deviations(result, case) for case in paper.cases)
+    nearest = min((each for each in known if each is not None), key=len, default=[])
+    return [*nearest, *(paper.differs(result) if len(result.time) else ())]
 
 
 def _deviations(result: Result, case: Case) -> list[str] | None:
+    """How a result differs from a case; None if the case is not at hand."""
     path = paths.systems().get(case.system)
     if path is None:
         return None

@@ -139,12 +139,6 @@ class Case:
     swap: tuple[tuple[str, str], ...] = ()
     free: tuple[str, ...] = ()
 
-    @property
-    def name(self) -> str:
-        """For reading: system, set and swaps."""
-        swaps = "".join(f", {component}={fmu}" for component, fmu in self.swap)
-        return f"{self.system}, set {self.params}{swaps}"
-
 
 @dataclass(frozen=True)
 class Paper:
@@ -203,14 +197,14 @@ def since(result: Result, begin: float, reach: float) -> Rows:
     """Rows from a time on; NotExercisedError if the run is over before it has reached another time
     [s].
     """
-    return between(result, begin, _end(result, reach))
+    return between(result, begin, max(float(result.time[-1]), reach))
 
 
 def final(result: Result, seconds: float, reach: float, before: float = 0.0) -> Rows:
     """Rows of the last seconds of a run that reaches a time [s], or of as many seconds some time
     `before` the last.
     """
-    end = _end(result, reach)
+    end = max(float(result.time[-1]), reach)
     between(result, -math.inf, end)
     return between(result, end - before - seconds, end - before)
 
@@ -218,10 +212,6 @@ def final(result: Result, seconds: float, reach: float, before: float = 0.0) -> 
 def at(result: Result, time: float) -> int:
     """Return the last row at or before a time [s]; NotExercisedError if the run is over earlier."""
     return int(between(result, -math.inf, time)[-1])
-
-
-def _end(result: Result, reach: float) -> float:
-    return max(float(result.time[-1]), reach)
 
 
 class RuleFinding(NamedTuple):

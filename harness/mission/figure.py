@@ -234,8 +234,3 @@ DEGREES = float(np.degrees(1.0))
 def degrees(x: Array) -> Array:
     """Radians to degrees."""
     return np.asarray(np.degrees(x))
-
-
-def norm(x: Array) -> Array:
-    """Length of every row."""
-    return np.asarray(np.linalg.norm(x, axis=1))

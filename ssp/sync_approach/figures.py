@@ -13,8 +13,8 @@ from harness.mission.figure import (
     Figure,
     Level,
     Panel,
-    norm,
 )
+from harness.results.histories import norm
 from harness.results.result import Result
 
 from ..shared.relative_motion import (

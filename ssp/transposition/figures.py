@@ -19,8 +19,8 @@ from harness.mission.figure import (
     Overlay,
     Panel,
     degrees,
-    norm,
 )
+from harness.results.histories import norm
 from harness.results.result import Array, Result
 
 from .tracking import attitude_error as tracking_error

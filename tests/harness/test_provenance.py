@@ -12,11 +12,11 @@ import pytest
 import scipy.io
 
 from harness import Simulation, compare, load, read, run
-from harness.claims.case import SHOWN, deviations, listed
+from harness.claims.case import SHOWN, listed, unlike
 from harness.cli import main
 from harness.errors import UsageError
 from harness.files import paths
-from harness.mission import Case
+from harness.mission import Case, Paper
 from harness.results.files import ResultFile
 from harness.results.provenance import Provenance, Slot, flat, from_flat, from_table, table
 from harness.studies.again import again, agreement
@@ -273,6 +273,11 @@ def test_run_wants_a_system(capsys):
 CASE = Case("sync_approach", free=("stop",))
 
 
+def about(*cases):
+    """A paper about these cases."""
+    return Paper("", (), (), cases=cases)
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -290,22 +295,22 @@ CASE = Case("sync_approach", free=("stop",))
 )
 def test_what_differs_from_a_case_is_named(changes, words):
     result = run("sync_approach", **{"stop": 1.0, **changes})
-    assert deviations(result, [CASE]) == ("sync_approach, set default", words)
+    assert unlike(about(CASE), result) == words
 
 
 def test_the_nearest_of_several_cases_counts():
     result = run("sync_approach", params="robust", stop=1.0)
-    assert deviations(result, [CASE, replace(CASE, params="robust")])[1] == []
-    assert deviations(result, [Case("sync_approach", "robust")])[1] == [
-        "it ends at 1 s instead of 1800 s"
-    ]
-    assert deviations(result, [Case("relay_approach")])[1][0].startswith("system sync_approach")
+    assert unlike(about(CASE, replace(CASE, params="robust")), result) == []
+    (end,) = unlike(about(Case("sync_approach", "robust")), result)
+    assert end == "it ends at 1 s instead of 1800 s"
+    assert unlike(about(Case("relay_approach")), result)[0].startswith("system sync_approach")
 
 
-def test_a_result_without_parameters_says_nothing_of_its_case():
+def test_a_result_without_parameters_is_not_known_to_be_a_case():
     result = run("sync_approach", stop=1.0)
-    assert deviations(replace(result, parameters=None), [CASE]) is None
-    assert deviations(result, []) is None
+    (line,) = unlike(about(CASE), replace(result, parameters=None))
+    assert line == "the file does not hold the parameters of the run"
+    assert unlike(about(), replace(result, parameters=None)) == []
 
 
 def test_a_long_list_of_deviations_is_cut():
