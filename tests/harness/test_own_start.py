@@ -16,7 +16,7 @@ from harness.cli import main
 from harness.errors import HarnessError, StructureError, UsageError
 from harness.mission import library
 from harness.mission.exchange import convert, start_values
-from harness.report.facts import head
+from harness.report.facts import notes
 from harness.results.requirements import findings
 from harness.results.verdict import Verdict
 from harness.ssp.library import load
@@ -263,7 +263,7 @@ def test_a_mission_brings_files_of_its_own(tmp_path, capsys):
     assert "note: masses are weighed" in capsys.readouterr().out
     result = read(out)
     assert result.parameter("servicer.mass_0") == 123
-    assert head(result)["notes"] == ["seen"]
+    assert notes(result) == ["seen"]
     assert main(["convert", str(out), "-o", str(tmp_path / "x.mine")]) == 0
     assert (tmp_path / "x.mine").read_text() == "weighed None 2026-03-01T06:00:00"
     assert main(["convert", str(out), "-o", str(tmp_path / "x.oem")]) == 2
