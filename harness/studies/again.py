@@ -101,31 +101,24 @@ def _differing(model: Result, result: Result) -> Iterator[str]:
     if missing := [name for name in model.columns if name not in result]:
         yield f": there is no {missing[0]} any more"
         return
-    yield from _other_parameters(model, result)
+    known, now = model.parameters, result.parameters
+    if known is not None and now is not None:
+        for name in dict.fromkeys((*known.columns, *now.columns)):
+            if name not in known or name not in now:
+                yield f": parameter {name} is in one of them only"
+            elif not _same(now[name], known[name]).all():
+                value, then = float(now[name][0]), float(known[name][0])
+                yield f": parameter {name} is {value!r} instead of {then!r}"
     for row in np.flatnonzero(~_same(result.time[:rows], model.time)):
-        now, then = float(result.time[row]), float(model.time[row])
-        yield f": row {row} is at {now!r} s instead of {then!r} s"
+        yield f": row {row} is at {result.time[row]} s instead of {model.time[row]} s"
     ours = np.stack([result[name][:rows] for name in model.columns], axis=1)
     other = np.argwhere(~_same(ours, model.values))
     for row, column in other[:1]:
+        value, then = float(ours[row, column]), float(model.values[row, column])
         yield (
             f" in {len(other)} of {ours.size} values, first at {model.time[row]:g} s: "
-            f"{model.columns[column]} {float(ours[row, column])!r} instead of "
-            f"{float(model.values[row, column])!r}"
+            f"{model.columns[column]} {value!r} instead of {then!r}"
         )
-
-
-def _other_parameters(model: Result, result: Result) -> Iterator[str]:
-    """Parameters of the run that are not those of its model, as far as that one knows them."""
-    if model.parameters is None or result.parameters is None:
-        return
-    known = dict(zip(model.parameters.columns, model.parameters.values[0], strict=True))
-    now = dict(zip(result.parameters.columns, result.parameters.values[0], strict=True))
-    for name in [*known, *(now.keys() - known.keys())]:
-        if name not in known or name not in now:
-            yield f": parameter {name} is in one of them only"
-        elif not _same(now[name][None], known[name][None]).all():
-            yield f": parameter {name} is {float(now[name])!r} instead of {float(known[name])!r}"
 
 
 def _same(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,6 +76,11 @@ class Task:
     start: float
     step: float
     steps: int
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a worker needs: of variables their names."""
+        names = replace(self.kinds, units=(), descriptions=(), parameters=None)
+        return {**self.__dict__, "kinds": names}
 
     @cached_property
     def metrics(self) -> tuple[str, ...]:
