@@ -5,8 +5,10 @@ from __future__ import annotations
 
 import json
 import select
+import shutil
 import subprocess
 import sys
+import zipfile
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from functools import cache
@@ -16,7 +18,7 @@ import pytest
 
 from tests.compliance import description
 from tests.compliance.fmus import ROOT, TESTED
-from tests.compliance.probe import Fmu, Instance
+from tests.compliance.probe import ENDING, FOLDER, Fmu, Instance
 from tests.each import Each
 
 
@@ -34,6 +36,27 @@ def about(archive) -> Each:
 def fmu(archive, tmp_path_factory) -> Each:
     folder = tmp_path_factory.mktemp("fmus")
     return archive.map(cache(lambda path: Fmu(path, folder / path.stem)))
+
+
+@pytest.fixture(scope="session")
+def symbols(archive, tmp_path_factory) -> Each:
+    """Dynamic symbols of the library with their letters, all by one call of nm."""
+    if (nm := shutil.which("nm")) is None:
+        pytest.skip("nm (binutils) is not installed")
+    folder = tmp_path_factory.mktemp("libraries")
+    for path in archive.values:
+        with zipfile.ZipFile(path) as file:
+            library = file.read(f"binaries/{FOLDER}/{path.stem}{ENDING}")
+        (folder / path.stem).write_bytes(library)
+    found: dict[str, dict[str, str]] = {path.stem: {} for path in archive.values}
+    said = subprocess.run(
+        [nm, "-AD", *found], cwd=folder, capture_output=True, text=True, check=True
+    )
+    for line in said.stdout.splitlines():
+        name, _, about = line.partition(":")
+        letter, symbol = about.split()[-2:]
+        found[name][symbol.partition("@")[0]] = letter
+    return archive.map(lambda path: found[path.stem])
 
 
 @pytest.fixture(scope="session")

@@ -61,7 +61,7 @@ def test_instances_on_four_threads_fly_like_each_alone(fmu):
             instance.start(fine)
             if together:
                 barrier.wait(timeout=60)
-            return instance.fly(10, h=0.5, wave=wave)
+            return instance.fly(5, h=0.5, wave=wave)
 
     with ThreadPoolExecutor(4) as pool:
         parallel = list(pool.map(lambda wave: fly(wave, together=True), range(4)))

@@ -61,6 +61,7 @@ def test_the_fused_executor_gives_the_same_bits_and_refuses_nobody(system, tmp_p
         chosen = combinations(changes, varied)
         return compare(system, chosen, tmp_path / "out", executor="fused").results
 
+    run("space_robot", stop=1.0, executor="fused")  # compiled once, for all workers
     found = fused("space_robot", ("set", "robot.e=0,0.1"), stop=50.0)
     for e, result in zip((0.0, 0.1), found.values(), strict=True):
         alone = run("space_robot", set={"robot.e": e}, stop=50.0)
