@@ -10,7 +10,7 @@ import math
 import os
 import re
 import textwrap
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -298,35 +298,21 @@ def table(
         bracket = "" if named else f"[{unit}]"
         head = [*(*name.split(" ", 1), "")[:2], bracket, about.get(key, "")]
         columns.append([*head[:heads], *(cells if named else _numbers(values))])
-    first = ["" for _ in range(heads)] + list(map(one_line, labels))
-    return "\n\n".join(_block([first, *block]) for block in _blocks(first, columns))
-
-
-def _blocks(
-    first: Sequence[str], columns: Sequence[Sequence[str]]
-) -> Iterator[list[Sequence[str]]]:
-    """Columns that fit beside the labels."""
-    block: list[Sequence[str]] = []
-    width = begin = max(map(len, first))
+    first = [""] * heads + list(map(one_line, labels))
+    first = [label.ljust(max(map(len, first))) for label in first]
+    blocks = [[first]]
     for column in columns:
-        size = 2 + max(map(len, column))
-        if block and width + size > WIDTH:
-            yield block
-            block, width = [], begin
-        block.append(column)
-        width += size
-    yield block
+        cells = [cell.rjust(max(map(len, column))) for cell in column]
+        beside = sum(len(each[0]) + 2 for each in blocks[-1])
+        if len(blocks[-1]) > 1 and beside + len(cells[0]) > WIDTH:
+            blocks.append([first])
+        blocks[-1].append(cells)
+    return "\n\n".join(map(_block, blocks))
 
 
 def _block(columns: Sequence[Sequence[str]]) -> str:
-    """Lines of columns, the first one to the left, all others to the right."""
-    labels, *others = columns
-    width = max(map(len, labels))
-    cells = [[label.ljust(width) for label in labels]]
-    for column in others:
-        width = max(map(len, column))
-        cells.append([cell.rjust(width) for cell in column])
-    return "\n".join("  ".join(row).rstrip() for row in zip(*cells, strict=True))
+    """Lines of columns of cells that are equally wide."""
+    return "\n".join("  ".join(row).rstrip() for row in zip(*columns, strict=True))
 
 
 def _numbers(values: Sequence[float]) -> list[str]:
