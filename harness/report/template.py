@@ -51,7 +51,7 @@ def script(name: str) -> str:
 
 def render(template: str, canvas: Canvas, data: dict[str, Any], **texts: Any) -> str:
     """A page from a template: texts are filled in, numbers go to its scripts as JSON."""
-    return _template(template).render(
+    page: str = _template(template).render(
         **texts,
         points=canvas.points if canvas.thinned else 0,
         data=_json(data),
@@ -63,6 +63,7 @@ def render(template: str, canvas: Canvas, data: dict[str, Any], **texts: Any) ->
         version=version("servicing-fmus"),
         date=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
     )
+    return page
 
 
 def _template(name: str) -> Any:
