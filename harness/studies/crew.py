@@ -14,7 +14,7 @@ import threading
 import traceback
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import cache
 from multiprocessing import connection, forkserver, resource_tracker
 from queue import SimpleQueue
@@ -213,44 +213,18 @@ def _forget_inherited() -> None:
 @contextmanager
 def _own_start() -> Iterator[None]:
     """Processes that are started here do not run the script again that has called us (what they do
-    is in modules of ours and in files that they read), never see SIGINT, and have ENVIRONMENT.
+    is in modules of ours and in files that they read), never see SIGINT, which reaches us
+    afterwards, and have ENVIRONMENT where it is not set otherwise.
     """
-    with _ONE, _without_main(), _without_ctrl_c(), _environment():
+    with _ONE, ExitStack() as life:
+        life.callback(sys.modules.__setitem__, "__main__", sys.modules["__main__"])
+        sys.modules["__main__"] = ModuleType("__main__")
+        if os.name == "posix":
+            resource_tracker.ensure_running()  # it would lift the mask again
+            before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+            life.callback(signal.pthread_sigmask, signal.SIG_SETMASK, before)
+        for name in ENVIRONMENT.keys() - os.environ.keys():
+            life.callback(os.environ.pop, name)
+            os.environ[name] = str(ENVIRONMENT[name])
         _forget_inherited()
         yield
-
-
-@contextmanager
-def _without_main() -> Iterator[None]:
-    main = sys.modules["__main__"]
-    sys.modules["__main__"] = ModuleType("__main__")
-    try:
-        yield
-    finally:
-        sys.modules["__main__"] = main
-
-
-@contextmanager
-def _without_ctrl_c() -> Iterator[None]:
-    """It reaches us afterwards."""
-    if os.name != "posix":
-        yield
-        return
-    resource_tracker.ensure_running()  # it would lift the mask again
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-@contextmanager
-def _environment() -> Iterator[None]:
-    """What is not set otherwise is set for a while."""
-    further = {name: str(v) for name, v in ENVIRONMENT.items() if name not in os.environ}
-    os.environ.update(further)
-    try:
-        yield
-    finally:
-        for name in further:
-            del os.environ[name]
