@@ -6,7 +6,7 @@ units, and what a mapping does to them.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -151,7 +151,11 @@ def ssv(
         values = [_written(v, parameters.get(v.name), interface) for v in row]
         element = child(table, "ssv:Parameter", name=name)
         value = child(element, f"ssv:{type_name(variable, version)}")
-        _fill(value, values, listed=bool(sizes) and variable.type in ("String", "Enumeration"))
+        listed = bool(sizes) and variable.type in ("String", "Enumeration")
+        for text in values if listed else [" ".join(values)]:
+            place = child(value, "ssv:Value") if listed else value
+            place.set("value", "")  # which attributes() leaves out
+            attributes(place, value=text)
         if variable.type == "Real" and variable.unit in interface.units:
             attributes(value, unit=variable.unit)
         for size in sizes:
@@ -170,14 +174,6 @@ def bare_ssv(set_name: str, parameters: Parameters, version: int) -> bytes:
         kind = "String" if isinstance(given.value, str) else "Real"
         child(child(table, "ssv:Parameter", name=name), f"ssv:{kind}", value=given.value)
     return serialized(root)
-
-
-def _fill(element: XmlElement, values: Sequence[str], listed: bool) -> None:
-    """Write values into an element, each into one of its own or all into one attribute."""
-    for text in values if listed else [" ".join(values)]:
-        place = child(element, "ssv:Value") if listed else element
-        place.set("value", "")  # which attributes() leaves out
-        attributes(place, value=text)
 
 
 def _written(variable: Variable, given: Parameter | None, interface: Interface) -> str:

@@ -164,14 +164,12 @@ class _Exchange:
         for variable in self.interface.named("input"):
             readers.setdefault(self.names.get(variable, variable), []).append(variable)
         for c in self.system.connections:
-            source = c.source
+            source, targets = c.source, [c.target]
             if source.component == self.name:
                 source = Port(self.name, theirs.get(source.variable, source.variable))
-            if c.target.component != self.name:
-                yield c._replace(source=source)
-                continue
-            for variable in readers.get(c.target.variable, ()):
-                yield c._replace(source=source, target=Port(self.name, variable))
+            if c.target.component == self.name:
+                targets = [Port(self.name, v) for v in readers.get(c.target.variable, ())]
+            yield from (c._replace(source=source, target=target) for target in targets)
 
     # ---- parameters
 
