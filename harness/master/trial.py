@@ -31,8 +31,9 @@ def refused(
     for system in systems:
         for component in system.components:
             values = component.name, component.fmu, frozenset(component.parameters.items())
-            chosen = component.name in foreign or is_ours(component.fmu)
-            if values in tried or not is_file(component.fmu) or not chosen:
+            if values in tried or not is_file(component.fmu):
+                continue
+            if not (component.name in foreign or is_ours(component.fmu)):
                 continue
             tried.add(values)
             try:
