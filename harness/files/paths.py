@@ -71,7 +71,7 @@ def is_ours(fmu: Path) -> bool:
     Then it crashes nothing, holds no globals, and its tests prove its reset; what merely names our
     tools as its own may be anybody's.
     """
-    return _is_ours(fmu, stamp(fmu), tuple(_chosen()))
+    return is_file(fmu) and _is_ours(fmu, stamp(fmu), tuple(_chosen()))
 
 
 @lru_cache(maxsize=256)
