@@ -60,6 +60,13 @@ def page_of(system):
     return Page(of_run(result_of(system)))
 
 
+def sketch_of(result):
+    """The page of a run without its figures, where a test does not look at them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("harness.report.run.figures_of", lambda _: (), raising=False)
+        return of_run(result)
+
+
 each_system = pytest.mark.parametrize("system", some(RUNS, 2))
 
 
@@ -140,7 +147,7 @@ def instants(page, result):
 def test_the_replay_in_the_hill_frame_is_what_the_flight_software_sees(system):
     """rho_H of guidance or controller, of the sample before, against positions turned here."""
     result = run(system, stop=200.0)
-    page = Page(of_run(result))
+    page = Page(sketch_of(result))
     source = "guidance.rho_H" if "guidance.rho_H" in result else "controller.rho_H"
     r, hill = page.array(page.body("servicer")["r"]), page.array(page.data["scene"]["hill"])
     rows = instants(page, result)[:-1]
@@ -206,7 +213,7 @@ def test_links_of_an_arm_reach_the_end_effector():
     """
     tool = {"servicer.p_EA_A": [0.3, 0.1, -0.2], "servicer.q_EA": [0.6, 0, 0, 0.8]}
     result = run("arm_capture", stop=40.0, every=10, set=tool)
-    page = Page(of_run(result))
+    page = Page(sketch_of(result))
     body, rows = page.body("servicer"), instants(page, result)
     links = body["links"]
     assert [link.get("on", -1) for link in links] == list(range(-1, 6))
@@ -319,7 +326,7 @@ def test_probe_and_drogue_are_where_the_mechanism_has_them():
         "mechanism.q_QT": [0.6, 0, 0, 0.8],
     }
     result = run("servicing_mission", stop=0.2, set=ports)
-    page = Page(of_run(result))
+    page = Page(sketch_of(result))
     at, out = {}, {}
     for body, kind in (("servicer", "rod"), ("target", "cup")):
         data = page.body(body)
@@ -345,7 +352,7 @@ def test_phases_and_events_run_along_with_a_mission(capsys, tmp_path):
     values[100:, column("manager.reason")] = 2
     values[100:, column("manager.t_phase")] = flown.time[100]
     result = replace(flown, values=values)
-    page = Page(of_run(result))
+    page = Page(sketch_of(result))
     scene = page.data["scene"]
     latch, force = scene["numbers"]
     assert [phase["text"] for phase in scene["phases"]] == ["far approach", "safe"]
@@ -396,7 +403,7 @@ def test_a_spike_of_one_row_survives_and_the_page_says_that_it_is_thinned():
     values = result.values.copy()
     column = result.columns.index("guidance.range")
     values[4321, column] = 77.0
-    page = Page(of_run(replace(result, values=values)))
+    page = Page(sketch_of(replace(result, values=values)))
     curve = page.signal("guidance.range")["curves"][0]
     x, y = page.array(curve["x"]), page.array(curve["y"])
     assert len(y) < len(result.time)
@@ -409,7 +416,7 @@ def test_a_spike_of_one_row_survives_and_the_page_says_that_it_is_thinned():
 
 def test_the_page_says_what_was_flown_and_what_was_changed():
     result = run("sync_approach", every=10, set={"servicer.mass_0": 93.5})
-    page = Page(of_run(result))
+    page = Page(sketch_of(result))
     for line in result.provenance.lines():
         assert line in page.text
     assert "servicer.mass_0 changed 93.5 kg" in page.text
@@ -444,7 +451,7 @@ def test_the_head_begins_with_what_is_worst():
     looks = [look for look, _ in facts.chips(result)]
     assert looks == sorted(looks, key=facts.WORST_FIRST.index)
     assert facts.chips(result)[0] == ("bad", "2 safety rules violated")
-    text = Page(of_run(result)).text
+    text = Page(sketch_of(result)).text
     assert text.index("2 safety rules violated") < text.index("complete")
 
 
@@ -452,12 +459,12 @@ def test_many_notes_are_folded_below_the_verdicts(monkeypatch):
     """A mission notes each of its phases: the replay still stands near the top."""
     result, notes = result_of("sync_approach"), ["note 1 of 3", "note 2", "note 3"]
     monkeypatch.setattr(facts, "notes", lambda of: notes)
-    text = of_run(result)
+    text = sketch_of(result)
     assert '<div class="note">' not in text
     chips, folded = text.index('class="chips"'), text.index('<details class="flown notes">')
     assert chips < folded < text.index(notes[0]) < text.index('id="replay"')
     del notes[2]
-    text = of_run(result)
+    text = sketch_of(result)
     assert text.index('<div class="note">note 1') < text.index('class="chips"')
 
 
@@ -487,7 +494,7 @@ def violated(result):
 
 def test_violations_and_aborts_are_events_and_states_of_zones():
     result = violated(result_of("servicing_mission"))
-    page = Page(of_run(result))
+    page = Page(sketch_of(result))
     scene = page.data["scene"]
     told = [(e["time"], e["kind"]) for e in scene["events"]]
     assert (5, "violation") in told
@@ -506,7 +513,7 @@ def test_the_earth_turns_and_the_sun_stands_by_the_date():
     arc of the angle of 280.46 deg at J2000.
     """
     dated = run("ppc_tracking", stop=20.0, epoch="2000-01-01T12:00:00")
-    page = Page(of_run(dated))
+    page = Page(sketch_of(dated))
     scene, bare = page.data["scene"], page_of("ppc_tracking").data["scene"]
     turn = page.array(scene["planet"]["turn"])
     assert np.degrees(turn[0]) % 360 == pytest.approx(280.46, abs=0.02)
@@ -523,7 +530,7 @@ def test_the_earth_turns_and_the_sun_stands_by_the_date():
 
 def test_an_incomplete_run_says_so_at_the_top():
     result = replace(result_of("sync_approach"), complete=False, message="a <b> failed at 3 s")
-    page = Page(of_run(result))
+    page = Page(sketch_of(result))
     assert " ".join(page.alerts) == "Incomplete run. a <b> failed at 3 s"
 
 
@@ -541,7 +548,7 @@ def test_a_result_without_bodies_or_parameters_has_a_page(tmp_path):
         values=result.values[:, columns],
         parameters=None,
     )
-    page = Page(of_run(part))
+    page = Page(sketch_of(part))
     assert page.data["scene"] is None
     assert page.signal("controller.a_cmd_L") is not None
 
@@ -550,7 +557,7 @@ def test_a_result_without_bodies_or_parameters_has_a_page(tmp_path):
 def test_a_result_of_no_duration_has_a_page(rows):
     result = result_of("ppc_tracking")
     short = replace(result, time=result.time[:rows], values=result.values[:rows], complete=False)
-    page = Page(of_run(short))
+    page = Page(sketch_of(short))
     assert page.alerts
     assert page.data["scene"] is None
 
