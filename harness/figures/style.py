@@ -115,15 +115,17 @@ def save(canvas: Any, path: Path) -> Path:
 
 
 def place_of(colour: Any) -> Any:
-    """Place of a colour in the palette: that of `C3` or of one of the style sheet; black is ink."""
+    """Place of a colour in the palette: that of `C3`, else of the most similar one of the style
+    sheet; black is ink.
+    """
     from matplotlib import rcParams
-    from matplotlib.colors import to_hex
+    from matplotlib.colors import to_rgb
 
     if isinstance(colour, str) and re.fullmatch(r"C\d+", colour):
         return int(colour[1:])
-    cycle = rcParams["axes.prop_cycle"].by_key()["color"]
-    known = {"#000000": "ink"} | {to_hex(each): k for k, each in reversed([*enumerate(cycle)])}
-    return known.get(to_hex(colour), 0)
+    shown = to_rgb(colour)
+    cycle = [to_rgb(each) for each in rcParams["axes.prop_cycle"].by_key()["color"]]
+    return int(np.linalg.norm(np.subtract(cycle, shown), axis=1).argmin()) if any(shown) else "ink"
 
 
 # ---- time
