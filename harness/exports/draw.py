@@ -92,9 +92,8 @@ def draw(system: System, path: Path) -> None:
     """
     ending = path.suffix.removeprefix(".")
     if ending not in FORMATS:
-        raise UsageError(
-            f"{path}: a diagram is written as .{', .'.join(FORMATS)}, not as '{path.suffix}'"
-        )
+        known = ", .".join(FORMATS)
+        raise UsageError(f"{path}: a diagram is written as .{known}, not as '{path.suffix}'")
     with written(path) as target:
         target.write_bytes(painted(system, ending))
 

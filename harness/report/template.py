@@ -23,10 +23,7 @@ import numpy as np
 from harness.errors import HarnessError, library
 from harness.report.arrays import Canvas
 
-SCRIPTS = {
-    "plotly": Path("package_data") / "plotly.min.js",
-    "k3d": Path("static") / "standalone.js",
-}
+SCRIPTS = {"plotly": "package_data/plotly.min.js", "k3d": "static/standalone.js"}
 """Script of a library in its package."""
 CODE = (
     "symbols", "plots", "history", "shapes", "labels", "bodies", "marks", "sky", "cameras", "clock",
