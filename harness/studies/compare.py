@@ -301,8 +301,8 @@ def table(
     first = [""] * heads + list(map(one_line, labels))
     first = [label.ljust(max(map(len, first))) for label in first]
     blocks = [[first]]
-    for column in columns:
-        cells = [cell.rjust(max(map(len, column))) for cell in column]
+    for texts in columns:
+        cells = [text.rjust(max(map(len, texts))) for text in texts]
         beside = sum(len(each[0]) + 2 for each in blocks[-1])
         if len(blocks[-1]) > 1 and beside + len(cells[0]) > WIDTH:
             blocks.append([first])

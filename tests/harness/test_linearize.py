@@ -92,7 +92,7 @@ def test_a_time_off_the_steps_is_refused():
 
 def test_an_unknown_value_is_refused_with_close_names():
     with pytest.raises(UsageError, match="mass_0"):
-        linearize(paths.fmus()["servicer"], values={"mass": 3})
+        linearize(paths.fmus()["servicer"], values={"mas_0": 3})
 
 
 def test_differences_that_overflow_are_one_reason(fmus):

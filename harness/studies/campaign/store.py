@@ -320,7 +320,7 @@ class Store:
             np.asarray(array[part])
         except DAMAGES:
             return False
-        return (self.path / name / array.metadata.encode_chunk_key(place)).is_file()
+        return bool((self.path / name / array.metadata.encode_chunk_key(place)).is_file())
 
     # ---- reading
 
