@@ -16,11 +16,9 @@ from harness.system import interface
 
 
 def remember() -> None:
-    """From now on, in this process; of modules that read in another way nothing is changed."""
-    if once := getattr(interface, "_read", None):
-        interface._read = _by_content(once.__wrapped__)  # type: ignore[attr-defined]
-    if known := getattr(reader, "_known", None):
-        reader._known = lru_cache(maxsize=256)(known.__wrapped__)  # type: ignore[attr-defined]
+    """From now on, in this process; AttributeError if the modules read in another way by now."""
+    interface._read = _by_content(interface._read.__wrapped__)  # type: ignore[assignment]
+    reader._known = lru_cache(maxsize=256)(reader._known.__wrapped__)
 
 
 def _by_content(read: Any) -> Any:
