@@ -23,7 +23,7 @@ from harness.errors import ResultsError, StructureError, UsageError
 from harness.files.archive import XmlElement, pack
 from harness.files.temporary import PrivateFolder
 from harness.master.isolated import guarded
-from harness.master.simulation import Simulation
+from harness.master.simulation import MAX_ROUNDS, Simulation
 from harness.ssp.xml import literal
 from harness.system.conversion import final, way
 from harness.system.graph import read_interfaces
@@ -138,38 +138,43 @@ def initial_order(system: System) -> list[int]:
 
     A container initialises one FMU after the other. It cuts a loop before the first of the list,
     whose inputs are then zero, so a loop is entered where that does no harm: at a component whose
-    first outputs settle before those of what it still waits for, of several at the last in order of
-    execution, which is a plant. Raises StructureError if there is none.
+    first outputs settle before all that it still waits for, of several at the one that settles
+    first, then at the last in order of execution, which is a plant. Raises StructureError if there
+    is none.
     """
-    rounds = guarded([c.fmu for c in system.components], _rounds, system)
-    index = {c.name: i for i, c in enumerate(system.components)}
-    sources: dict[int, set[int]] = {i: set() for i in index.values()}
-    for start, end, _ in system.connections:
-        sources[index[end.component]].add(index[start.component])
+    settled, waits = guarded([c.fmu for c in system.components], _settled, system)
     order: list[int] = []
-    while len(order) < len(rounds):
-        rest = [i for i in reversed(range(len(rounds))) if i not in order]
-        ready = [i for i in rest if sources[i] <= set(order)]
-        order.append(ready[0] if ready else min(rest, key=lambda i: rounds[i]))
-        known = (rounds[i] for i in sources[order[-1]] if i in order)
-        if not ready and rounds[order[-1]] > 1 + max(known, default=0):
+    while len(order) < len(settled):
+        rest = [i for i in reversed(range(len(settled))) if i not in order]
+        free = [i for i in rest if waits[i].keys() <= {*order, i}] or [
+            i
+            for i in sorted(rest, key=lambda i: settled[i])
+            if all(first >= settled[i] for source, first in waits[i].items() if source in rest)
+        ]
+        if not free:
             raise StructureError(
                 ["initial outputs depend on each other in a circle, a container cannot"]
             )
+        order.append(free[0])
     return order
 
 
-def _rounds(system: System) -> list[int]:
-    """Rounds of our own initialization after which the outputs of each component settle, 1 without
-    any inputs.
+def _settled(system: System) -> tuple[list[int], list[dict[int, int]]]:
+    """Rounds of our own initialization after which all outputs of each component have settled, 1
+    without any inputs; and after which the first signal of each other one that it reads has, of
+    those that do not stay zero.
     """
     with Simulation(system, executor="python") as simulation:
         simulation.initialize()
-        settled = simulation.settled
-        return [
-            max((int(settled[w.slot]) for w in node.outputs), default=1) or 1
-            for node in simulation.graph.nodes
-        ]
+        nodes, rounds = simulation.graph.nodes, simulation.settled
+        givers = {wire.slot: k for k, node in enumerate(nodes) for wire in node.outputs}
+        waits: list[dict[int, int]] = [{} for _ in nodes]
+        for node, of in zip(nodes, waits, strict=True):
+            for wire in node.inputs:
+                giver, last = givers[wire.slot], int(rounds[wire.slot]) or MAX_ROUNDS
+                of[giver] = min(last, of.get(giver, last))
+        lasts = [max((int(rounds[w.slot]) for w in node.outputs), default=1) for node in nodes]
+        return [last or 1 for last in lasts], waits
 
 
 def _in_order(runtime: bytes, order: list[int]) -> bytes:
