@@ -104,15 +104,11 @@ class Claim:
         if not len(result.time):
             raise CannotJudgeError("nothing was recorded")
         if (interval := np.diff(result.time).max(initial=0.0)) > self.interval + ROUNDING:
-            raise CannotJudgeError(
-                f"recorded at intervals of {interval:g} s, {self.interval:g} s are needed"
-            )
+            raise CannotJudgeError(f"recorded every {interval:g} s, {self.interval:g} s are needed")
         with np.errstate(all="ignore"):
             numbers = tuple(np.atleast_1d(number(result)).tolist())
         if not np.isfinite(numbers).all():
-            raise CannotJudgeError(
-                "the result holds values that are not finite or do not change at all"
-            )
+            raise CannotJudgeError("the result holds values that are not finite or never change")
         return numbers
 
     def verdict(self, value: float) -> Verdict:

@@ -198,11 +198,14 @@ class Margins:
         further = [part for part in node.parts if not part.is_timing]
         if bool(_decides(node)) is negated:  # all must hold
             return all(self.exercised(part, looked, negated) for part in further)
-        for part in node.parts:
-            if part.is_timing:
-                decided = self.rows_of(self.truth(part)) == _decides(node)
-                looked = looked & ~decided.all(axis=1)
-        return any(self.exercised(part, looked, negated) for part in further)
+        open_ = looked & self._left_open(node)
+        return any(self.exercised(part, open_, negated) for part in further)
+
+    def _left_open(self, node: Node) -> Any:
+        """Rows (rows,) in which time alone does not decide on joined conditions."""
+        timing = [self.rows_of(self.truth(part)) for part in node.parts if part.is_timing]
+        decided = [(truth == _decides(node)).all(axis=1) for truth in timing]
+        return ~reduce(np.logical_or, decided, np.False_)
 
     def decisive(self, node: Node, row: int) -> Node:
         """The part of a condition that has its margin in a row."""

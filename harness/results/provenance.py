@@ -232,10 +232,7 @@ def _lines(p: Provenance) -> Iterator[str]:
     source = f" from {p.source}" if p.source and p.source != p.system else ""
     digest = f", sha256 {p.sha256[:12]}" if p.sha256 else ", made in Python"
     yield f"system {p.system}{source}{digest}"
-    if changed := "; ".join(_changed(p)):
-        yield f"changed: {changed}"
-    else:
-        yield "nothing changed"
+    yield f"changed: {'; '.join(_changed(p)) or 'nothing'}"
     thinned = f", every {p.every} steps recorded" if p.every > 1 else ""
     yield f"stop {_g(p.stop)} s, macro step {_g(p.step)} s, {p.algorithm}{thinned}"
     if p.epoch:

@@ -219,20 +219,21 @@ def finding(result: Result, name: str, text: str) -> Finding:
     if not len(result.time):
         return Finding(name, text, Verdict.NOT_JUDGED, reason="nothing was recorded")
     try:
-        condition(text)
-        tree = fitted(result, text)
-        unit = unit_of_margin(tree, partial(unit_in, result))
-        found = Finding(name, text, Verdict.NOT_JUDGED, margin_unit=unit)
         with np.errstate(all="ignore"):
-            if tree.has_window:
-                return _judged_at_start(result, found, tree)
-            return _lasting(result, _judged(result, found, tree))
+            return _found(result, name, text)
     except (KeyError, ValueError, IndexError, TypeError, ZeroDivisionError, OverflowError) as error:
         reason = str(error.args[0]) if error.args else type(error).__name__
         return Finding(name, text, Verdict.NOT_JUDGED, reason=reason)
 
 
-def _lasting(result: Result, found: Finding) -> Finding:
+def _found(result: Result, name: str, text: str) -> Finding:
+    condition(text)
+    tree = fitted(result, text)
+    unit = unit_of_margin(tree, partial(unit_in, result))
+    nothing = Finding(name, text, Verdict.NOT_JUDGED, margin_unit=unit)
+    if tree.has_window:
+        return _judged_at_start(result, nothing, tree)
+    found = _judged(result, nothing, tree)
     if result.complete:
         return found
     if found.verdict is Verdict.NOT_MET:
@@ -265,17 +266,17 @@ def _judged_at_start(result: Result, found: Finding, tree: Node) -> Finding:
 
 def _judged(result: Result, found: Finding, tree: Node) -> Finding:
     margins = Margins(result, guarded=not tree.is_timing)
-    truth = margins.truth(tree)
-    met = bool(np.all(truth == 1))
+    met = bool(np.all(margins.truth(tree) == 1))
     if met and not margins.exercised(tree):
         reason = f"the run ends at {result.time[-1]:g} s, before it applies"
         return replace(found, verdict=Verdict.NOT_EXERCISED, reason=reason)
-    undecided = by_row(np.any, np.isnan(margins.rows_of(truth)))
+    undecided = by_row(np.any, np.isnan(margins.rows_of(margins.truth(tree))))
     least = np.where(undecided, -np.inf, margins.of(tree))
     row = int(np.argmax(undecided) if undecided.any() else np.argmin(least))
     value, unit = margins.value(margins.decisive(tree, row), row)
-    instant = float(result.time[row]) if len(least) == len(result.time) else None
     value = math.nan if undecided.any() else value
-    verdict = Verdict.MET if met else Verdict.NOT_MET
-    margin = float(least[row])
-    return replace(found, verdict=verdict, value=value, unit=unit, time=instant, margin=margin)
+    instant = float(result.time[row]) if len(least) == len(result.time) else None
+    found = replace(
+        found, verdict=Verdict.MET if met else Verdict.NOT_MET, margin=float(least[row])
+    )
+    return replace(found, value=value, unit=unit, time=instant)

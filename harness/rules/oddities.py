@@ -196,9 +196,7 @@ def _kind(d: Description, v: Declared) -> Iterator[str]:
 
 
 def _roles(d: Description, v: Declared) -> Iterator[str]:
-    """Derivatives are continuous, clocks are of type Clock, and what is for model exchange needs
-    that.
-    """
+    """Derivatives are continuous, clocks are of type Clock, previous values are there."""
     state = None if v.derivative is None else d.numbered(v.derivative)
     if state and any(e.type != "Real" or e.variability != "continuous" for e in (v, state)):
         yield f"is the derivative of {state.name}, but not both are continuous"
@@ -207,6 +205,10 @@ def _roles(d: Description, v: Declared) -> Iterator[str]:
             yield f"its clock is {clock.name}, which is {clock.written}"
     if "previous" in v.own and d.numbered(int(v.own["previous"])) is None:
         yield f"its previous value is variable {v.own['previous']}, which does not exist"
+
+
+def _exchanged(d: Description, v: Declared) -> Iterator[str]:
+    """What is for model exchange needs that."""
     exchange = bool(d.every("ModelExchange"))
     if v.own.get("reinit", "false") in ("true", "1") and not exchange:
         yield "reinit means nothing in co-simulation"
@@ -234,8 +236,7 @@ def _starts(d: Description, v: Declared) -> Iterator[str]:
 
 def _limits(d: Description, v: Declared) -> Iterator[str]:
     """Start values lie between the limits, one divides by nominal values, units are defined."""
-    low, high = v.number("min"), v.number("max")
-    low, high = -math.inf if low is None else low, math.inf if high is None else high
+    low, high = (float(v.attribute(name) or end) for name, end in (("min", "-inf"), ("max", "inf")))
     if low > high:
         yield f"min {low:g} exceeds max {high:g}"
     for start in map(float, v.starts if v.type in ("Real", "Integer", "Enumeration") else ()):
@@ -251,7 +252,7 @@ def _limits(d: Description, v: Declared) -> Iterator[str]:
 
 
 OF_VARIABLES: tuple[Callable[[Description, Declared], Iterator[str]], ...] = (
-    *(_naming, _kind, _roles, _starts, _limits),
+    *(_naming, _kind, _roles, _exchanged, _starts, _limits),
 )
 
 

@@ -6,7 +6,7 @@ graph has them.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
@@ -14,7 +14,7 @@ from typing import NamedTuple
 from harness.errors import FmuError
 from harness.files.archive import XmlElement
 from harness.ssp.xml import NS, NUMBERS, tag
-from harness.system.interface import Interface, read_interface
+from harness.system.interface import Interface, Interfaces, read_interface
 from harness.system.model import Connection
 from harness.system.values import Index, Name, Variable, elements_of, grid, index
 
@@ -113,9 +113,7 @@ def type_name(variable: Variable, version: int) -> str:
     return variable.access if version > 1 and variable.type in NUMBERS else variable.type
 
 
-def joined(
-    connections: Sequence[Connection], interfaces: Mapping[str, Interface]
-) -> Iterator[Joined]:
+def joined(connections: Sequence[Connection], interfaces: Interfaces) -> Iterator[Joined]:
     """Connections with both ends as SSP has them: one for all elements of two arrays of one shape
     that are joined each with its like.
     """

@@ -29,7 +29,7 @@ from harness.ssp.extends import extended
 from harness.ssp.writer import write_ssp
 from harness.system import graph, problems, schema, sliders
 from harness.system.instants import date
-from harness.system.interface import Interface, read_interface
+from harness.system.interface import Interfaces, read_interface
 from harness.system.model import (
     Alternative,
     Component,
@@ -187,7 +187,7 @@ class _Builder:
             Component(name, fmus[fmu], every=timing[name].every, latency=timing[name].latency)
             for name, fmu in source.components.items()
         )
-        self.interfaces: Mapping[str, Interface] = graph.read_interfaces(
+        self.interfaces: Interfaces = graph.read_interfaces(
             System(source.name, self.bare, (), Experiment())
         )
 

@@ -36,7 +36,7 @@ from harness.ssp.xml import (
 )
 from harness.system.conversion import way
 from harness.system.graph import read_interfaces
-from harness.system.interface import Interface
+from harness.system.interface import Interfaces
 from harness.system.model import DEFAULT_SET, Component, Parameters, Port, System
 from harness.system.units import IDENTITY
 from harness.system.values import Variable
@@ -241,7 +241,7 @@ class _Writer:
             child(run, "run:Slider", name=name, low=low, high=high)
 
 
-def _units(interfaces: Mapping[str, Interface]) -> BaseUnits:
+def _units(interfaces: Interfaces) -> BaseUnits:
     """All units of all FMUs; StructureError if two FMUs mean different things by one name."""
     units: dict[str, Mapping[str, float]] = {}
     for component, interface in interfaces.items():

@@ -219,8 +219,7 @@ def simplify(root: XmlElement) -> None:
     """
     for element in list(root.iter(*_OLD_TAGS)):
         element.tag = _OLD_TAGS[element.tag]
-    for element in list(root.iter(*_METADATA)):
-        element.getparent().remove(element)
+    etree.strip_elements(root, *_METADATA)
 
 
 def as_version_1(root: XmlElement) -> XmlElement:
@@ -229,8 +228,7 @@ def as_version_1(root: XmlElement) -> XmlElement:
     """
     copy = deepcopy(root)
     copy.set("version", "1.0")
-    for element in list(copy.iter(*_NEW_PARTS)):
-        element.getparent().remove(element)
+    etree.strip_elements(copy, *_NEW_PARTS)
     for element in copy.iter(*_VALUES):
         element.set("value", "0")  # one or several, of any size: judged where they are read
     for element in copy.iter(tag("ssd:Connector")):
@@ -238,8 +236,7 @@ def as_version_1(root: XmlElement) -> XmlElement:
     for element in copy.iter(tag("ssd:Component")):
         element.set("source", element.get("source", ""))
     for element in copy.iter(tag("ssd:Connection"), tag("ssd:ConnectorGeometry")):
-        for name in _NEW_ATTRIBUTES:
-            element.attrib.pop(name, None)
+        etree.strip_attributes(element, *_NEW_ATTRIBUTES)
     return copy
 
 

@@ -5,18 +5,16 @@ enumeration items.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from harness.spelling import did_you_mean
-from harness.system.interface import Interface
+from harness.system.interface import Interface, Interfaces
 from harness.system.model import Connection, Parameter
 from harness.system.units import IDENTITY, Affine, Hop, UndefinedUnitError, Unit, compose
 from harness.system.values import Scalar, Variable, coerce
 
 
-def way(
-    connection: Connection, interfaces: Mapping[str, Interface], strict: bool = False
-) -> Affine:
+def way(connection: Connection, interfaces: Interfaces, strict: bool = False) -> Affine:
     """What happens to a signal between its output and its input; ValueError if the units do not
     fit.
 

@@ -130,17 +130,18 @@ def _uneven_samples(graph: Graph, macro_step: float) -> Iterator[str]:
     every = {node.component.name: node.component.every for node in graph.nodes}
     for slot, period in constants(graph):
         component, _, name = slot.name.partition(".")
-        if name != SAMPLE_PERIOD or not period > 0:
-            continue
         step = every[component] * macro_step
-        ratio = period / step
-        if ratio < 1 - 1e-9 or (ratio < 1e9 and abs(ratio - round(ratio)) > 1e-9 * ratio):
+        if name == SAMPLE_PERIOD and period > 0 and _is_uneven(period / step):
             yield (
                 f"{slot.name} = {period:g} s is not a multiple of the step of {component}, "
                 f"{step:g} s: a sample between two steps reads inputs that are up to {step:g} s "
                 f"old and acts at the end of its step; another --step or "
-                f"--set {slot.name}={step * max(1, round(ratio)):.12g} avoids that"
+                f"--set {slot.name}={step * max(1, round(period / step)):.12g} avoids that"
             )
+
+
+def _is_uneven(steps: float) -> bool:
+    return steps < 1 - 1e-9 or (steps < 1e9 and abs(steps - round(steps)) > 1e-9 * steps)
 
 
 def rechecked(system: System, known: System, graph: Graph) -> Checked:

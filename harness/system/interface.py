@@ -106,6 +106,10 @@ class Interface:
         return {name: v for name, v in self.variables.items() if v.settable}
 
 
+Interfaces = Mapping[str, Interface]
+"""By component."""
+
+
 def read_interface(path: Path) -> Interface:
     """Interface of a .fmu; FmuError if it is missing, damaged, invalid, or not for co-simulation by
     FMI 2.0 or FMI 3.0.

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 from harness.files.archive import MAX_UNPACKED
 from harness.spelling import did_you_mean
 from harness.system.conversion import final, is_unconverted, way
-from harness.system.interface import NO_NUMBERS, Interface, units_agree
+from harness.system.interface import NO_NUMBERS, Interface, Interfaces, units_agree
 from harness.system.model import Component, Connection, Parameter, Port, System
 from harness.system.schedule import problems as schedule_problems
 from harness.system.units import IDENTITY, UndefinedUnitError, compose
@@ -21,7 +21,7 @@ from harness.system.values import STRUCTURAL, Variable, base, unsettable
 _log = logging.getLogger("harness")
 
 
-def problems(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
+def problems(system: System, interfaces: Interfaces) -> Iterator[str]:
     """Everything that is wrong with a system, one line each, as far as its FMUs can be read."""
     unread = {c.name for c in system.components} - interfaces.keys()
     if not system.components:
@@ -37,7 +37,7 @@ def problems(system: System, interfaces: Mapping[str, Interface]) -> Iterator[st
 
 
 def value_problems(
-    system: System, interfaces: Mapping[str, Interface], changed: Sequence[Component]
+    system: System, interfaces: Interfaces, changed: Sequence[Component]
 ) -> Iterator[str]:
     """Problems that new values of some components can cause."""
     yield from schedule_problems(system.experiment.algorithm, system.components)
@@ -50,7 +50,7 @@ def value_problems(
         yield from _shared_streams(system, interfaces)
 
 
-def _shared_streams(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
+def _shared_streams(system: System, interfaces: Interfaces) -> Iterator[str]:
     """Components that draw the same random numbers: seed and stream are equal."""
     owners: dict[tuple[float, ...], list[str]] = {}
     for component in system.components:
@@ -68,10 +68,7 @@ def _shared_streams(system: System, interfaces: Mapping[str, Interface]) -> Iter
 
 
 def _connection_problems(
-    connection: Connection,
-    interfaces: Mapping[str, Interface],
-    unread: Collection[str],
-    strict: bool,
+    connection: Connection, interfaces: Interfaces, unread: Collection[str], strict: bool
 ) -> Iterator[str]:
     ends: list[Variable] = []
     for port, causality in zip(connection[:2], ("output", "input"), strict=True):
@@ -80,13 +77,11 @@ def _connection_problems(
                 ends.append(_end(port, causality, interfaces))
         except ValueError as error:
             yield f"{port}: {error}"
-    if len(ends) == 2:
-        problem = _misfit(connection, ends[0], ends[1], interfaces, strict)
-        if problem is not None:
-            yield f"{connection.target}: {problem}"
+    if len(ends) == 2 and (problem := _misfit(connection, ends[0], ends[1], interfaces, strict)):
+        yield f"{connection.target}: {problem}"
 
 
-def _end(port: Port, causality: str, interfaces: Mapping[str, Interface]) -> Variable:
+def _end(port: Port, causality: str, interfaces: Interfaces) -> Variable:
     """The variable at one end of a connection; ValueError with what is wrong with it."""
     if port.component not in interfaces:
         close = did_you_mean(port.component, interfaces)
@@ -103,11 +98,7 @@ def _end(port: Port, causality: str, interfaces: Mapping[str, Interface]) -> Var
 
 
 def _misfit(
-    connection: Connection,
-    source: Variable,
-    target: Variable,
-    interfaces: Mapping[str, Interface],
-    strict: bool,
+    connection: Connection, source: Variable, target: Variable, interfaces: Interfaces, strict: bool
 ) -> str | None:
     """Why an output cannot drive an input: types, or units, which in a strict system have to be
     equal since no other tool converts.
@@ -130,7 +121,7 @@ def _misfit(
     return unequal if strict and not is_equal else None
 
 
-def _declared_problems(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
+def _declared_problems(system: System, interfaces: Interfaces) -> Iterator[str]:
     """Connectors that claim another unit than the FMU has, whatever its name; the log says where
     that is not known.
     """
@@ -160,7 +151,7 @@ def _double_drive(connections: Sequence[Connection]) -> Iterator[str]:
             yield f"{target}: is driven {len(drivers)} times, by {' and '.join(drivers)}"
 
 
-def _open_inputs(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
+def _open_inputs(system: System, interfaces: Interfaces) -> Iterator[str]:
     driven = {connection.target for connection in system.connections}
     missing = {
         Port(c.name, base(name)): None
@@ -206,7 +197,7 @@ def _parameter_problem(name: str, parameter: Parameter, interface: Interface) ->
     return None
 
 
-def size_problems(system: System, interfaces: Mapping[str, Interface]) -> Iterator[str]:
+def size_problems(system: System, interfaces: Interfaces) -> Iterator[str]:
     """The limits of archive.py for the run as a whole: every component is unpacked on its own."""
     size = sum(interfaces[c.name].size for c in system.components if c.name in interfaces)
     if size > MAX_UNPACKED:

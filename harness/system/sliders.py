@@ -8,7 +8,7 @@ from contextlib import suppress
 from typing import NamedTuple
 
 from harness.spelling import did_you_mean
-from harness.system.interface import Interface
+from harness.system.interface import Interfaces
 from harness.system.model import Range
 from harness.system.values import Variable
 
@@ -22,7 +22,7 @@ class Slider(NamedTuple):
     high: float
 
 
-def problems(ranges: Mapping[str, Range], interfaces: Mapping[str, Interface]) -> Iterator[str]:
+def problems(ranges: Mapping[str, Range], interfaces: Interfaces) -> Iterator[str]:
     """What is wrong with sliders, a line each: nobody has such a parameter, or it has no range."""
     for name, given in ranges.items():
         try:
@@ -31,7 +31,7 @@ def problems(ranges: Mapping[str, Range], interfaces: Mapping[str, Interface]) -
             yield f"{name}: {error}"
 
 
-def sliders(ranges: Mapping[str, Range], interfaces: Mapping[str, Interface]) -> Iterator[Slider]:
+def sliders(ranges: Mapping[str, Range], interfaces: Interfaces) -> Iterator[Slider]:
     """The sliders of a system that its FMUs allow: a swapped FMU may have other parameters."""
     for name, given in ranges.items():
         with suppress(ValueError):
@@ -42,7 +42,7 @@ BOUND = 1e300
 """A limit beyond that is none."""
 
 
-def _slider(name: str, given: Range, interfaces: Mapping[str, Interface]) -> Slider:
+def _slider(name: str, given: Range, interfaces: Interfaces) -> Slider:
     """A slider with its range, or that of the FMU; ValueError."""
     real = {
         f"{component}.{v.name}": v

@@ -13,7 +13,7 @@ from typing import Any
 from harness.errors import StructureError, UsageError
 from harness.files.paths import contents
 from harness.spelling import did_you_mean
-from harness.system.interface import Interface
+from harness.system.interface import Interfaces
 from harness.system.model import Parameter, Parameters
 from harness.system.values import (
     Value,
@@ -52,7 +52,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 class Assignments:
     """Parameters by component, and the problems met on the way (one line each)."""
 
-    def __init__(self, interfaces: Mapping[str, Interface]) -> None:
+    def __init__(self, interfaces: Interfaces) -> None:
         self.interfaces = interfaces
         self.parameters: dict[str, dict[str, Parameter]] = {name: {} for name in interfaces}
         self.problems: list[str] = []

@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 from harness.spelling import did_you_mean
-from harness.system.interface import Interface
+from harness.system.interface import Interfaces
 from harness.system.model import Connection, Port
 from harness.system.values import elements_of, with_arrays
 
@@ -27,7 +27,7 @@ class Wiring(NamedTuple):
 
 
 def wire(
-    interfaces: Mapping[str, Interface],
+    interfaces: Interfaces,
     explicit: Mapping[str, str] | None = None,
     left_open: Collection[Port] = (),
 ) -> Wiring:
@@ -66,7 +66,7 @@ def wire(
     return Wiring(connections, problems)
 
 
-def output_owners(interfaces: Mapping[str, Interface]) -> Owners:
+def output_owners(interfaces: Interfaces) -> Owners:
     """Who has an output of which name."""
     owners: dict[str, list[str]] = {}
     for component, interface in interfaces.items():
@@ -87,7 +87,7 @@ def ambiguous(sources: Sequence[Port]) -> str:
     return f"ambiguous, {owners} have an output of this name"
 
 
-def ports(interfaces: Mapping[str, Interface], name: str, causality: str) -> list[Port]:
+def ports(interfaces: Interfaces, name: str, causality: str) -> list[Port]:
     """Scalar ports that `component.variable` stands for; ValueError with close matches if there are
     none.
     """

@@ -106,12 +106,11 @@ def restored(
     origin: Mapping[str, Any],
 ) -> Result:
     """The result of what a file holds: what is said of it, variables, parameters, provenance."""
-    system = about["system"]
     return replace(
-        flat_columns(system, time, histories),
+        flat_columns(about["system"], time, histories),
         complete=bool(about.get("complete", 1)),
         message=about.get("message", ""),
-        parameters=flat_columns(system, time[:1], fixed) if fixed else None,
+        parameters=flat_columns(about["system"], time[:1], fixed) if fixed else None,
         provenance=provenance.from_flat(origin) if origin else None,
     )
 
