@@ -83,18 +83,11 @@ def new_controller(
     swap = f"{system} --swap {component}={target}"
     commands = f"harness build {target}", f"harness run {swap} -o {target / name}.nc"
     with load(system) as found:
-        present = found.component(component).fmu.stem
-    readme = filled(
-        "controller.md",
-        name=name,
-        place=place,
-        source=source.name,
-        folder=target,
-        build=commands[0],
-        run=commands[1],
-        compare=f"harness compare {swap},{present}",
-        note=f"\n{fitting.note}" if fitting and fitting.note else "",
-    )
+        compare = f"harness compare {swap},{found.component(component).fmu.stem}"
+    words = {"name": name, "place": place, "source": source.name, "folder": target}
+    words |= dict(zip(("build", "run"), commands, strict=True)) | {"compare": compare}
+    note = f"\n{fitting.note}" if fitting and fitting.note else ""
+    readme = filled("controller.md", note=note, **words)
     _write(target / "README.md", readme)
     return Created(target, source, commands)
 

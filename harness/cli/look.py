@@ -83,8 +83,7 @@ def show_command(
 
 
 JudgedArgument = Annotated[
-    str | None,
-    argument("[SYSTEM_OR_FMU]", "System or FMU: name, or path of an .ssp or .fmu"),
+    str | None, argument("[SYSTEM_OR_FMU]", "System or FMU: name, or path of an .ssp or .fmu")
 ]
 
 
@@ -120,12 +119,7 @@ DiagramOption = Annotated[
 
 
 @command("draw", "swap")
-def draw_command(
-    *,
-    system: SystemArgument,
-    output: DiagramOption = None,
-    changes: Any,
-) -> None:
+def draw_command(*, system: SystemArgument, output: DiagramOption = None, changes: Any) -> None:
     """Draw the N2 diagram of a system: components on the diagonal, signals between them."""
     from harness.exports.draw import draw
     from harness.master.changes import apply
@@ -144,11 +138,7 @@ PlanFolderOption = Annotated[
 
 @command("plan", "params", "set", "swap", "map", "step", "stop")
 def plan_command(
-    *,
-    system: SystemArgument,
-    output: PlanFolderOption = None,
-    drawing: Drawing,
-    changes: Any,
+    *, system: SystemArgument, output: PlanFolderOption = None, drawing: Drawing, changes: Any
 ) -> None:
     """Show the plan of a mission without running the system.
 

@@ -147,8 +147,7 @@ ReportArgument = Annotated[
     Path, argument("FILE", "Results; with -o also a folder of compare or a .zarr")
 ]
 MissionOption = Annotated[
-    Path | None,
-    option("--mission FOLDER", "Use figures and claims of the mission in this folder"),
+    Path | None, option("--mission FOLDER", "Use figures and claims of the mission in this folder")
 ]
 PlaceOption = Annotated[
     Text, option("--for SYSTEM.COMPONENT", "Give it the ports of this component", _shown)

@@ -33,8 +33,7 @@ from harness.errors import ComparisonError, RequirementError, UsageError
 from harness.spelling import did_you_mean, is_number, printable
 
 StudyArgument = Annotated[
-    Path,
-    argument("CAMPAIGN.toml", "File with system, factors, study; or NAME of the project"),
+    Path, argument("CAMPAIGN.toml", "File with system, factors, study; or NAME of the project")
 ]
 DatasetOption = Annotated[Path | None, output("Dataset to write (default: results/NAME.zarr)")]
 WorkersOption = Annotated[

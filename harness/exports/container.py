@@ -109,9 +109,8 @@ def _make(folder: Path, description: str) -> None:
         raise UsageError(
             "an FMU of a system needs fmucontainer: pip install fmu-manipulation-toolbox"
         ) from error
-    logging.getLogger("fmu_manipulation_toolbox").setLevel(
-        logging.CRITICAL
-    )  # it complains of every open input
+    # it complains of every open input
+    logging.getLogger("fmu_manipulation_toolbox").setLevel(logging.CRITICAL)
     try:
         Assembly(description, fmu_directory=folder).make_fmu()
     except (AssemblyError, FMUContainerError) as error:
@@ -206,12 +205,17 @@ def _description(content: dict[str, bytes], system: System) -> bytes:
     default = root.find("DefaultExperiment")
     default.set("startTime", "0.0")
     default.set("stopTime", literal(system.experiment.stop or 0.0))
+    _sign(root, system, str(uuid5(NAMESPACE_URL, content[RUNTIME].decode() + system.name)))
+    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
+
+
+def _sign(root: XmlElement, system: System, guid: str) -> None:
+    """Name, date and guid that depend on the system alone."""
     root.set("description", system.description or system.name)
     root.set("generationDateAndTime", DATE)
+    root.set("guid", guid)
     for wrong in ("author", "license"):  # of the account that runs, and "Proprietary"
         root.attrib.pop(wrong, None)
-    root.set("guid", str(uuid5(NAMESPACE_URL, content[RUNTIME].decode() + system.name)))
-    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
 
 
 def _units(root: XmlElement, variables: XmlElement, interfaces: dict[str, Interface]) -> None:

@@ -123,14 +123,19 @@ def _canvas(system: System, fields: dict[Place, Field]) -> Any:
     above = LINE * len(title) + PAD
     canvas = Figure(figsize=(width / PIXELS, (bottom + above) / PIXELS))
     axes = canvas.add_axes((0, 0, 1, 1), xlim=(0, width), ylim=(bottom, -above))
-    axes.set_axis_off()
     for k, line in enumerate(title):
         _words(axes, MARGIN, MARGIN - above + k * LINE, line, ha="left", color=GREY)
+    _paint_all(axes, fields)
+    return canvas
+
+
+def _paint_all(axes: Any, fields: dict[Place, Field]) -> None:
+    """Fields and wires, and no axes."""
+    axes.set_axis_off()
     for (row, column), field in fields.items():
         _paint(axes, field, row == column)
         if row != column:
             _wire(axes, fields[row, row], field, fields[column, column])
-    return canvas
 
 
 def _paint(axes: Any, field: Field, block: bool) -> None:

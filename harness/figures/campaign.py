@@ -67,15 +67,14 @@ def bands(
     elements.
     """
     canvas, panels = _grid(labels[0].partition("[")[0].strip(), len(labels), style)
-    clock = time_axis(time)
+    unit, words = time_axis(time).seconds, time_axis(time).label
     for k, (axes, label) in enumerate(zip(panels, labels, strict=True)):
         for low in range(len(percentiles) // 2):
-            edges = band[low, :, k], band[-1 - low, :, k]
             name = f"{percentiles[low]:g} to {percentiles[-1 - low]:g} %"
             look = {"color": "C0", "alpha": 0.2 * (low + 1), "linewidth": 0, "label": name}
-            axes.fill_between(time / clock.seconds, *edges, **look)
-        axes.plot(time / clock.seconds, band[len(percentiles) // 2, :, k], "C1", label="median")
-        axes.set(xlabel=clock.label, ylabel=label)
+            axes.fill_between(time / unit, band[low, :, k], band[-1 - low, :, k], **look)
+        axes.plot(time / unit, band[len(percentiles) // 2, :, k], "C1", label="median")
+        axes.set(xlabel=words, ylabel=label)
     legend_above(panels[0])
     return canvas
 

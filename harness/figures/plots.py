@@ -178,15 +178,16 @@ def _panels(
     column[-1].set_xlabel(time_axis(*(r.time for r in results)).label)
     for axes, panel in zip(column, shown, strict=True):
         axes.set_ylabel(wrapped(panel.ylabel, canvas.get_figheight() / (len(shown) + 0.5)))
-        if panel.log:
-            axes.set_yscale("log")
-        _draw_level(axes, panel.line(results[0]))
+        _prepare(axes, panel, results[0])
     canvas.align_ylabels()
     return canvas, list(zip(column, shown, strict=True))
 
 
-def _draw_level(axes: Any, line: tuple[float, str] | None) -> None:
-    if line:
+def _prepare(axes: Any, panel: Panel, result: Result) -> None:
+    """Axes with their scale, and the level that is drawn."""
+    if panel.log:
+        axes.set_yscale("log")
+    if line := panel.line(result):
         height, text = line
         look = {"color": "0.3", "linestyle": "--", "linewidth": 0.8, "zorder": 1}
         axes.axhline(height, label=text, **look)
@@ -246,12 +247,23 @@ class _Runs(NamedTuple):
     seconds: float
 
     @property
-    def styles(self) -> dict[str, Any]:
-        """A line style for every run by its label, if the style sheet has some."""
+    def looks(self) -> dict[str, dict[str, Any]]:
+        """How every run is drawn by its label: many of them thin, else in the line styles of the
+        style sheet.
+        """
         from matplotlib import rcParams
 
         cycle = rcParams["axes.prop_cycle"].by_key().get("linestyle", ["-"])
-        return {label: cycle[k % len(cycle)] for k, label in enumerate(self.colours)}
+        looks = [{"linestyle": cycle[k % len(cycle)]} for k in range(len(self.colours))]
+        if self.many:
+            looks = [{"linewidth": 0.5, "alpha": 0.5}] * len(self.colours)
+        found = zip(self.colours.items(), looks, strict=True)
+        return {label: {"color": colour, **look} for (label, colour), look in found}
+
+    @property
+    def many(self) -> bool:
+        """Whether they are drawn as a crowd with a band."""
+        return len(self.results) >= MANY
 
 
 def paint_overlay(
@@ -294,8 +306,8 @@ def _name_runs(canvas: Canvas, runs: _Runs) -> None:
     """One legend for all panels, as wide as the names allow."""
     from matplotlib.lines import Line2D
 
-    styles, names = runs.styles, list(runs.results)
-    lines = [Line2D([], [], color=runs.colours[r], linestyle=styles[r]) for r in names]
+    names, looks = list(runs.results), runs.looks
+    lines = [Line2D([], [], **looks[name]) for name in names]
     columns = fitting(names, canvas.get_figwidth())
     canvas.legend(lines, names, loc="outside lower center", ncols=columns)
 
@@ -305,15 +317,13 @@ def _draw_runs(axes: Any, panel: Panel, curve: Curve, runs: _Runs) -> list[Array
     histories = {label: curve.history(result) for label, result in runs.results.items()}
     if panel.log:  # zeros cannot be drawn
         histories = {label: np.where(h > 0, h, np.nan) for label, h in histories.items()}
-    many, styles = len(histories) >= MANY, runs.styles
+    looks, own = runs.looks, {"linestyle": curve.style} if curve.style else {}
     for label, history in histories.items():
-        look = {"linewidth": 0.5, "alpha": 0.5} if many else {"linestyle": styles[label]}
-        look |= {"linestyle": curve.style} if curve.style else {}
-        look |= {"color": runs.colours[label], "gid": label}
+        look = looks[label] | own | {"gid": label}
         time, broken = curve.broken(runs.results[label].time / runs.seconds, history)
         for values, name in curve.lines(broken):
             axes.plot(time, values, label=f"_{name}", **look)
-    if many:
+    if runs.many:
         _draw_band(axes, list(histories.values()), runs)
     return list(histories.values())
 

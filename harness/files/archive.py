@@ -40,14 +40,7 @@ DATE = (1980, 1, 1, 0, 0, 0)
 MAX_ENTRY = 64 * 1024**2
 """Largest single file that is read into memory [bytes]."""
 
-_DAMAGE = (
-    zipfile.BadZipFile,
-    zlib.error,
-    EOFError,
-    RuntimeError,
-    ValueError,
-    OSError,
-)
+_DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, ValueError, OSError)
 """What zipfile raises for damaged, encrypted or exotically compressed archives."""
 
 

@@ -91,11 +91,9 @@ def _unusable(path: Path) -> str:
         open_to_all = about.st_mode & 0o022 and not about.st_mode & stat.S_ISVTX
         reasons[f"{above} belongs to somebody else"] = about.st_uid not in (0, os.geteuid())
         reasons[f"others may write to {above}"] = open_to_all
-    noexec = getattr(os, "ST_NOEXEC", 0)
+    noexec = os.statvfs(path).f_flag & getattr(os, "ST_NOEXEC", 0)
     reasons["it cannot be written"] = not os.access(path, os.W_OK)
-    reasons["no library can be loaded from it (it is mounted with noexec)"] = (
-        os.statvfs(path).f_flag & noexec
-    )
+    reasons["no library can be loaded from it (it is mounted with noexec)"] = noexec
     return next((reason for reason, holds in reasons.items() if holds), "")
 
 

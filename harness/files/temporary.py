@@ -16,6 +16,7 @@ import tempfile
 import weakref
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from harness.errors import ResultsError
 
@@ -72,14 +73,8 @@ def _guard(folder: Path) -> subprocess.Popen[bytes] | None:
         return None
     command = ["/bin/sh", "-c", _GUARD, "harness-guard", str(folder)]
     quiet = subprocess.DEVNULL
+    streams: Any = {"stdin": subprocess.PIPE, "stdout": quiet, "stderr": quiet}
     try:
-        return subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=quiet,
-            stderr=quiet,
-            start_new_session=True,
-            cwd="/",
-        )
+        return subprocess.Popen(command, start_new_session=True, cwd="/", **streams)
     except OSError:  # a machine without a shell
         return None

@@ -264,16 +264,20 @@ def _parameter_file(system: System, path: Path) -> System:
     if not is_file(path):
         raise UsageError(f"--params {path}: no such file")
     values = Assignments(read_interfaces(system))
-    if path.suffix == ".toml":
-        tables = read_toml(path)
-        values.tables(tables.get("parameters", tables))
-    else:
-        for name, parameter in read_ssv(path).items():
-            for component, variable in _place(values, name):
-                values.parameters[component][variable] = parameter
+    _read_into(values, path)
     if values.problems:
         raise StructureError(f"{path.name}: {problem}" for problem in values.problems)
     return _over(system, values)
+
+
+def _read_into(values: Assignments, path: Path) -> None:
+    if path.suffix == ".toml":
+        tables = read_toml(path)
+        values.tables(tables.get("parameters", tables))
+        return
+    for name, parameter in read_ssv(path).items():
+        for component, variable in _place(values, name):
+            values.parameters[component][variable] = parameter
 
 
 def _place(values: Assignments, name: str) -> list[tuple[str, str]]:
@@ -291,22 +295,27 @@ def _single_values(system: System, given: Given) -> System:
         return system
     values = Assignments(read_interfaces(system))
     for name in sorted(given, key=lambda name: not name.startswith(f"{SHARED}.")):
-        value, is_text = given[name], isinstance(given[name], str)
-        if name.startswith(f"{SHARED}.") and SHARED not in values.interfaces:
-            values.shared(name.removeprefix(f"{SHARED}."), value, is_text)
-            continue
-        for component, variable in _place(values, name):
-            (values.write if is_text else values.set)(component, variable, value)
+        _single_value(values, name, given[name])
+    if problems := [*values.problems, *_driven(system, values)]:
+        raise UsageError("\n".join(f"--set {problem}" for problem in problems))
+    return _over(system, values)
+
+
+def _single_value(values: Assignments, name: str, value: Any) -> None:
+    is_text = isinstance(value, str)
+    if name.startswith(f"{SHARED}.") and SHARED not in values.interfaces:
+        values.shared(name.removeprefix(f"{SHARED}."), value, is_text)
+        return
+    for component, variable in _place(values, name):
+        (values.write if is_text else values.set)(component, variable, value)
+
+
+def _driven(system: System, values: Assignments) -> Iterator[str]:
+    """Values that would be overwritten before anybody reads them."""
     drivers = {c.target: c.source for c in system.connections}
     ports = (Port(c, v) for c, parameters in values.parameters.items() for v in parameters)
-    values.problems += (  # it would be overwritten before anybody reads it
-        f"{port}: is driven by {drivers[port]}, a value of its own has no effect"
-        for port in ports
-        if port in drivers
-    )
-    if values.problems:
-        raise UsageError("\n".join(f"--set {problem}" for problem in values.problems))
-    return _over(system, values)
+    for port in (p for p in ports if p in drivers):
+        yield f"{port}: is driven by {drivers[port]}, a value of its own has no effect"
 
 
 # ---- latency, requirements

@@ -217,22 +217,24 @@ class Simulation:
         self.instances = []
         try:
             for node in self._nodes():
-                name = node.component.name
-                if name in before and before[name].renew(node):
-                    self.instances.append(before.pop(name))
-                    continue
-                if name in before:
-                    before.pop(name).close()
-                if self._apart or self._whole is None:
-                    self.instances.append(Instance(node, self._own_folder))
-                else:
-                    self.instances.append(WholeInstance(node, self._own_folder, self._whole))
+                self.instances.append(self._instance(node, before))
         finally:
             for left in before.values():
                 left.close()
         plan = schedule(self.system.experiment.algorithm, self.instances)
         loop = Loop(plan, self.bus, self.recorder, self.clock)
         self._executor = EXECUTORS[self._executor_name](loop)
+
+    def _instance(self, node: Node, before: dict[str, Instance]) -> Instance:
+        """The one of that name from before if it can go back, else a new one."""
+        name = node.component.name
+        if name in before and before[name].renew(node):
+            return before.pop(name)
+        if name in before:
+            before.pop(name).close()
+        if self._apart or self._whole is None:
+            return Instance(node, self._own_folder)
+        return WholeInstance(node, self._own_folder, self._whole)
 
     def _own_folder(self) -> Path:
         """Where FMUs are unpacked that no cache keeps, made when the first one is."""
@@ -308,15 +310,7 @@ class Simulation:
         try:
             if self._files is None:
                 raise UsageError("a Simulation can advance inside its `with` block only")
-            last = self.steps if to is None else min(to, self.steps)
-            try:
-                self._advance(last, progress)
-            except RunError:
-                if self._apart:
-                    raise
-                self._separate()  # the same run, and its end in the words of the FMU that fails
-                self._assemble()
-                self._advance(last, progress)
+            self._in_words(self.steps if to is None else min(to, self.steps), progress)
         except KeyboardInterrupt:
             raise self._partial(InterruptionError(self.system.name, self.time)) from None
         except RefusalError as error:
@@ -324,6 +318,19 @@ class Simulation:
             raise typed from error.__cause__
         except RunError as error:
             raise self._partial(error) from error.__cause__
+
+    def _in_words(self, to: int, progress: Show | None) -> None:
+        """_advance(); where a whole fails the same run again, and its end in the words of the FMU
+        that fails.
+        """
+        try:
+            self._advance(to, progress)
+        except RunError:
+            if self._apart:
+                raise
+            self._separate()
+            self._assemble()
+            self._advance(to, progress)
 
     def _advance(self, to: int, progress: Show | None) -> None:
         if not self._initialised:

@@ -27,21 +27,25 @@ def refused(
     foreign: components that are tried although their FMUs are not ours, each in a process of its
     own; patience: how long such a one may take for one call [s].
     """
+    for system in _alone_once(systems, foreign):
+        try:
+            _try(system, patience)
+        except RefusalError as error:
+            yield error
+        except HarnessError:  # of anything else the run itself speaks
+            continue
+
+
+def _alone_once(systems: Iterable[System], foreign: Collection[str]) -> Iterator[System]:
+    """Components that can be tried, each with its values once."""
     tried = set()
     for system in systems:
-        for component in system.components:
-            values = component.name, component.fmu, frozenset(component.parameters.items())
-            if values in tried or not is_file(component.fmu):
-                continue
-            if not (component.name in foreign or is_ours(component.fmu)):
-                continue
-            tried.add(values)
-            try:
-                _try(_alone(system, component.name), patience)
-            except RefusalError as error:
-                yield error
-            except HarnessError:  # of anything else the run itself speaks
-                continue
+        for c in system.components:
+            values = c.name, c.fmu, frozenset(c.parameters.items())
+            wanted = c.name in foreign or is_ours(c.fmu)
+            if wanted and values not in tried and is_file(c.fmu):
+                tried.add(values)
+                yield _alone(system, c.name)
 
 
 def always_refused(

@@ -59,9 +59,8 @@ def kept_rows(values: Array, points: int) -> Rows:
         return np.arange(count)
     length = -(-2 * count // points)
     starts = np.arange(0, count, length)
-    filled = np.full(len(starts) * length, np.nan)
-    filled[:count] = values
-    groups = filled.reshape(len(starts), length)
+    missing = np.full(len(starts) * length - count, np.nan)
+    groups = np.concatenate((values, missing)).reshape(len(starts), length)
     number = np.isfinite(groups)
     least = starts + np.where(number, groups, np.inf).argmin(axis=1)
     largest = starts + np.where(number, groups, -np.inf).argmax(axis=1)

@@ -82,13 +82,7 @@ def wings(size: Array) -> list[Part]:
 
 def rod(begin: Any, end: Any, radius: float, look: str = "metal") -> Part:
     """A cylinder between two points."""
-    return {
-        "kind": "rod",
-        "from": _plain(begin),
-        "to": _plain(end),
-        "radius": radius,
-        "look": look,
-    }
+    return {"kind": "rod", "from": _plain(begin), "to": _plain(end), "radius": radius, "look": look}
 
 
 def ball(at: Any, radius: float, look: str = "metal") -> Part:

@@ -58,8 +58,6 @@ def _page(store: Store, path: Path) -> str:
 def _told(store: Store) -> dict[str, Any]:
     """What the page says in words and tables."""
     status, (metrics, factors) = store.array("status"), _shown(store)
-    plain = {name: x for name, x in summary.metric_columns(store).items() if np.isfinite(x).any()}
-    worst, runs = summary.worst(store, plain) if plain else ("", [])
     return {
         "count": {state: int((status == value).sum()) for state, value in STATES.items()},
         "success": summary.success(store),
@@ -68,10 +66,21 @@ def _told(store: Store) -> dict[str, Any]:
         "metrics": {name: _numbers(values) for name, values in metrics.items()},
         "chance": [summary.left_out(name, factors, x) for name, x in metrics.items()],
         "failures": summary.failures(store),
-        "worst": worst,
-        "worst_runs": {run: plain[worst][run] for run in runs},
         "definition": store.definition()[0],
+        **_worst(store),
     }
+
+
+def _worst(store: Store) -> dict[str, Any]:
+    """The metric of which the worst runs are told, and its value in them."""
+    metrics = _finite(store)
+    worst, runs = summary.worst(store, metrics) if metrics else ("", [])
+    return {"worst": worst, "worst_runs": {run: metrics[worst][run] for run in runs}}
+
+
+def _finite(store: Store) -> dict[str, Array]:
+    """Metrics that are a number in some run."""
+    return {n: x for n, x in summary.metric_columns(store).items() if np.isfinite(x).any()}
 
 
 def _numbers(values: Array) -> list[float]:
@@ -93,7 +102,6 @@ def drawings(store: Store, style: Style) -> Iterator[tuple[str, str, Any]]:
     """Section of the page, name of the file and figure of matplotlib of all that there is to see:
     metrics, each of them against the factors that matter or over a grid of two, bands over time.
     """
-    units = store.units()
     metrics, factors = _shown(store)
     if metrics:
         yield "histograms", "histograms", figures.histograms(metrics, style)
@@ -104,6 +112,11 @@ def drawings(store: Store, style: Style) -> Iterator[tuple[str, str, Any]]:
         elif ranked := summary.ranked(factors, values):
             told = {f: (x, summary.rank_correlation(x, values)) for f, x in ranked.items()}
             yield "factors", plain, figures.scatter(name, values, told, style)
+    yield from _bands(store, style)
+
+
+def _bands(store: Store, style: Style) -> Iterator[tuple[str, str, Any]]:
+    units = store.units()
     for stored in store.names("band"):
         band, plain = store.array(stored), stored.removesuffix("_band")
         elements = [f"{plain}[{k + 1}]" for k in range(band.shape[2])]
@@ -115,7 +128,6 @@ def drawings(store: Store, style: Style) -> Iterator[tuple[str, str, Any]]:
 def _shown(store: Store) -> tuple[dict[str, Array], dict[str, Array]]:
     """Metrics that are a number in some run, and factors that vary, by name and unit."""
     units = store.units()
-    metrics = {n: x for n, x in summary.metric_columns(store).items() if np.isfinite(x).any()}
-    both = (metrics, summary.varying_factors(store))
+    both = (_finite(store), summary.varying_factors(store))
     found = ({with_unit(name, units): x for name, x in each.items()} for each in both)
     return next(found), next(found)

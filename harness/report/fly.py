@@ -79,7 +79,7 @@ def _page(result: Result, system: System) -> str:
 def _flight(result: Result, system: System, found: Checked, module: Module) -> Data:
     if missing := [name for name in result.columns if name not in module.outputs]:
         raise UsageError(f"the system has no {missing[0]} any more: run it again")
-    known, table, span = result.provenance, result.parameters, system.experiment
+    known, span = result.provenance, system.experiment
     return {
         "start": span.start,
         "step": span.step,
@@ -88,14 +88,20 @@ def _flight(result: Result, system: System, found: Checked, module: Module) -> D
         "columns": [module.outputs[name] for name in result.columns],
         "settings": list(module.references),
         "values": module.values.tolist(),
+        **_about(result),
+    }
+
+
+def _about(result: Result) -> Data:
+    """The bits of its rows, the requirements, and the names of what they speak of."""
+    known, table = result.provenance, result.parameters
+    wanted = known.requirements if known else ()
+    return {
         "sha256": hashlib.sha256(np.ascontiguousarray(result.values).tobytes()).hexdigest(),
         "names": _names(result),
         "parameters": {} if table is None else _names(table),
         "constants": [] if table is None else table.values[0].tolist(),
-        "requirements": [
-            conditions.requirement(result, name, text)
-            for name, text in (known.requirements if known else ())
-        ],
+        "requirements": [conditions.requirement(result, *each) for each in wanted],
     }
 
 

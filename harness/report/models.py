@@ -92,17 +92,21 @@ def meshes_of(body: str, path: Path) -> tuple[Mesh, ...]:
         stamp = paths.stamp(path)
         if stamp.size > LONGEST:
             raise _refused(body, f"{path}: longer than the limit of {LONGEST} bytes")
-        found = _read(path, stamp)
+        return _sound(body, path, _read(path, stamp))
     except OSError as error:
         raise _refused(body, f"{path}: cannot be read ({error.strerror or error})") from error
     except HarnessError:
         raise
     except Exception as error:  # whatever a reader of a foreign format may meet
         raise _refused(body, f"{path}: is no glTF file ({reason_of(error)[:200]})") from error
-    problem = "holds no triangles" if not found else "holds a corner that is no number"
-    if not found or not all(np.isfinite(mesh.corners).all() for mesh in found):
-        raise _refused(body, f"{path}: {problem}")
-    return found
+
+
+def _sound(body: str, path: Path, meshes: tuple[Mesh, ...]) -> tuple[Mesh, ...]:
+    if not meshes:
+        raise _refused(body, f"{path}: holds no triangles")
+    if not all(np.isfinite(mesh.corners).all() for mesh in meshes):
+        raise _refused(body, f"{path}: holds a corner that is no number")
+    return meshes
 
 
 @lru_cache(maxsize=8)

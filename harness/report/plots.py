@@ -70,8 +70,6 @@ def _plot(canvas: Canvas, axes: Any) -> Plot:
         "x": "time [s]" if seconds else label_of(axes, "x"),
         "y": " ".join(label_of(axes, "y").split()),
         "time": seconds > 0,
-        "log": axes.get_yscale() == "log",
-        "equal": axes.get_aspect() == 1.0,
         "levels": _levels(axes),
         "shade": _shade(axes, seconds or 1.0),
         "notes": [t.get_text() for t in axes.texts if getattr(t, "xycoords", "") == NOTE],
@@ -81,8 +79,8 @@ def _plot(canvas: Canvas, axes: Any) -> Plot:
 
 
 def _scales(axes: Any, timed: bool) -> Plot:
-    """Limits of axes that were set, and ticks that are words."""
-    found: Plot = {}
+    """Kinds of axes, limits that were set, and ticks that are words."""
+    found: Plot = {"log": axes.get_yscale() == "log", "equal": axes.get_aspect() == 1.0}
     if not axes.get_autoscaley_on():
         found["range"] = [float(limit) for limit in axes.get_ylim()]
     if not axes.get_autoscalex_on() and not timed:
@@ -123,31 +121,28 @@ def _lines(canvas: Canvas, axes: Any, seconds: float) -> Iterator[Plot]:
         if line.get_transform() != axes.transData:
             continue
         x, y = (np.asarray(of(), dtype=float).ravel() for of in (line.get_xdata, line.get_ydata))
-        look = {"colour": place_of(line.get_color()), "dash": _dash(line)}
-        if line.get_linestyle() in ("None", " ", ""):
-            many = "point" if line.get_alpha() is None else "dot"
-            look["marker"] = "circle" if len(x) < 3 else many
-        if line.get_gid() is not None:
-            look["group"] = line.get_gid()
         if seconds:
-            yield canvas.curve(seconds * x, y, _named(line), **look)
+            yield canvas.curve(seconds * x, y, _named(line), **_look(line, len(x)))
         else:
-            yield canvas.plane(x, y, name=_named(line), **look)
+            yield canvas.plane(x, y, name=_named(line), **_look(line, len(x)))
+
+
+def _look(line: Any, points: int) -> Plot:
+    look = {"colour": place_of(line.get_color()), "dash": _dash(line)}
+    if line.get_linestyle() in ("None", " ", ""):
+        many = "point" if line.get_alpha() is None else "dot"
+        look["marker"] = "circle" if points < 3 else many
+    if line.get_gid() is not None:
+        look["group"] = line.get_gid()
+    return look
 
 
 def _areas(canvas: Canvas, axes: Any, unit: float) -> Iterator[Plot]:
     """What is filled: fields of colours, bands, bars; unit: of x as the page has it."""
-    for image in axes.images:
-        left, right, bottom, top = (float(edge) for edge in image.get_extent())
-        edges = [unit * left, unit * right, bottom, top]
-        field = canvas.arrays.keep(np.asarray(image.get_array()))
-        yield {"image": field, "edges": edges, "name": ""}
+    yield from (_image(canvas, image, unit) for image in axes.images)
     for area in axes.collections:
         if hasattr(area, "get_coordinates"):
-            columns, rows = (area.get_coordinates()[..., k] for k in (0, 1))
-            field = canvas.arrays.keep(np.ma.filled(area.get_array(), np.nan))
-            places = {"columns": columns[0].tolist(), "rows": rows[:, 0].tolist()}
-            yield {"image": field, "name": axes.get_title(), **places}
+            yield _mesh(canvas, area, axes.get_title())
             continue
         for path in area.get_paths():
             corners = _corners(np.asarray(path.vertices, dtype=float)) * (unit, 1)
@@ -156,6 +151,20 @@ def _areas(canvas: Canvas, axes: Any, unit: float) -> Iterator[Plot]:
         if bar.get_data_transform() == axes.transData:
             corners = bar.get_patch_transform().transform(bar.get_path().vertices)
             yield _filled(canvas, corners, bar, bar.get_facecolor())
+
+
+def _image(canvas: Canvas, image: Any, unit: float) -> Plot:
+    left, right, bottom, top = (float(edge) for edge in image.get_extent())
+    field = canvas.arrays.keep(np.asarray(image.get_array()))
+    return {"image": field, "edges": [unit * left, unit * right, bottom, top], "name": ""}
+
+
+def _mesh(canvas: Canvas, mesh: Any, name: str) -> Plot:
+    """A field of colours over columns and rows."""
+    columns, rows = (mesh.get_coordinates()[..., k] for k in (0, 1))
+    field = canvas.arrays.keep(np.ma.filled(mesh.get_array(), np.nan))
+    places = {"columns": columns[0].tolist(), "rows": rows[:, 0].tolist()}
+    return {"image": field, "name": name, **places}
 
 
 def _filled(canvas: Canvas, corners: Any, area: Any, colour: Any) -> Plot:

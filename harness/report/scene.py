@@ -9,13 +9,14 @@ all of it into H axes.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from harness.report import bodies
 from harness.report.arrays import Arrays
-from harness.results.histories import quaternion, rotation_angle
+from harness.results.histories import rotation_angle
 from harness.results.result import Array, Result, Rows
 
 Scene = dict[str, Any]
@@ -24,10 +25,6 @@ LEAST, MOST = 600, 3000
 """Instants of a replay."""
 TURN = np.radians(8)
 """Angle that a body turns between two instants, if MOST allows it."""
-IN_ORBIT = 1e6
-"""A body farther than that [m] from the origin of N is in orbit, and has a Hill frame."""
-HILL = {"key": "H", "name": "Hill frame", "axes": ["radial", "along track", "normal"]}
-INERTIAL = {"key": "N", "name": "inertial axes", "axes": ["x N", "y N", "z N"]}
 
 
 def instants(result: Result, *attitudes: str) -> Rows:
@@ -37,18 +34,6 @@ def instants(result: Result, *attitudes: str) -> Rows:
     count = int(np.clip(max(turned, default=0.0) / TURN, LEAST, MOST))
     last = len(result.time) - 1
     return np.unique(np.linspace(0, last, min(count, last + 1)).round().astype(np.intp))
-
-
-def hill_quaternion(r: Array, v: Array) -> Array:
-    """Quaternion (rows, 4) of the Hill frame of an orbit relative to N: x: r, z: r x v."""
-    normal = np.cross(r, v)
-    axes = (r, np.cross(normal, r), normal)
-    return quaternion(*(each / np.linalg.norm(each, axis=1)[:, None] for each in axes))
-
-
-def in_orbit(r: Array) -> bool:
-    """Whether positions r (rows, 3) [m] about the origin of N are those of an orbit."""
-    return bool(np.linalg.norm(r[0]) > IN_ORBIT)
 
 
 class Body(NamedTuple):
@@ -75,16 +60,6 @@ def scene(arrays: Arrays, time: Array, origin: str, found: list[Body], **about: 
     return {"time": instants, "origin": origin, "bodies": shown, **about}
 
 
-def frames(arrays: Arrays, r: Array, v: Array) -> Scene:
-    """Hill frame and both kinds of axes in orbit; N only in deep space, where the Hill frame, if
-    position and velocity make one, carries what a mission has in it.
-    """
-    found: Scene = {"frames": [HILL, INERTIAL] if in_orbit(r) else [INERTIAL]}
-    if in_orbit(r) or np.linalg.norm(np.cross(r, v), axis=1).all():
-        found["hill"] = arrays.keep(hill_quaternion(r, v))
-    return found
-
-
 def joint(
     at: Any, angle: str, index: int, parts: list[bodies.Part], axis: Any = (0, 0, 1), **about: Any
 ) -> Scene:
@@ -94,12 +69,7 @@ def joint(
 
 
 def number(  # noqa: PLR0913, PLR0917 - what is shown, and how
-    result: Result,
-    arrays: Arrays,
-    rows: Rows,
-    name: str,
-    words: tuple[str, ...] = (),
-    text: str = "",
+    result: Result, arrays: Arrays, rows: Rows, name: str, words: Sequence[str] = (), text: str = ""
 ) -> Scene:
     """A number that runs along with the replay; angles in degrees; words: shown in place of the
     whole numbers from 0 on; text: what it is, else the name of the variable in words.

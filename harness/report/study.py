@@ -15,7 +15,7 @@ import numpy as np
 from harness.report.arrays import Canvas
 from harness.report.plots import Plot, diagram
 from harness.results.files import read
-from harness.results.result import Array, Result
+from harness.results.result import Result
 from harness.studies.campaign.store import Store
 from harness.studies.inquiry.study import SHOWN, Study
 from harness.studies.inquiry.worst import confirmed
@@ -36,14 +36,12 @@ def plots(canvas: Canvas, store: Store) -> Iterator[Plot]:
     if (estimate := _estimate(store)) is None:
         return
     names = [str(n) for n in store.array("requirement")]
-    units = [str(u) for u in store.array("margin_units")]
     for name, found in estimate["of"].items():
         if "value" in found:
             yield _tornado(canvas, name, found, estimate["factors"])
         if "run" in found:
             k = names.index(name)
-            label = f"margin of {name} [{units[k] or '1'}]"
-            yield _convergence(canvas, label, store.array("margin")[:, k], found)
+            yield _convergence(canvas, name, store, k, found)
             yield _parallel(canvas, name, store, k)
         if found.get("levels"):
             yield _levels(canvas, name, found["levels"])
@@ -79,10 +77,11 @@ def _tornado(canvas: Canvas, name: str, found: Any, factors: list[str]) -> Plot:
     return diagram(f"{name}: what matters", "effect", "factor", curves)
 
 
-def _convergence(canvas: Canvas, label: str, margins: Array, found: Any) -> Plot:
+def _convergence(canvas: Canvas, name: str, store: Store, column: int, found: Any) -> Plot:
     """All flights of a search, and the best so far."""
+    label = f"margin of {name} [{store.array('margin_units')[column] or '1'}]"
     last = found["run"] - found["place"] + found["flights"]
-    y = margins[last - found["flights"] : last]
+    y = store.array("margin")[:, column][last - found["flights"] : last]
     y = np.where(np.isfinite(y), y, np.nan)
     flight = np.arange(1, len(y) + 1)
     curves = [

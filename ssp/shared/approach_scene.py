@@ -10,14 +10,14 @@ import numpy as np
 
 from harness.report import bodies
 from harness.report.arrays import Arrays
-from harness.report.scene import Body, Scene, frames, in_orbit, instants, scene
+from harness.report.scene import Body, Scene, instants, scene
 from harness.report.story import event, of_run
 from harness.results.result import Array, Result, Rows
 
 from . import approach_marks as marks
 from . import flexible
 from .relative_motion import SERVICER, TARGET, VELOCITIES, release_time
-from .sky import sky
+from .sky import frames, in_orbit, sky
 
 PAIR = (SERVICER, TARGET, *VELOCITIES, "servicer.q_SN", "target.q_TN")
 

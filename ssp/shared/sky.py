@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What is far away in a replay: the planet and its turn, the Sun, the shadow."""
+"""What a replay has in orbit: frames, the planet and its turn, the Sun, the shadow."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from harness.errors import HarnessError, library
 from harness.report.arrays import Arrays
 from harness.report.scene import Scene
+from harness.results.histories import quaternion
 from harness.results.result import Array, Result, Rows
 from harness.system.instants import days_since_j2000
 
@@ -21,6 +22,32 @@ RATE = 7.292115e-5
 LIKE = 0.01
 """A radius that differs by less, as a part, is that of the Earth."""
 UNDATED = "no date: turn of the Earth arbitrary"
+IN_ORBIT = 1e6
+"""A body farther than that [m] from the origin of N is in orbit, and has a Hill frame."""
+HILL = {"key": "H", "name": "Hill frame", "axes": ["radial", "along track", "normal"]}
+INERTIAL = {"key": "N", "name": "inertial axes", "axes": ["x N", "y N", "z N"]}
+
+
+def hill_quaternion(r: Array, v: Array) -> Array:
+    """Quaternion (rows, 4) of the Hill frame of an orbit relative to N: x: r, z: r x v."""
+    normal = np.cross(r, v)
+    axes = (r, np.cross(normal, r), normal)
+    return quaternion(*(each / np.linalg.norm(each, axis=1)[:, None] for each in axes))
+
+
+def in_orbit(r: Array) -> bool:
+    """Whether positions r (rows, 3) [m] about the origin of N are those of an orbit."""
+    return bool(np.linalg.norm(r[0]) > IN_ORBIT)
+
+
+def frames(arrays: Arrays, r: Array, v: Array) -> Scene:
+    """Hill frame and both kinds of axes in orbit; N only in deep space, where the Hill frame, if
+    position and velocity make one, carries what a mission has in it.
+    """
+    found: Scene = {"frames": [HILL, INERTIAL] if in_orbit(r) else [INERTIAL]}
+    if in_orbit(r) or np.linalg.norm(np.cross(r, v), axis=1).all():
+        found["hill"] = arrays.keep(hill_quaternion(r, v))
+    return found
 
 
 def sky(result: Result, arrays: Arrays, rows: Rows, r: Array, radius: float = 0.0) -> Scene:

@@ -7,19 +7,10 @@ import numpy as np
 
 from harness.report import bodies
 from harness.report.arrays import Arrays
-from harness.report.scene import (
-    Body,
-    Scene,
-    frames,
-    in_orbit,
-    instants,
-    joint,
-    number,
-    scene,
-)
+from harness.report.scene import Body, Scene, instants, joint, number, scene
 from harness.results.result import Result
 
-from ..shared.sky import sky
+from ..shared.sky import frames, in_orbit, sky
 
 ROBOT = ("robot.r_SN_N", "robot.v_SN_N", "robot.q_SN", "robot.joint_angle")
 RADIUS = "robot.R_E"

@@ -7,10 +7,10 @@ import numpy as np
 
 from harness.report import bodies
 from harness.report.arrays import Arrays
-from harness.report.scene import HILL, INERTIAL, Body, Scene, instants, joint, number, scene
+from harness.report.scene import Body, Scene, instants, joint, number, scene
 from harness.results.result import Array, Result
 
-from ..shared.sky import sky
+from ..shared.sky import HILL, INERTIAL, sky
 from .figures import SHAPE
 
 ASSEMBLY = ("assembly.q_SN", "assembly.q_SH", "assembly.arm_angle")
