@@ -52,9 +52,8 @@ def again(text: str, system: str | Path | None, changes: Changes) -> Again:
     model = read(Path(text))
     if (flown := model.provenance) is None:
         raise UsageError(f"--like {text}: the file does not record what was run")
-    if not (system or flown.source):
+    if not (found := system or flown.source):
         raise UsageError(f"--like {text}: its system was made in Python, name an .ssp")
-    found = system or flown.source
     if system is None:
         leave_python(found)
     both = joined(flown.changes(), changes)  # type: ignore[arg-type]

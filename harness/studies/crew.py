@@ -159,16 +159,19 @@ def _serve(line: Any, ready: Ready, environment: Mapping[str, str]) -> None:
     with ready():
         while True:
             try:
-                work, given, named = line.recv()
+                order = line.recv()
             except EOFError:
                 return
-            value, problem = None, None
-            try:
-                value = work(*given, **named)
-            except BaseException as error:
-                error.add_note(traceback.format_exc())
-                problem = error
-            line.send((value, problem))
+            line.send(_outcome(*order))
+
+
+def _outcome(work: Callable[..., Any], given: Any, named: Any) -> tuple[Any, BaseException | None]:
+    """What came of it, and what it raised."""
+    try:
+        return work(*given, **named), None
+    except BaseException as error:
+        error.add_note(traceback.format_exc())
+        return None, error
 
 
 # ---- how it starts

@@ -78,10 +78,7 @@ def linearize(
     """
     steps = at / step if step > 0 else math.nan
     if not 0 <= steps < 2**53 or abs(steps - round(steps)) > 1e-9 * max(1.0, steps):
-        raise UsageError(
-            f"the operating point {at:g} s must be a multiple of the step {step:g} s, which must "
-            "be positive"
-        )
+        raise UsageError(f"time {at:g} s: expected a multiple of the step, {step:g} s, above 0 s")
     name = re.sub(r"\W", "_", fmu.stem)
     alone = System(name, (Component(name, fmu),), (), Experiment(0.0, at + step, step))
     given = {f"{name}.{variable}": value for variable, value in (values or {}).items()}
@@ -130,8 +127,7 @@ class _Differences:
 
     def _run(self, values: Mapping[str, float], start: float, steps: int) -> Array:
         """Outputs after so many steps from `start` with these values beside those that are set."""
-        given = {n: Parameter(v) for n, v in values.items()}
-        parameters = {**self.component.parameters, **given}
+        parameters = {**self.component.parameters, **{n: Parameter(v) for n, v in values.items()}}
         stop = start + max(steps, 1) * self.h
         system = replace(
             self.simulation.system,

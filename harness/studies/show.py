@@ -89,8 +89,7 @@ def show(name: str | Path, word: str | None = None, **changes: Unpack[Changes]) 
             found = _of_component(changed, place[1]) if place[1] else _of_system(changed)
     if word is None:
         return found
-    wanted = word.casefold()
-    rows = tuple(r for r in found.rows if wanted in f"{r.name}\n{r.text}".casefold())
+    rows = tuple(r for r in found.rows if word.casefold() in f"{r.name}\n{r.text}".casefold())
     if not rows:
         close = did_you_mean(word, [row.name for row in found.rows])
         raise UsageError(f"{word}: nothing is called or described so{close}")
@@ -107,9 +106,7 @@ def _of_fmu(name: str | Path, changes: Changes) -> Shown:
             "a component is named SYSTEM.component"
         )
     if changes:
-        raise UsageError(
-            f"--{next(iter(changes))}: {name} is an FMU alone; name it as SYSTEM.component"
-        )
+        raise UsageError(f"--{next(iter(changes))}: {name} is an FMU alone, not SYSTEM.component")
     interface = read_interface(path)
     rows = (s._replace(value=None) for s in _signals(interface, {}, {}))
     return Shown(_title(interface.path.name, interface.model.description), tuple(rows))

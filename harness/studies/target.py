@@ -153,9 +153,7 @@ def _places(fmus: Sequence[str], place: str | None) -> Iterator[Place]:
     for name in fmus:
         path = find_fmu(name)
         if not place and path.stem not in homes:
-            raise UsageError(
-                f"{path.stem}: no system has this FMU; name its place with --as SYSTEM.COMPONENT"
-            )
+            raise UsageError(f"{path.stem}: no system has this FMU; name --as SYSTEM.COMPONENT")
         system, component = homes[path.stem] if not place else place.rpartition(".")[::2]
         if not system:
             raise UsageError(f"--as {place}: expected SYSTEM.COMPONENT")
@@ -163,8 +161,7 @@ def _places(fmus: Sequence[str], place: str | None) -> Iterator[Place]:
             there = {c.name: c.fmu for c in found.components}
             if component not in there:
                 raise UsageError(f"--as {place}: {found.name} has only {', '.join(there)}")
-            swapped = there[component].read_bytes() != path.read_bytes()
-        yield Place(system, component, path, swapped)
+            yield Place(system, component, path, there[component].read_bytes() != path.read_bytes())
 
 
 def _homes() -> dict[str, tuple[str, str]]:

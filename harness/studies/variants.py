@@ -51,10 +51,7 @@ def combinations(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Vari
     if (count := math.prod(len(f.choices) for f in factors)) > MAX_RUNS:
         raise UsageError(f"these are {count} runs, more than the limit of {MAX_RUNS}")
     if not several:
-        raise UsageError(
-            "there is nothing to compare: give several values, e.g. --swap controller=A,B or "
-            "--params A,B"
-        )
+        raise UsageError("there is nothing to compare: give several values, e.g. --params A,B")
     labels = {f.name: _labels(f, several) for f in several}
     own = frozenset(f.name for f in factors if option_of(f.name)[0] == "set")
     variants = []
@@ -66,21 +63,13 @@ def combinations(fixed: Changes, varied: Sequence[tuple[str, str]]) -> list[Vari
 
 
 def _factor(option: str, text: str) -> Factor:
-    """An option and its values, separated by commas outside all brackets."""
+    """An option and its values."""
     shown = f"--{'vary' if option == 'set' else option}"
-    name, given = "", text
-    if option in ("swap", "latency", "set"):
-        name, given = next(pairs(shown, [text]))
+    named = option in ("swap", "latency", "set")
+    name, given = next(pairs(shown, [text])) if named else ("", text)
     if option == "set" and kind_of(name):
         raise UsageError(f"{shown} {text}: expected component.parameter")
-    pieces, depth = [""], 0
-    for character in given:
-        depth += (character == "[") - (character == "]")
-        if character == "," and depth == 0:
-            pieces.append("")
-        else:
-            pieces[-1] += character
-    texts = [piece.strip() for piece in pieces]
+    texts = _pieces(given)
     if option == "set":
         texts = [value for each in texts for value in _range(each, f"{shown} {name}={each}")]
     for value, times in Counter(texts).items():
@@ -88,6 +77,18 @@ def _factor(option: str, text: str) -> Factor:
             wrong = f"{value} is given twice" if value else "a value is missing"
             raise UsageError(f"{shown} {text}: {wrong}")
     return Factor(name if option == "set" else ".".join(filter(None, (option, name))), tuple(texts))
+
+
+def _pieces(text: str) -> list[str]:
+    """Parts of a text between the commas outside all brackets."""
+    pieces, depth = [""], 0
+    for character in text:
+        depth += (character == "[") - (character == "]")
+        if character == "," and depth == 0:
+            pieces.append("")
+        else:
+            pieces[-1] += character
+    return [piece.strip() for piece in pieces]
 
 
 def _given(factor: str) -> str:

@@ -282,7 +282,7 @@ def test_expectations_of_what_does_not_exist_or_of_no_interval_are_refused(syste
     with pytest.raises(StructureError) as caught:
         campaign(table(system, metrics=metrics, expected=expected), tmp_path / "out.zarr")
     text = str(caught.value)
-    assert "expected.ends: there is no such metric (close: end)" in text
+    assert "expected.ends: there is no metric ends (close: end)" in text
     assert "expected.end: 2.0 is more than 1.0" in text
     for name, given in (("first", "3.0"), ("least", "[0, True]")):
         assert f"expected.{name}: must be [least, largest] mean, not {given}" in text
@@ -481,8 +481,8 @@ import os, signal, sys
 from harness.cli import main
 from harness.studies.campaign.store import Store
 keep = Store.write
-def write(store, first, values, rows):
-    keep(store, first, values, rows)
+def write(store, first, values, rows, further):
+    keep(store, first, values, rows, further)
     if first == 3:
         os.kill(os.getpid(), signal.SIGINT)
 Store.write = write

@@ -150,7 +150,7 @@ def _keep(
     for first, rows in flown:
         earlier = status[first : first + len(rows)]
         with held():  # a block is written whole
-            store.write(first, [plan.values(first + k) for k in range(len(rows))], rows)
+            store.write(first, [plan.values(first + k) for k in range(len(rows))], rows, {})
         done += len(rows) - int((earlier != 0).sum())
         failed += sum(row.status == FAILED for row in rows) - int((earlier == FAILED).sum())
         if rule is not None:

@@ -20,14 +20,7 @@ from harness.ssp.library import load, take_mission
 from harness.studies.campaign import metrics
 from harness.studies.campaign.factors import Factor, factor
 from harness.studies.campaign.layout import wrong_names
-from harness.studies.campaign.plan import (
-    MAX_RUNS,
-    SUCCESS,
-    Plan,
-    Table,
-    changes_of,
-    kind_of,
-)
+from harness.studies.campaign.plan import MAX_RUNS, SUCCESS, Plan, Table, changes_of, kind_of
 from harness.studies.campaign.worker import Task
 from harness.studies.warm import refused_before
 from harness.system.graph import Checked, Slot, checked, columns, constants
@@ -123,16 +116,15 @@ class _Draft:
     def _consistent(self) -> None:
         """What entries say of each other."""
         table = self.table
-        for name, (low, high) in table.expected.items():
-            if name not in table.metrics and name != SUCCESS:
-                close = did_you_mean(name, table.metrics)
-                self.problems.append(f"expected.{name}: there is no such metric{close}")
-            if low > high:
-                self.problems.append(f"expected.{name}: {low} is more than {high}")
-        worst = table.worst.lstrip("-") if isinstance(table.worst, str) else ""
-        if worst and worst not in table.texts:
-            close = did_you_mean(worst, table.texts)
-            self.problems.append(f"worst: there is no metric {worst}{close}")
+        named = {f"expected.{name}": name for name in table.expected if name != SUCCESS}
+        if isinstance(table.worst, str) and table.worst:
+            named["worst"] = table.worst.lstrip("-")
+        for place, name in named.items():
+            if name not in table.texts:
+                close = did_you_mean(name, table.texts)
+                self.problems.append(f"{place}: there is no metric {name}{close}")
+        spans = table.expected.items()
+        self.problems += [f"expected.{n}: {a} is more than {b}" for n, (a, b) in spans if a > b]
         listed = any(f.list or f.range for f in table.factors.values())
         if table.until and (listed or "runs" in self.plan.definition):
             self.problems.append("until: counts draws, it cannot be beside runs or listed values")

@@ -22,12 +22,7 @@ from harness.results.verdict import Judged, Kind, Verdict, missed
 from harness.spelling import did_you_mean
 from harness.studies.campaign.plan import SUCCESS
 from harness.studies.campaign.store import Store
-from harness.studies.campaign.summary import (
-    expectations,
-    metric_columns,
-    requirements,
-    success,
-)
+from harness.studies.campaign.summary import expectations, metric_columns, requirements, success
 
 TOKEN = re.compile(
     rf"{QUANTITY.pattern}|\b(?P<bound>met|lower)\(\s*(?P<share>\w+)\s*\)|(?<![\w.])(?P<name>[^\W\d]\w*)(?![\w(.])"

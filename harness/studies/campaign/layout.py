@@ -56,7 +56,7 @@ def _of_metric(name: str, task: Task) -> Labels:
     """The unit that follows from its text, and the text itself."""
     text = task.table.texts.get(name, "all requirements are met")
     unit = "1" if name == SUCCESS else metrics.unit(text, task.kinds)
-    return _known({"units": unit, "long_name": text})
+    return {"role": "metric", **_known({"units": unit, "long_name": text})}
 
 
 def _known(labels: Mapping[str, str]) -> Labels:
@@ -94,26 +94,26 @@ def fields(plan: Plan, task: Task) -> Iterator[Field]:
     yield Field("message", str, (n,), ("run",), "")
     yield Field("end_time", np.float64, (n,), ("run",), about=END)
     yield Field("last", np.float64, (n, len(names)), ("run", "column"))
-    for name, value in plan.values(0).items():
-        axes = tuple(f"{name}_{k + 1}" for k in range(np.ndim(value)))
-        labels = EXPERIMENT.get(name) or of_variable(name, kinds.parameters)
-        about = {
-            "role": "factor",
-            "whole": plan.whole(name),
-            **(labels or of_variable(name, kinds)),
-        }
-        kind, fill = (str, "") if isinstance(value, str) else (np.float64, np.nan)
-        yield Field(name, kind, (n, *np.shape(value)), ("run", *axes), fill, about)
+    yield from _of_factors(plan, kinds)
     yield from _of_requirements(n, task)
     for name in task.metrics:
-        about = {"role": "metric", **_of_metric(name, task)}
-        yield Field(name, np.float64, (n,), ("run",), about=about)
+        yield Field(name, np.float64, (n,), ("run",), about=_of_metric(name, task))
     yield from _of_histories(n, task)
     if asked := task.table.asked:
         yield Field("numbers", np.float64, (n, asked), ("run", "number"), about=NUMBERS)
         yield Field("generation", np.int32, (n,), ("run",), 0, GENERATION)
     yield _texts("column", names, "column")
     yield _texts("column_units", kinds.units, "column")
+
+
+def _of_factors(plan: Plan, kinds: Result) -> Iterator[Field]:
+    for name, value in plan.values(0).items():
+        axes = tuple(f"{name}_{k + 1}" for k in range(np.ndim(value)))
+        labels = EXPERIMENT.get(name) or of_variable(name, kinds.parameters)
+        labels = labels or of_variable(name, kinds)
+        about = {"role": "factor", "whole": plan.whole(name), **labels}
+        kind, fill = (str, "") if isinstance(value, str) else (np.float64, np.nan)
+        yield Field(name, kind, (plan.runs, *np.shape(value)), ("run", *axes), fill, about)
 
 
 def _of_requirements(n: int, task: Task) -> Iterator[Field]:

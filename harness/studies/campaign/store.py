@@ -33,7 +33,9 @@ from harness.studies.campaign.worker import PENDING, Row
 from harness.system.schema import Count
 
 Array = NDArray[np.float64]
-PERCENTILES = (5.0, 25.0, 50.0, 75.0, 95.0)
+Columns = Mapping[str, Sequence[Any]]
+PERCENTILES = np.array([5.0, 25.0, 50.0, 75.0, 95.0])
+AXIS = Field("percentile", np.float64, PERCENTILES.shape, ("percentile",), values=PERCENTILES)
 COMPRESSED = 4096
 """Bytes of a chunk from which on it is compressed; for less it costs more than it saves."""
 MAKING = "unfinished_"
@@ -236,20 +238,10 @@ class Store:
         return (part.start for part in self.blocks() if (status[part] == PENDING).any())
 
     def write(
-        self,
-        first: int,
-        values: Sequence[Values],
-        rows: Sequence[Row],
-        further: Mapping[str, Sequence[Any]] | None = None,
+        self, first: int, values: Sequence[Values], rows: Sequence[Row], further: Columns
     ) -> None:
         """Keep a block of runs with further arrays of theirs, its status last; ResultsError."""
-        columns = {**(further or {}), **{name: [v[name] for v in values] for name in values[0]}}
-        columns |= {"message": [row.message for row in rows], "end_time": [r.time for r in rows]}
-        columns |= {"last": [row.last for row in rows]}
-        columns |= {name: [row.metrics[name] for row in rows] for name in rows[0].metrics}
-        if rows[0].verdicts:
-            columns |= {"verdict": [row.verdicts for row in rows]}
-            columns |= {"margin": [row.margins for row in rows]}
+        columns = {**further, **{n: [v[n] for v in values] for n in values[0]}, **_columns(rows)}
         for name in self._histories:
             empty = np.full(self._array(name).shape[1:], np.nan)
             plain = name.removeprefix(SCRATCH)
@@ -382,12 +374,9 @@ class Store:
 
     def _bands(self, source: Any, plain: str) -> None:
         if "percentile" not in self.group:
-            values = np.array(PERCENTILES)
-            axis = Field("percentile", np.float64, values.shape, ("percentile",), values=values)
-            self._lay_out(axis, self.block)
+            self._lay_out(AXIS, self.block)
         _, rows, width = source.shape
-        axes = ("percentile", "time", f"{plain}_element")
-        shape = (len(PERCENTILES), rows, width)
+        axes, shape = ("percentile", "time", f"{plain}_element"), (len(PERCENTILES), rows, width)
         about = {**source.attrs, "role": "band"}
         field = Field(f"{MAKING}{plain}_band", np.float64, shape, axes, about=about)
         band = self._lay_out(field, self.block)
@@ -397,6 +386,17 @@ class Store:
             for first in range(0, rows, step):
                 part = np.asarray(source[:, first : first + step])
                 band[:, first : first + step] = np.nanpercentile(part, PERCENTILES, axis=0)
+
+
+def _columns(rows: Sequence[Row]) -> Columns:
+    """What is kept of runs by the names of arrays, without histories and status."""
+    columns: dict[str, list[Any]] = {"message": [row.message for row in rows]}
+    columns |= {"end_time": [row.time for row in rows], "last": [row.last for row in rows]}
+    columns |= {name: [row.metrics[name] for row in rows] for name in rows[0].metrics}
+    if rows[0].verdicts:
+        columns |= {"verdict": [row.verdicts for row in rows]}
+        columns |= {"margin": [row.margins for row in rows]}
+    return columns
 
 
 def refuse_existing(path: Path) -> None:

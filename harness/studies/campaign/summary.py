@@ -145,17 +145,14 @@ def text(store: Store, shown: str) -> str:
     failed = int((status == FAILED).sum())
     flown = int((status == COMPLETE).sum()) + failed
     metrics = metric_columns(store)
-    lines = [f"{flown} runs, {failed} failed"]
-    lines += _shares(store)
+    lines = [f"{flown} runs, {failed} failed", *_shares(store)]
     lines += ["", *_table(metrics, store.units())] if metrics else []
-    lines += _missing(store, metrics, status)
-    lines += [each.text for each in expectations(store)]
+    lines += [*_missing(store, metrics, status), *(each.text for each in expectations(store))]
     factors = _varied(store, status != 0)
     if metrics and factors:
         lines += ["", "rank correlation with the factors", *_ranks(metrics, factors)]
     lines += _failures(store, shown)
-    if metrics:
-        lines += ["", *_worst(store, metrics, shown)]
+    lines += ["", *_worst(store, metrics, shown)] if metrics else []
     return "\n".join(lines)
 
 

@@ -16,8 +16,8 @@ from harness.studies.inquiry.study import Map, Study, begun, prepared
 
 Array = NDArray[np.float64]
 
-COARSE, GENERATION = 5, 12
-"""Rows and columns of the first flights; flights of a generation."""
+COARSE, GENERATION = np.array([0.001, 0.3, 0.5, 0.7, 0.999]), 12
+"""Places of the rows and columns of the first flights; flights of a generation."""
 
 
 def located(flights: int) -> Generator[Array, Array, tuple[Array, Array]]:
@@ -29,9 +29,7 @@ def located(flights: int) -> Generator[Array, Array, tuple[Array, Array]]:
     """
     from scipy.spatial import Delaunay
 
-    axis = (np.arange(COARSE) + 0.5) / COARSE
-    axis[[0, -1]] = 0.001, 0.999
-    places = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+    places = np.stack(np.meshgrid(COARSE, COARSE, indexing="ij"), axis=-1).reshape(-1, 2)
     margins = yield normal_quantile(places)
     while len(places) < flights:
         triangles = Delaunay(places).simplices
@@ -49,14 +47,12 @@ def _worthwhile(places: Array, margins: Array, edges: NDArray[np.intp]) -> Array
     a, b = places[edges[:, 0]], places[edges[:, 1]]
     length = np.linalg.norm(a - b, axis=1)
     finite = margins[np.isfinite(margins)]
-    y = np.nan_to_num(margins, neginf=finite.min() if len(finite) else -1.0)
-    y_a, y_b = y[edges[:, 0]], y[edges[:, 1]]
-    unlike = (y_a < 0) != (y_b < 0)
+    y_a, y_b = np.nan_to_num(margins, neginf=finite.min() if len(finite) else -1.0)[edges.T]
     slope = max(float((np.abs(y_a - y_b) / length).max()), 1e-300)
     room = length - (np.abs(y_a) + np.abs(y_b)) / slope
-    order = np.argsort(-np.where(unlike, length, room), kind="stable")
+    worth = np.where((y_a < 0) != (y_b < 0), length, room)
     taken: list[Array] = []
-    for k in order:
+    for k in np.argsort(-worth, kind="stable"):
         middle = (a[k] + b[k]) / 2
         if length[k] > 1e-4 and all(np.linalg.norm(middle - t) > length[k] / 4 for t in taken):
             taken.append(middle)
@@ -78,8 +74,8 @@ def boundary(definition: Any, output: str | Path, **how: Any) -> Study:
     chosen = entry.factors or small
     if len(chosen) != 2 or any(f not in small for f in chosen):
         raise UsageError(f"map.factors: expected two of one number each, of {', '.join(small)}")
-    if entry.flights < COARSE**2:
-        raise UsageError(f"map.flights: at least {COARSE**2}, a coarse grid")
+    if entry.flights < (least := len(COARSE) ** 2):
+        raise UsageError(f"map.flights: at least {least}, a coarse grid")
     places = [flights.groups[f][0] for f in chosen]
 
     def placed(z: Array) -> Array:

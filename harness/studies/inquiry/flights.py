@@ -153,6 +153,11 @@ class Flights:
         return self.plan.changes(self.values(z, run))
 
 
+def exercised(y: Array) -> Array:
+    """Margins that are never the worst where there is none."""
+    return np.where(np.isnan(y), np.inf, y)
+
+
 def margins_of(rows: list[Row]) -> Array:
     """Margins (rows, requirements); -inf of all of a flight that died."""
     margins = np.array([row.margins for row in rows], dtype=np.float64)

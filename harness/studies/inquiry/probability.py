@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from harness.errors import UsageError
 from harness.studies.campaign.stopping import clopper_pearson
+from harness.studies.inquiry.flights import exercised
 from harness.studies.inquiry.study import Probability, Study, begun, earlier, prepared, say_nominal
 
 Array = NDArray[np.float64]
@@ -59,6 +60,7 @@ class Estimate(NamedTuple):
 
 
 Ask = Generator[Array, Array, Estimate]
+Chains = Generator[Array, Array, tuple[Array, Array, float]]
 
 
 def fails(y: Array) -> NDArray[np.bool_]:
@@ -102,8 +104,7 @@ def one_subset(
     rng = np.random.default_rng(list(seed))
     count = int(n * P0)
     z = rng.standard_normal((n, d))
-    y = yield z
-    y = np.nan_to_num(y, nan=math.inf, posinf=math.inf, neginf=-math.inf)
+    y = exercised((yield z))
     levels, variance, flights, accepted = [], 0.0, n, 1.0
     chains = np.arange(n)[:, None]  # rows of each chain: n of one flight
     p = 1.0
@@ -123,9 +124,7 @@ def one_subset(
         flights += n - count
 
 
-def _level(
-    rng: np.random.Generator, z: Array, y: Array, limit: float, n: int
-) -> Generator[Array, Array, tuple[Array, Array, float]]:
+def _level(rng: np.random.Generator, z: Array, y: Array, limit: float, n: int) -> Chains:
     """Rows below a limit, n of them: chains abreast from the seeds z, whose width adapts to what is
     accepted.
 
@@ -136,8 +135,7 @@ def _level(
     for k in range(1, n // len(z)):
         s = min(1.0, width)
         tried = math.sqrt(1 - s * s) * z + s * rng.standard_normal(z.shape)
-        told = yield tried
-        told = np.nan_to_num(told, nan=math.inf, posinf=math.inf, neginf=-math.inf)
+        told = exercised((yield tried))
         better = told <= limit
         z, y = np.where(better[:, None], tried, z), np.where(better, told, y)
         rows.append(z)
@@ -161,9 +159,9 @@ def _variance(below: NDArray[np.bool_], p: float) -> float:
     return float((1 - p) / (p * n) * (1 + max(gamma, 0.0)))
 
 
-def per_level(flights: int, repeats: int = REPEATS) -> int:
+def per_level(flights: int) -> int:
     """Flights per level, a multiple of ten, with which repeats down to some 1e-6 keep a budget."""
-    return 10 * int(flights / repeats / (1 + 5 * (1 - P0)) / 10)
+    return 10 * int(flights / REPEATS / (1 + 5 * (1 - P0)) / 10)
 
 
 def _most(flights: float, n: int) -> int:
@@ -171,16 +169,14 @@ def _most(flights: float, n: int) -> int:
     return 1 + int((flights - n) / (n * (1 - P0)) + 1e-9)
 
 
-def subset(d: int, seed: int, flights: int, n: int | None = None, repeats: int = REPEATS) -> Ask:
+def subset(d: int, seed: int, flights: int) -> Ask:
     """Independent repeats of subset simulation, with the interval of their scatter: that of a
-    single one is too short where its levels lead elsewhere. n: flights per level (default: as the
-    budget of all flights allows).
+    single one is too short where its levels lead elsewhere.
     """
-    n = n or per_level(flights, repeats)
-    found: list[Sampled] = []
-    for k in range(repeats):  # what a repeat leaves over is for those that follow
+    n, found = per_level(flights), list[Sampled]()
+    for k in range(REPEATS):  # what a repeat leaves over is for those that follow
         left = flights - sum(each.flights for each in found)
-        found.append((yield from one_subset(d, [seed, k], n, _most(left / (repeats - k), n))))
+        found.append((yield from one_subset(d, [seed, k], n, _most(left / (REPEATS - k), n))))
     return pooled(found)
 
 
@@ -230,9 +226,8 @@ def importance(d: int, seed: int, flights: int, centres: Array, failures: int | 
     weighted = np.where(fails(y), np.exp(-mixture), 0.0)
     p = float(weighted.mean())
     if p == 0:
-        return Estimate(
-            0.0, 0.0, 1.0, math.inf, flights, warning="no flight near the centres fails"
-        )
+        none = "no flight near the centres fails"
+        return Estimate(0.0, 0.0, 1.0, math.inf, flights, warning=none)
     cov = float(weighted.std(ddof=1)) / p / math.sqrt(flights)
     warning, enough = "", fewest(d) // 2
     if failures is not None and failures < enough:
@@ -266,18 +261,17 @@ def regions(failures: Array) -> Array:
     return np.concatenate([regions(failures[side]), regions(failures[~side])])
 
 
-def centred(d: int, seed: int, flights: int, repeats: int = REPEATS) -> Ask:
+def centred(d: int, seed: int, flights: int) -> Ask:
     """Independent repeats of importance sampling, each about the means of the failures that a
     subset simulation of half of its flights ends with; the scatter of the repeats shows a region
     that one of them has missed.
     """
-    found, pilots = [], []
-    for k in range(repeats):
-        n = per_level(flights // 2, repeats)
-        pilot = yield from one_subset(d, [seed, k], n, _most(flights / repeats / 2, n))
+    found, pilots, n = [], [], per_level(flights // 2)
+    for k in range(REPEATS):
+        pilot = yield from one_subset(d, [seed, k], n, _most(flights / REPEATS / 2, n))
         pilots.append(pilot)
         if pilot.reached:
-            left = flights // repeats - pilot.flights
+            left = flights // REPEATS - pilot.flights
             each = yield from importance(d, seed + k, left, regions(pilot.failures))
             pilot = pilot._replace(p=each.p, cov=each.cov, flights=pilot.flights + each.flights)
         found.append(pilot)
@@ -303,17 +297,20 @@ def probability(definition: Any, output: str | Path, **how: Any) -> Study:
     method = _method(entry, name, flights.d, flights.plan.table.seed)
     with begun("probability", flights, entry.flights, output, how) as driver:
         say_nominal(driver, {name: k})
-        if driver.nominal[k] <= 0 and slope:
-            raise UsageError(
-                f"{name}: the nominal flight fails, with a margin of {driver.nominal[k]:.4g}"
-            )
+        if (margin := driver.nominal[k]) <= 0 and slope:
+            raise UsageError(f"{name}: the nominal flight fails, with a margin of {margin:.4g}")
         estimate = driver.answer(method, k)
         found = estimate._asdict() | {"method": entry.method}
         if entry.below:
-            met, missed = estimate.high < entry.below, estimate.low > entry.below
-            word = "met" if met and not estimate.warning else "NOT MET" if missed else "undecided"
-            found |= {"below": entry.below, "verdict": word}
+            found |= {"below": entry.below, "verdict": _verdict(estimate, entry.below)}
         return Study(driver.path, driver.finish({"of": {name: found}}))
+
+
+def _verdict(estimate: Estimate, below: float) -> str:
+    """Whether a probability is below what is required."""
+    if estimate.low > below:
+        return "NOT MET"
+    return "met" if estimate.high < below and not estimate.warning else "undecided"
 
 
 def _method(entry: Probability, name: str, d: int, seed: int) -> Ask:
@@ -325,13 +322,17 @@ def _method(entry: Probability, name: str, d: int, seed: int) -> Ask:
             raise UsageError("probability.flights: at least 1400, five repeats of 50 per level")
         return subset(d, seed, entry.flights)
     if entry.centres:
-        numbers, margins = earlier("probability.centres", Path(entry.centres), [name], d)
-        if not len(failed := numbers[fails(margins[:, 0])]):
-            raise UsageError(f"probability.centres: no flight of {entry.centres} fails {name}")
+        failed = _failed(entry.centres, name, d)
         return importance(d, seed, entry.flights, regions(failed), len(failed))
     if per_level(entry.flights // 2) < fewest(d):
-        raise UsageError(
-            f"probability.flights: at least {math.ceil(55 * fewest(d) / 100)}00, half of them "
-            f"to find the centres with {fewest(d)} flights per level in {d} numbers"
-        )
+        least = f"{math.ceil(55 * fewest(d) / 100)}00"
+        raise UsageError(f"probability.flights: at least {least} for centres in {d} numbers")
     return centred(d, seed, entry.flights)
+
+
+def _failed(path: str, name: str, d: int) -> Array:
+    """Numbers of the flights of another study that fail a requirement; UsageError if none does."""
+    numbers, margins = earlier("probability.centres", Path(path), [name], d)
+    if not len(failed := numbers[fails(margins[:, 0])]):
+        raise UsageError(f"probability.centres: no flight of {path} fails {name}")
+    return failed

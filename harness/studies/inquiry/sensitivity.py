@@ -65,20 +65,23 @@ def morris(groups: Sequence[Group], d: int, paths: int, seed: int) -> Ask:
     factor after the other, in random order: mu* = mean |y_after - y_before| / STEP.
     """
     rng = np.random.default_rng(seed)
-    rows, moved = [], []
-    for _ in range(paths):
-        low, up = rng.choice(LEVELS, d), rng.random(d) < 0.5
-        order = rng.permutation(len(groups))
-        rows.append(low + STEP * up)
-        for k in order:
-            up[list(groups[k])] ^= True
-            rows.append(low + STEP * up)
-        moved.append(order)
-    y, died = alive((yield normal_quantile(np.array(rows))))
+    rows, moved = zip(*(_path(groups, d, rng) for _ in range(paths)), strict=True)
+    y, died = alive((yield normal_quantile(np.concatenate(rows))))
     steps = np.abs(np.diff(y.reshape(paths, -1), axis=1)) / STEP
     effects = np.empty((paths, len(groups)))
     np.put_along_axis(effects, np.array(moved), steps, axis=1)
     return Effects("morris", effects.mean(axis=0), *_resampled(effects), died=died)
+
+
+def _path(groups: Sequence[Group], d: int, rng: np.random.Generator) -> tuple[Array, Any]:
+    """Numbers of the flights of one path, and the order in which its factors move."""
+    low, up = rng.choice(LEVELS, d), rng.random(d) < 0.5
+    order = rng.permutation(len(groups))
+    rows = [low + STEP * up]
+    for k in order:
+        up[list(groups[k])] ^= True
+        rows.append(low + STEP * up)
+    return np.array(rows), order
 
 
 def _resampled(effects: Array) -> tuple[Array, Array]:
@@ -98,11 +101,7 @@ def sobol(groups: Sequence[Group], d: int, n: int, seed: int) -> Ask:
 
     u = np.asarray(Sobol(2 * d, rng=seed).random(n)).clip(2**-53, 1 - 2**-53)
     a, b = u[:, :d], u[:, d:]
-    rows = [a, b]
-    for group in groups:
-        mixed = a.copy()
-        mixed[:, list(group)] = b[:, list(group)]
-        rows.append(mixed)
+    rows = [a, b, *(np.where(np.isin(np.arange(d), group), b, a) for group in groups)]
     y, died = alive((yield normal_quantile(np.concatenate(rows))))
     f_a, f_b, *f_ab = y.reshape(len(rows), n) - y[: 2 * n].mean()
     first, total = _indices(f_a, f_b, np.array(f_ab))
@@ -132,14 +131,17 @@ def hsic(groups: Sequence[Group], x: Array, y: Array, seed: int = 0) -> Effects:
         x, y = x[chosen], y[chosen]
     k_y = _kernel(mean_ranks(y)[:, None] / len(y))
     orders = [rng.permutation(len(y)) for _ in range(RESAMPLED)]
-    value, p = np.zeros(len(groups)), np.ones(len(groups))
-    for k, group in enumerate(groups):
-        k_x = _kernel(x[:, list(group)])
-        size = np.sqrt((k_x * k_x).sum() * (k_y * k_y).sum()) or 1.0
-        value[k] = (k_x * k_y).sum() / size
-        by_chance = [(k_x * k_y[np.ix_(o, o)]).sum() / size for o in orders]
-        p[k] = (1 + np.count_nonzero(np.array(by_chance) >= value[k])) / (1 + RESAMPLED)
+    found = [_dependence(_kernel(x[:, list(group)]), k_y, orders) for group in groups]
+    value, p = np.array(found).T
     return Effects("given", value, value, value, p=p, died=int((~np.isfinite(y)).sum()))
+
+
+def _dependence(k_x: Array, k_y: Array, orders: Sequence[Any]) -> tuple[float, float]:
+    """R2 of two kernel matrices, and how often chance makes it as large."""
+    size = np.sqrt((k_x * k_x).sum() * (k_y * k_y).sum()) or 1.0
+    value = (k_x * k_y).sum() / size
+    by_chance = np.array([(k_x * k_y[np.ix_(o, o)]).sum() / size for o in orders])
+    return value, (1 + np.count_nonzero(by_chance >= value)) / (1 + RESAMPLED)
 
 
 def _kernel(x: Array) -> Array:

@@ -20,6 +20,7 @@ from harness.errors import RunError, UsageError
 from harness.results.files import save
 from harness.results.requirements import margin
 from harness.studies.inquiry.driver import Driver
+from harness.studies.inquiry.flights import exercised
 from harness.studies.inquiry.study import Study, Worst, begun, prepared, say_nominal
 from harness.studies.warm import Warm
 
@@ -68,7 +69,7 @@ def search(d: int, seed: int, flights: int, box: float = 3.0, sigma: float = 1.0
         engine = _engine(start, sigma, box, rng)
         while flights - len(margins) >= generation(d) and not engine.stop():
             z = np.array(engine.ask())
-            y = _exercised((yield z[:, :d]))
+            y = exercised((yield z[:, :d]))
             engine.tell(list(z), _ranked(y))
             rows, margins = np.concatenate([rows, z[:, :d]]), np.concatenate([margins, y])
         start = rng.uniform(-box, box, wide) / 2
@@ -76,7 +77,7 @@ def search(d: int, seed: int, flights: int, box: float = 3.0, sigma: float = 1.0
         spread = rng.standard_normal((flights - len(margins), d)) * sigma / 2
         middle = rows[np.argmin(margins)] if len(margins) else start[:d]
         z = (middle + spread).clip(-box, box)
-        y = _exercised((yield z))
+        y = exercised((yield z))
         rows, margins = np.concatenate([rows, z]), np.concatenate([margins, y])
     place = int(np.argmin(margins))
     failed = np.flatnonzero(margins < 0)
@@ -88,13 +89,10 @@ def _engine(start: Array, sigma: float, box: float, rng: np.random.Generator) ->
     import cma  # type: ignore[import-untyped]
     from threadpoolctl import ThreadpoolController
 
-    def normal(*shape: int) -> Array:
-        return np.asarray(rng.standard_normal(shape))
-
     options = {
         "bounds": [-box, box],
         "popsize": generation(len(start)),
-        "randn": normal,
+        "randn": lambda *shape: rng.standard_normal(shape),
         "seed": math.nan,
         # threads of a BLAS spin for 0.1 s of processor time after every use
         "CMA_eigenmethod": ThreadpoolController().wrap(limits=1)(np.linalg.eigh),
@@ -103,11 +101,6 @@ def _engine(start: Array, sigma: float, box: float, rng: np.random.Generator) ->
         "verb_disp": 0,
     }
     return cma.CMAEvolutionStrategy(start, sigma, options)
-
-
-def _exercised(y: Array) -> Array:
-    """Margins that are never the worst where there is none."""
-    return np.where(np.isnan(y), np.inf, y)
 
 
 def _ranked(y: Array) -> list[float]:
