@@ -185,9 +185,7 @@ def parsed(text: str, others: Sequence[str] = (), kind: str = "") -> Node:
     if re.search(rf"[\d_]{{{DIGITS + 1}}}", text):
         raise ValueError(f"a number has more than {DIGITS} digits")
     try:
-        with warnings.catch_warnings(action="error"):  # 1if: "invalid decimal literal"
-            marked = QUANTITY.sub(r"quantity(\g<number>, '\g<unit>')", text)
-            tree = ast.parse(marked, mode="eval").body
+        tree = _tree(text)
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         names = did_you_mean(text, others)
         what = f"there is no such {kind}, and " if kind else ""
@@ -195,6 +193,13 @@ def parsed(text: str, others: Sequence[str] = (), kind: str = "") -> Node:
     if _depth(tree) > DEEPEST:
         raise ValueError(f"it has more than {DEEPEST} levels, of which each term is one")
     return _Reader(others, kind).node(tree)
+
+
+def _tree(text: str) -> ast.expr:
+    """The text as Python reads it, a number with its unit as a call of quantity()."""
+    with warnings.catch_warnings(action="error"):  # 1if: "invalid decimal literal"
+        marked = QUANTITY.sub(r"quantity(\g<number>, '\g<unit>')", text)
+        return ast.parse(marked, mode="eval").body
 
 
 def _depth(tree: ast.AST) -> int:

@@ -276,7 +276,5 @@ def _judged(result: Result, found: Finding, tree: Node) -> Finding:
     value, unit = margins.value(margins.decisive(tree, row), row)
     value = math.nan if undecided.any() else value
     instant = float(result.time[row]) if len(least) == len(result.time) else None
-    found = replace(
-        found, verdict=Verdict.MET if met else Verdict.NOT_MET, margin=float(least[row])
-    )
-    return replace(found, value=value, unit=unit, time=instant)
+    worst = replace(found, value=value, unit=unit, time=instant, margin=float(least[row]))
+    return replace(worst, verdict=Verdict.MET if met else Verdict.NOT_MET)

@@ -129,6 +129,10 @@ class Tree:
             names.add(name)
             (self._system if xml.kind_of(child) == "System" else self._component)(child, here)
         self._connectors(element, place)
+        self._edges(element, place)
+        self._bindings(element, place)
+
+    def _edges(self, element: XmlElement, place: Place) -> None:
         for e in xml.every(element, "ssd:Connections/ssd:Connection"):
             try:
                 self.edges.append(self._edge(e, place))
@@ -136,7 +140,6 @@ class Tree:
                 ends = [(*place, e.get(f"{s}Element"), e.get(f"{s}Connector")) for s in SIDES]
                 named = " to ".join(".".join(filter(None, end)) for end in ends)
                 self.problems.append(f"{named}: {error}")
-        self._bindings(element, place)
 
     def _component(self, element: XmlElement, place: Place) -> None:
         label, kind = _label(place), element.get("type", xml.FMU_TYPE)

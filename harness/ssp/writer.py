@@ -19,21 +19,10 @@ from lxml import etree
 
 from harness.errors import StructureError
 from harness.files.archive import XmlElement, pack
+from harness.ssp import xml
 from harness.ssp.arrays import connector_name, joined, shape, type_name
 from harness.ssp.parameters import BaseUnits, bare_ssv, ssv, unit_table
-from harness.ssp.xml import (
-    FMU_TYPE,
-    NS,
-    OMS_ANNOTATION,
-    OSP_ANNOTATION,
-    RUN_ANNOTATION,
-    SSD_FILE,
-    attributes,
-    child,
-    document,
-    serialized,
-    tag,
-)
+from harness.ssp.xml import NS, attributes, child, document, serialized, tag
 from harness.system.conversion import way
 from harness.system.graph import read_interfaces
 from harness.system.interface import Interfaces
@@ -87,7 +76,7 @@ class _Writer:
         """Files of the archive by name."""
         system = self.system
         content = {self.sources[c.name]: c.fmu.read_bytes() for c in system.components}
-        content[SSD_FILE] = self._description()
+        content[xml.SSD_FILE] = self._description()
         for c in system.components:
             if c.parameters:
                 content[_ssv_name(c)] = self._ssv(DEFAULT_SET, c.name, c.parameters)
@@ -125,7 +114,7 @@ class _Writer:
         self._enumerations(root, used)
         unit_table(root, "ssd:Units", self.units, (v.unit for v in used))
         self._experiment(root)
-        self._run(_annotation(root, RUN_ANNOTATION))
+        self._run(_annotation(root, xml.RUN_ANNOTATION))
         return serialized(root)
 
     # ---- elements
@@ -133,7 +122,7 @@ class _Writer:
     def _component(self, elements: XmlElement, component: Component, left: int) -> int:
         """A component with the given left edge in the block diagram; its height."""
         name, source = component.name, quote(self.sources[component.name])
-        element = child(elements, "ssd:Component", name=name, type=FMU_TYPE, source=source)
+        element = child(elements, "ssd:Component", name=name, type=xml.FMU_TYPE, source=source)
         about = self.interfaces[name].model.description
         attributes(element, implementation="CoSimulation", description=about)
         height = PITCH * max(self._connectors(element, name), 4)
@@ -142,7 +131,7 @@ class _Writer:
             bindings = child(element, "ssd:ParameterBindings")
             child(bindings, "ssd:ParameterBinding", source=_ssv_name(component))
         if component.every > 1 and self.system.experiment.step:
-            hint = _annotation(element, OSP_ANNOTATION)
+            hint = _annotation(element, xml.OSP_ANNOTATION)
             child(hint, "osp:StepSizeHint", value=component.every * self.system.experiment.step)
         return height
 
@@ -159,14 +148,17 @@ class _Writer:
             for i, (name, v) in enumerate(rows.items()):
                 about = {"name": name, "kind": kind, "description": v.description}
                 connector = child(table, "ssd:Connector", **about)
-                type_ = child(connector, f"ssc:{type_name(v, self.version)}")
-                unit = v.unit if v.type == "Real" and v.unit in self.units else None
-                attributes(type_, unit=unit, name=v.type_name if v.type == "Enumeration" else None)
-                for size in shape(interface, v):
-                    child(connector, "ssc:Dimension", size=size)
+                self._type(connector, v, shape(interface, v))
                 y = round(1 - (i + 0.5) / len(rows), 6)
                 child(connector, "ssd:ConnectorGeometry", x=x, y=y)
         return max(map(len, sides.values()))
+
+    def _type(self, connector: XmlElement, v: Variable, sizes: Sequence[int]) -> None:
+        element = child(connector, f"ssc:{type_name(v, self.version)}")
+        unit = v.unit if v.type == "Real" and v.unit in self.units else None
+        attributes(element, unit=unit, name=v.type_name if v.type == "Enumeration" else None)
+        for size in sizes:
+            child(connector, "ssc:Dimension", size=size)
 
     def _enumerations(self, root: XmlElement, used: Sequence[Variable]) -> None:
         """Types of enumerations; the last variable that has a type of that name defines it."""
@@ -181,7 +173,7 @@ class _Writer:
         """For OMSimulator, which would take a step of a millisecond or, in old versions, not know
         what kind of system this is; the tolerances are those that it writes itself.
         """
-        annotation = _annotation(top, OMS_ANNOTATION)
+        annotation = _annotation(top, xml.OMS_ANNOTATION)
         settings = etree.SubElement(annotation, tag("oms:Annotations"), nsmap={"oms": NS["oms"]})
         master = {"description": "oms-ma", "stepSize": self.system.experiment.step}
         tolerances = {"absoluteTolerance": 1e-4, "relativeTolerance": 1e-4}
@@ -207,7 +199,7 @@ class _Writer:
         times = {"startTime": experiment.start, "stopTime": experiment.stop}
         default = child(root, "ssd:DefaultExperiment", **times)
         if experiment.step:
-            algorithm = child(_annotation(default, OSP_ANNOTATION), "osp:Algorithm")
+            algorithm = child(_annotation(default, xml.OSP_ANNOTATION), "osp:Algorithm")
             fixed = {"baseStepSize": experiment.step, "numWorkerThreads": 0}
             child(algorithm, "osp:FixedStepAlgorithm", **fixed)
 

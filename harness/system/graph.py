@@ -235,11 +235,12 @@ def _slot(port: Port, variable: Variable) -> Slot:
     return Slot(str(port), variable.unit or "", variable.description)
 
 
+Drives = Mapping[Port, tuple[int, Affine]]
+"""Slots that drive inputs, and what changes on the way."""
+
+
 def _node(
-    component: Component,
-    interface: Interface,
-    slot_of: Mapping[Port, int],
-    driven: Mapping[Port, tuple[int, Affine]],
+    component: Component, interface: Interface, slot_of: Mapping[Port, int], driven: Drives
 ) -> Node:
     def port(variable: Variable) -> Port:
         return Port(component.name, variable.name)

@@ -191,15 +191,18 @@ def _variables(path: Path, description: Description) -> tuple[list[Variable], tu
             left_out.append(f"{v.name}: clocks are not supported, it is left out")
             continue
         if v.clocks and v.causality in ("input", "output"):
-            clock = description.numbered(v.clocks[0])
-            assert clock is not None  # else the rules have refused it
-            problem = f"clocks are not supported, and {v.name} has it"
-            raise FmuError(f"{path.name}: {clock.name}: {problem}")
+            raise FmuError(f"{path.name}: {_clocked(description, v)}")
         elements = list(_elements(description, v, v.name in optional))
         found += elements
         for alias in v.element.iterfind("Alias"):
             found += _renamed(elements, v.name, str(alias.get("name")))
     return found, tuple(left_out)
+
+
+def _clocked(description: Description, v: Declared) -> str:
+    clock = description.numbered(v.clocks[0])
+    assert clock is not None  # else the rules have refused it
+    return f"{clock.name}: clocks are not supported, and {v.name} has it"
 
 
 def _renamed(elements: list[Variable], name: str, alias: str) -> Iterator[Variable]:

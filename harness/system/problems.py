@@ -15,7 +15,7 @@ from harness.system.conversion import final, is_unconverted, way
 from harness.system.interface import NO_NUMBERS, Interface, Interfaces, units_agree
 from harness.system.model import Component, Connection, Parameter, Port, System
 from harness.system.schedule import problems as schedule_problems
-from harness.system.units import IDENTITY, UndefinedUnitError, compose
+from harness.system.units import IDENTITY, UndefinedUnitError, Unit, compose
 from harness.system.values import STRUCTURAL, Variable, base, unsettable
 
 _log = logging.getLogger("harness")
@@ -130,16 +130,19 @@ def _declared_problems(system: System, interfaces: Interfaces) -> Iterator[str]:
         variable = None if interface is None else interface.variables.get(port.variable)
         if interface is None or variable is None:
             continue
-        try:
-            is_equal = compose(claimed, (), interface.unit(variable)) == IDENTITY
-        except UndefinedUnitError as error:
-            note = "%s: the unit %s of its connector is not compared (%s)"
-            _log.warning(note, port, claimed.name, error)
-            continue
-        except ValueError:
-            is_equal = False
-        if not is_equal:
+        if not _is_claimed(port, claimed, interface.unit(variable)):
             yield f"{port}: the connector has the unit {claimed.name}, the FMU {variable.unit}"
+
+
+def _is_claimed(port: Port, claimed: Unit, own: Unit | None) -> bool:
+    try:
+        return compose(claimed, (), own) == IDENTITY
+    except UndefinedUnitError as error:
+        note = "%s: the unit %s of its connector is not compared (%s)"
+        _log.warning(note, port, claimed.name, error)
+        return True
+    except ValueError:
+        return False
 
 
 def _double_drive(connections: Sequence[Connection]) -> Iterator[str]:

@@ -91,14 +91,17 @@ class _Exchange:
         except ValueError as error:
             raise UsageError(f"--map {error}") from None
         styled = mapping.by_style(theirs, ours)
-        taken = [(a, b) for a, b in styled.items() if not names.keys() & set(a.elements)]
-        if taken:
-            shown = some([f"{a.elements[0]}.. for {b.elements[0]}.." for a, b in taken])
-            note = "%s: %s writes indices in its own way, taken: %s"
-            _log.warning(note, self.name, self.path.name, shown)
-        for a, b in taken:
+        taken = {a: b for a, b in styled.items() if not names.keys() & set(a.elements)}
+        self._say_styled(taken)
+        for a, b in taken.items():
             names |= zip(a.elements, b.elements, strict=True)
         return names
+
+    def _say_styled(self, taken: Mapping[mapping.Family, mapping.Family]) -> None:
+        shown = some([f"{a.elements[0]}.. for {b.elements[0]}.." for a, b in taken.items()])
+        note = "%s: %s writes indices in its own way, taken: %s"
+        if taken:
+            _log.warning(note, self.name, self.path.name, shown)
 
     def _offered(self) -> list[str]:
         """Ports of the new FMU that fit nothing yet, as options for what they could be."""

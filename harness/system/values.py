@@ -204,19 +204,24 @@ def assign(name: str, value: Value, known: Collection[str]) -> dict[str, Scalar]
     elements = elements_of(name, known)
     if not elements:
         raise ValueError(f"there is no such variable{did_you_mean(name, with_arrays(known))}")
+    given = _by_element(name, value, elements)
+    for element, scalar in given.items():
+        if isinstance(scalar, float) and math.isnan(scalar):
+            raise ValueError(f"{element if element != name else 'it'} must not be NaN")
+    return given
+
+
+def _by_element(name: str, value: Value, elements: Sequence[str]) -> dict[str, Scalar]:
+    """Scalars of a value by the elements that the FMU has; ValueError if there are others."""
     is_scalar = elements == [name]
     whole = None if is_scalar else grid(map(index, elements))
     by_place = expand(name, value, whole.first if whole else ())
     places = {e: e if is_scalar else str(Name.read(e)) for e in elements}
     if by_place.keys() != set(places.values()):
         wanted = "a number" if is_scalar else _shape(elements)
-        got = _quoted(value) if isinstance(value, str) else _shape(list(by_place))
+        got = _quoted(value) if isinstance(value, str) else _shape([*by_place])
         raise ValueError(f"expected {wanted}, got {got}{_as_a_list(value, elements)}")
-    given = {element: by_place[place] for element, place in places.items()}
-    for element, scalar in given.items():
-        if isinstance(scalar, float) and math.isnan(scalar):
-            raise ValueError(f"{element if element != name else 'it'} must not be NaN")
-    return given
+    return {element: by_place[place] for element, place in places.items()}
 
 
 def _as_a_list(value: Value, elements: Sequence[str]) -> str:
@@ -231,7 +236,7 @@ def _as_a_list(value: Value, elements: Sequence[str]) -> str:
     return f"; write [{', '.join([f'{value:.12g}'] * len(elements))}]" if is_vector else ""
 
 
-def _shape(names: list[str]) -> str:
+def _shape(names: Sequence[str]) -> str:
     """Shape of a variable in words: `a number`, `3 elements`, `3 x 3 elements`."""
     indices = [index(name) for name in names]
     if indices == [()]:
