@@ -15,7 +15,6 @@ import subprocess
 import tempfile
 import weakref
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from harness.errors import ResultsError
@@ -56,12 +55,7 @@ class PrivateFolder:
     def __enter__(self) -> Path:
         return self.path
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

@@ -254,7 +254,6 @@ class Simulation:
         for instance in self.instances:
             if isinstance(instance, WholeInstance):
                 instance.values = instance.whole.values(self.system, self.graph)
-        for instance in self.instances:
             instance.set_start_values(self.clock.start)
             instance.enter_initialization(self.clock.start, self.clock.time(self.steps))
         undecided = self._settle()
