@@ -279,11 +279,11 @@ PEM = "expected PEM files, the certificate of the authority, an own one, and its
         ),
         (
             {"insecure": True},
-            "--insecure: is for --scheduler; nobody else can be reached without TLS",
+            "--insecure: is for --scheduler, nothing else goes without TLS",
         ),
         (
             {"tls_cert": "me"},
-            "--tls-ca: is for --scheduler and --slurm; nobody can reach workers here",
+            "--tls-ca: is for --scheduler and --slurm, workers here need none",
         ),
         ({"scheduler": "there:8786", "slurm": True}, "--scheduler and --slurm: one of both"),
     ],

@@ -68,13 +68,9 @@ class Workers:
         if self.scheduler is not None and self.slurm:
             raise UsageError("--scheduler and --slurm: one of both")
         if not self.elsewhere and (self.tls_ca or self.tls_cert or self.tls_key):
-            raise UsageError(
-                "--tls-ca: is for --scheduler and --slurm; nobody can reach workers here"
-            )
+            raise UsageError("--tls-ca: is for --scheduler and --slurm, workers here need none")
         if self.insecure and self.scheduler is None:
-            raise UsageError(
-                "--insecure: is for --scheduler; nobody else can be reached without TLS"
-            )
+            raise UsageError("--insecure: is for --scheduler, nothing else goes without TLS")
         known = self.credentials() if self.elsewhere else None
         address = f"--scheduler {self.scheduler}"
         if self.scheduler is not None and known is None and not self.insecure:

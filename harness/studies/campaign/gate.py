@@ -111,10 +111,8 @@ def _tree(text: str, shares: Collection[str], units: Mapping[str, str]) -> Node:
 
     def dotted(match: re.Match[str]) -> str:
         if match["bound"]:
-            if match["share"] not in shares:
-                raise ValueError(
-                    f"no requirement {match['share']}{did_you_mean(match['share'], shares)}"
-                )
+            if (name := match["share"]) not in shares:
+                raise ValueError(f"no requirement {name}{did_you_mean(name, shares)}")
             return f"{match['bound']}.{match['share']}"
         if match["name"] == SUCCESS and SUCCESS in shares:
             return f"{MET}.{SUCCESS}"
@@ -125,9 +123,7 @@ def _tree(text: str, shares: Collection[str], units: Mapping[str, str]) -> Node:
         raise ValueError("is not a condition; write one like `success >= 99 %`")
     for path in tree.variables:
         if _split(path)[0] not in (MET, LOWER, METRIC):
-            raise ValueError(
-                f"{path} varies within a run: what looks at it is a requirement or a metric"
-            )
+            raise ValueError(f"{path} varies within a run: only a requirement or metric can ask")
     return resolved(tree, partial(_unit, units))
 
 

@@ -220,9 +220,7 @@ def of_dataset(path: Path) -> Store:
         raise UsageError(f"{path}: has no margins; [requirements] of the campaign makes them")
     flown = store.array("status") != PENDING
     if flown.sum() < LEAST:
-        raise UsageError(
-            f"{path}: the dataset holds {flown.sum()} completed runs; at least {LEAST} are needed"
-        )
+        raise UsageError(f"{path}: holds {flown.sum()} completed runs, at least {LEAST} are needed")
     seeds = store.definition()[0].get("seeds", ())
     names = [n for n in store.names("factor") if n not in seeds]
     scaled = [_scaled(store.array(name), flown) for name in names]

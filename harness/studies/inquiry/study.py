@@ -165,9 +165,7 @@ def say_nominal(driver: Driver, of: Mapping[str, int]) -> None:
         if np.isnan(margin):
             raise UsageError(f"{name}: the nominal flight does not exercise it")
         if margin < 0:
-            driver.flights.said(
-                f"{name}: the nominal flight fails already, with a margin of {margin:.4g}"
-            )
+            driver.flights.said(f"{name}: the nominal flight fails, with a margin of {margin:.4g}")
 
 
 # ---- what was found, for reading
