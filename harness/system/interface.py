@@ -183,8 +183,7 @@ def _variables(path: Path, description: Description) -> tuple[list[Variable], tu
     """Variables in the order of the file, and a line for each that is left out; FmuError if an
     input or output has a clock.
     """
-    found: list[Variable] = []
-    left_out: list[str] = []
+    found, left_out = list[Variable](), list[str]()
     optional = set(description.root.xpath(OPTIONAL))
     for v in description.variables:
         if v.type == "Clock":

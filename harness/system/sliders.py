@@ -53,10 +53,8 @@ def _slider(name: str, given: Range, interfaces: Interfaces) -> Slider:
     if name not in real:
         raise ValueError(f"there is no such parameter{did_you_mean(name, real)}")
     variable = real[name]
-    least, largest = (
-        limit if limit is not None and abs(limit) < BOUND else None
-        for limit in (variable.low, variable.high)
-    )
+    both = (variable.low, variable.high)
+    least, largest = (None if x is None or abs(x) >= BOUND else x for x in both)
     low, high = (a if a is not None else b for a, b in zip(given, (least, largest), strict=True))
     if low is None or high is None:
         raise ValueError("has no range of its own, give one as [least, largest]")

@@ -93,11 +93,11 @@ def unpacked(path: Path) -> int:
         file.seek(128)
         while len(tag := file.read(8)) == 8:
             kind, size = struct.unpack("<II", tag)
-            if kind != COMPRESSED:
+            if kind == COMPRESSED:
+                total += _inflated(file.read(size))
+            else:
                 total += size
                 file.seek(size, os.SEEK_CUR)
-                continue
-            total += _inflated(file.read(size))
     return total
 
 
