@@ -14,12 +14,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from harness.report import bodies
 from harness.report.arrays import Arrays
 from harness.results.histories import rotation_angle
 from harness.results.result import Array, Result, Rows
 
 Scene = dict[str, Any]
+Part = dict[str, Any]
+"""A shape that the page draws: `kind`, `at` (centre, body axes) and sizes [m]."""
 
 LEAST, MOST = 600, 3000
 """Instants of a replay."""
@@ -42,7 +43,7 @@ class Body(NamedTuple):
     name: str
     r: Array
     q: Array
-    parts: list[bodies.Part]
+    parts: list[Part]
     colour: int
     radius: float
     links: tuple[dict[str, Any], ...] = ()
@@ -61,7 +62,7 @@ def scene(arrays: Arrays, time: Array, origin: str, found: list[Body], **about: 
 
 
 def joint(
-    at: Any, angle: str, index: int, parts: list[bodies.Part], axis: Any = (0, 0, 1), **about: Any
+    at: Any, angle: str, index: int, parts: list[Part], axis: Any = (0, 0, 1), **about: Any
 ) -> Scene:
     """What turns about an axis of what carries it, by a column of an array of angles."""
     place, along = ([float(x) for x in v] for v in (at, axis))

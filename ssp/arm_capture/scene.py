@@ -9,13 +9,13 @@ from functools import partial
 import numpy as np
 
 from harness.mission import Scene
-from harness.report import bodies
 from harness.report.arrays import Arrays
+from harness.report.scene import Part, joint, number
 from harness.report.scene import Scene as Data
-from harness.report.scene import joint, number
 from harness.report.story import event, runs_of
 from harness.results.result import Array, Result, Rows
 
+from ..shared import bodies
 from ..shared.approach_scene import PAIR, Outfit, pair, pairs
 from ..shared.docking_scene import DOCKING, LATCH, drogue, floor
 from .kinematics import ARM, Arm, arm_of
@@ -41,7 +41,7 @@ def links(arm: Arm, angle: str) -> Iterator[Data]:
         yield joint(at, angle, k, [hinge, *parts], axis, **on)
 
 
-def gripper(arm: Arm) -> list[bodies.Part]:
+def gripper(arm: Arm) -> list[Part]:
     """The last link with two fingers that end at the origin of E."""
     thick, (x, y, _) = float(arm.radius[-1]), arm.frame.T
     palm = arm.tip - 2 * thick * x

@@ -8,14 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from harness.report import bodies
 from harness.report.arrays import Arrays
-from harness.report.scene import Body, Scene, instants, scene
+from harness.report.scene import Body, Part, Scene, instants, scene
 from harness.report.story import event, of_run
 from harness.results.result import Array, Result, Rows
 
 from . import approach_marks as marks
-from . import flexible
+from . import bodies, flexible
 from .relative_motion import SERVICER, TARGET, VELOCITIES, release_time
 from .sky import frames, in_orbit, sky
 
@@ -32,8 +31,8 @@ class Outfit(NamedTuple):
     spot: what the seat is called.
     """
 
-    servicer: list[bodies.Part]
-    target: list[bodies.Part]
+    servicer: list[Part]
+    target: list[Part]
     seat: Array
     links: tuple[Scene, ...] = ()
     reach: float = 0.0

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.report import bodies
+from harness.report.scene import Part
 from harness.results.histories import turned
 from harness.results.result import Array, Result
+
+from . import bodies
 
 DOCKING = tuple(
     f"mechanism.{name}"
@@ -30,7 +32,7 @@ def outward(q: Array) -> Array:
     return np.asarray(turned(q[None], X)[0])
 
 
-def probe(result: Result) -> list[bodies.Part]:
+def probe(result: Result) -> list[Part]:
     """From the servicer to the tip."""
     tip, q, thick = (result.parameter(DOCKING[k]) for k in (0, 1, 5))
     out = outward(q)
@@ -47,7 +49,7 @@ def floor(result: Result) -> Array:
     return np.asarray(mouth - float(depth) * outward(q))
 
 
-def drogue(result: Result) -> list[bodies.Part]:
+def drogue(result: Result) -> list[Part]:
     """The cone, and the face around its mouth."""
     mouth, q = (result.parameter(DOCKING[k]) for k in (2, 3))
     wide, narrow, face = (float(result.parameter(DOCKING[k])) for k in (4, 5, 7))

@@ -12,10 +12,11 @@ import numpy as np
 
 from harness.mission import Figure, Limits, Measure
 from harness.mission.figure import Curve, Panel, degrees
-from harness.report import bodies
 from harness.report.arrays import Arrays
 from harness.results.expressions import STEADY
 from harness.results.result import Array, Result
+
+from . import bodies
 
 Link = dict[str, Any]
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.report import bodies
 from harness.report.arrays import Arrays
-from harness.report.scene import Body, Scene, instants, joint, number, scene
+from harness.report.scene import Body, Part, Scene, instants, joint, number, scene
 from harness.results.result import Array, Result
 
+from ..shared import bodies
 from ..shared.sky import HILL, INERTIAL, sky
 from .figures import SHAPE
 
@@ -68,7 +68,7 @@ def _turned_axes(q: Array) -> Array:
     return np.stack([w**2 + x**2 - y**2 - z**2, 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=1)
 
 
-def _panels(facets: list[Array], body: int) -> list[bodies.Part]:
+def _panels(facets: list[Array], body: int) -> list[Part]:
     area, carrier, position, normal = facets
     mine = carrier == body
     return list(bodies.panels(area[mine], position[mine], normal[mine]))

@@ -24,11 +24,11 @@ from harness.errors import HarnessError
 from harness.mission.library import of_result
 from harness.report import facts, template
 from harness.report.arrays import kept_rows
-from harness.report.bodies import uniform_box
 from harness.report.html import of_run, write
 from harness.results.files import ResultFile
 from harness.results.requirements import findings
 from harness.results.verdict import Kind, Verdict
+from ssp.shared.bodies import uniform_box
 from ssp.shared.safety import RESTING
 from tests.each import some
 from tests.harness.report_page import Page

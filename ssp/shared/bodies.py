@@ -19,9 +19,8 @@ from typing import Any
 
 import numpy as np
 
+from harness.report.scene import Part
 from harness.results.result import Array, Result
-
-Part = dict[str, Any]
 
 SLIMMEST = 0.15
 """Least edge of a box as part of its largest."""
