@@ -11,12 +11,15 @@ from __future__ import annotations
 
 import keyword
 import re
-from collections.abc import Collection, Sequence
+import textwrap
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
+from string import Template
 from typing import NamedTuple
 
-from harness.authoring import skeleton
-from harness.authoring.skeleton import filled
+import numpy as np
+from numpy.typing import NDArray
+
 from harness.errors import UsageError
 from harness.files import paths
 from harness.files.output import written
@@ -26,6 +29,7 @@ from harness.ssp.library import load, of_component
 from harness.studies.show import Signal, show
 from harness.system.graph import read_interfaces
 from harness.system.model import System
+from harness.system.values import Name
 
 LANGUAGES = {"c": ".c", "python": ".py"}
 
@@ -78,7 +82,7 @@ def new_controller(
     ports = _ports(place)
     fitting = next((e for e in everything().examples if _fits(e, ports)), None)
     source = target / f"{name}{LANGUAGES[language]}"
-    text = skeleton.made(name, LANGUAGES[language], place, ports)
+    text = _made(name, LANGUAGES[language], place, ports)
     _write(source, _example(name, source.suffix, fitting) if fitting else text)
     swap = f"{system} --swap {component}={target}"
     commands = f"harness build {target}", f"harness run {swap} -o {target / name}.nc"
@@ -134,7 +138,7 @@ def _example(name: str, ending: str, example: Example) -> str:
     stem = example.file.name
     file = folder / example.file.with_suffix(ending)
     text = file.read_text(encoding="utf-8").replace(stem, name)
-    return text.replace(skeleton.class_name(stem), skeleton.class_name(name))
+    return text.replace(class_name(stem), class_name(name))
 
 
 # ---- missions
@@ -170,3 +174,104 @@ def _words(system: System) -> dict[str, str]:
         "stop": repr(float(system.experiment.stop or 0.0)),
         "mission": system.mission,
     }
+
+
+TEMPLATES = Path(__file__).parent / "templates"
+
+
+def filled(template: str, **words: object) -> str:
+    """A template with its words."""
+    text = (TEMPLATES / f"{template}.template").read_text(encoding="utf-8")
+    return Template(text).substitute(words)
+
+
+def class_name(name: str) -> str:
+    """A name as that of a class: my_pd becomes MyPd."""
+    return "".join(part[:1].upper() + part[1:] for part in name.split("_")) or name
+
+
+def _made(name: str, ending: str, place: str, ports: Sequence[Signal]) -> str:
+    """A file in C (.c), or in Python for PythonFMU (.py), with these ports."""
+    outputs = [s for s in ports if s.causality == "output"]
+    inputs = [s for s in ports if s not in outputs]
+    words = {"name": name, "class_name": class_name(name), "place": _plain(place)}
+    if ending == ".py":
+        return filled("controller.py", **words, inputs=_listed(inputs), outputs=_listed(outputs))
+    return filled(
+        "controller.c",
+        **words,
+        inputs="\n".join(map(_declaration, inputs)) or "    double unused;",
+        outputs="\n".join(map(_declaration, outputs)),
+        starts=_starts(inputs, outputs),
+        rows="\n".join(map(_row, (*inputs, *outputs))),
+    )
+
+
+def _start(s: Signal) -> NDArray[np.float64]:
+    """The finite start values of a signal, in its shape; 0 where it has none."""
+    values = np.array(s.default, dtype=np.float64)
+    fits = values.shape == s.shape
+    return np.nan_to_num(values, posinf=0, neginf=0) if fits else np.zeros(s.shape)
+
+
+def _plain(text: str) -> str:
+    """A text that ends no string and no comment of C or Python."""
+    return re.sub(r"[^\w .,;:()/+-]", "_", text.replace("*/", "*_"), flags=re.ASCII)
+
+
+# ---- Python
+
+
+def _listed(group: Sequence[Signal]) -> str:
+    return "\n".join(f'    "{name}": {value},' for s in group for name, value in _vectors(s))
+
+
+def _vectors(s: Signal) -> Iterator[tuple[str, object]]:
+    """A signal with its start value as scalars and vectors; a matrix element by element."""
+    if len(s.shape) < 2:
+        yield s.name, _start(s).tolist()
+    else:
+        for (i, j), value in np.ndenumerate(_start(s)):
+            yield str(Name(s.name, (i + 1, j + 1))), float(value)
+
+
+# ---- C
+
+
+def _member(name: str) -> str:
+    return re.sub(r"\W", "_", name, flags=re.ASCII)
+
+
+def _declaration(s: Signal) -> str:
+    kinds = {(): "double {}", (3,): "vec3 {}", (3, 3): "mat3 {}"}
+    array = "double {}" + "".join(f"[{n}]" for n in s.shape)
+    kind = "quat {}" if s.shape == (4,) and s.name.startswith("q_") else kinds.get(s.shape, array)
+    return f"    {kind.format(_member(s.name))};"
+
+
+def _starts(inputs: Sequence[Signal], outputs: Sequence[Signal]) -> str:
+    """The initializer of the model: its ports that do not start at zero."""
+    parts = [".p = {.sample_period = 0}"]
+    for part, group in (("u", inputs), ("y", outputs)):
+        starts = ((_member(s.name), _start(s).ravel()) for s in group)
+        given = [f".{m} = {{{', '.join(map(repr, x.tolist()))}}}" for m, x in starts if x.any()]
+        if given:
+            parts.append(f".{part} = {{{', '.join(given)}}}")
+    return "\n".join(
+        textwrap.fill(f"{p},", 100, initial_indent="    ", subsequent_indent="          ")
+        for p in parts
+    )
+
+
+def _row(s: Signal) -> str:
+    causality, part = ("INPUT_ROW", "u") if s.causality == "input" else ("OUTPUT_ROW", "y")
+    unit, text = _plain(s.unit or "1"), _plain(s.text or s.name)
+    member = _member(s.name)
+    if member == s.name and len(s.shape) < 2:
+        return f'    {causality.removesuffix("_ROW")}({member}, "{unit}", "{text}"),'
+    columns = s.shape[1] if len(s.shape) == 2 else 1
+    name = _plain(s.name)
+    return (
+        f'    ROW_AS({causality}, {part}, "{name}", {member}, {columns}, "{unit}", "{text}", '
+        "ANY_VALUE),"
+    )

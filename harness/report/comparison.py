@@ -14,7 +14,7 @@ from harness.figures.plots import paint_overlay
 from harness.mission import Figure
 from harness.mission.library import of_result
 from harness.mission.mission import together
-from harness.report import facts
+from harness.report import run
 from harness.report.arrays import Arrays, Canvas, points_of
 from harness.report.plots import PAGE, Shown, painted, sections
 from harness.report.story import replay_several
@@ -40,7 +40,7 @@ def of_folder(folder: Path) -> str:
         name=folder.resolve().name,
         labels=labels,
         results=results,
-        message=facts.message,
+        message=run.message,
         table={head: c for head, c in columns.items() if any(map(math.isfinite, c.values()))},
         words={f"{m.name} [{m.unit}]": m.words for m in measures},
         cell=_cell,

@@ -22,7 +22,7 @@ import numpy as np
 from harness.errors import UsageError
 from harness.master.changes import Changes, apply
 from harness.master.fused import Module, module_of
-from harness.report import conditions, facts, run
+from harness.report import conditions, run
 from harness.report.arrays import Arrays, Canvas, kept_rows
 from harness.report.template import render, text_of
 from harness.report.trace import Trace, traces_kept
@@ -65,7 +65,7 @@ def _page(result: Result, system: System) -> str:
         "fly.html",
         content.canvas,
         content.data,
-        **facts.texts(result),
+        **run.texts(result),
         sliders=[_slider(result, module, slider) for slider in named],
         flight=_flight(result, system, steps, module) | content.operations(),
         module=base64.b64encode(gzip.compress(module.code, 9, mtime=0)).decode(),

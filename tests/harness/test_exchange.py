@@ -26,7 +26,7 @@ from harness import read, run
 from harness.cli import main
 from harness.errors import HarnessError, ResultsError, UsageError
 from harness.mission.exchange import convert, start_values
-from harness.report.facts import notes
+from harness.report.run import notes
 from harness.results.result import Result
 from harness.ssp.library import load
 from harness.system.instants import days_since_j2000, epoch_of

@@ -16,7 +16,7 @@ from harness.cli import main
 from harness.errors import HarnessError, StructureError, UsageError
 from harness.mission import library
 from harness.mission.exchange import convert, start_values
-from harness.report.facts import notes
+from harness.report.run import notes
 from harness.results.requirements import findings
 from harness.results.verdict import Verdict
 from harness.ssp.library import load

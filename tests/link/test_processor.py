@@ -25,7 +25,7 @@ from harness.files.paths import built, fmus
 from harness.master.changes import apply
 from harness.master.serve import StandIn
 from harness.remote import targets
-from harness.remote.remote import _made
+from harness.remote.places import _made
 from harness.remote.targets import TARGETS, find_target, missing
 from tests.harness.interrupts import until
 from tests.link.conftest import PATIENCE, flown_twice_from

@@ -22,7 +22,8 @@ from harness.claims.report import judged
 from harness.cli.app import main
 from harness.errors import HarnessError
 from harness.mission.library import of_result
-from harness.report import facts, template
+from harness.report import run as report_run
+from harness.report import template
 from harness.report.arrays import kept_rows
 from harness.report.html import of_run, write
 from harness.results.files import ResultFile
@@ -448,9 +449,9 @@ def test_requirements_stand_in_the_page_with_their_worst_instant(tmp_path, capsy
 def test_the_head_begins_with_what_is_worst():
     """Two rules and a requirement that fail come before all that holds."""
     result = replace(violated(result_of("servicing_mission")), complete=True)
-    looks = [look for look, _ in facts.chips(result)]
-    assert looks == sorted(looks, key=facts.WORST_FIRST.index)
-    assert facts.chips(result)[0] == ("bad", "2 safety rules violated")
+    looks = [look for look, _ in report_run.chips(result)]
+    assert looks == sorted(looks, key=report_run.WORST_FIRST.index)
+    assert report_run.chips(result)[0] == ("bad", "2 safety rules violated")
     text = Page(sketch_of(result)).text
     assert text.index("2 safety rules violated") < text.index("complete")
 
@@ -458,7 +459,7 @@ def test_the_head_begins_with_what_is_worst():
 def test_many_notes_are_folded_below_the_verdicts(monkeypatch):
     """A mission notes each of its phases: the replay still stands near the top."""
     result, notes = result_of("sync_approach"), ["note 1 of 3", "note 2", "note 3"]
-    monkeypatch.setattr(facts, "notes", lambda of: notes)
+    monkeypatch.setattr(report_run, "notes", lambda of: notes)
     text = sketch_of(result)
     assert '<div class="note">' not in text
     chips, folded = text.index('class="chips"'), text.index('<details class="flown notes">')
@@ -473,7 +474,7 @@ def test_claims_of_several_papers_are_counted_together():
     verdicts = [each.verdict for paper in judged(result) for _, each in paper.claims]
     assert len(judged(result)) == 2
     count = verdicts.count(Verdict.REPRODUCED)
-    texts = [text for _, text in facts.chips(result) if "claim" in text]
+    texts = [text for _, text in report_run.chips(result) if "claim" in text]
     assert f"{count} claims reproduced" in texts
     assert len({text.split(" ", 2)[2] for text in texts}) == len(texts)
 
