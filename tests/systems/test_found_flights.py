@@ -262,7 +262,7 @@ def test_a_servicer_that_loses_its_attitude_says_so_and_when():
 
 def test_importance_sampling_with_few_flights_for_38_numbers_is_refused(tmp_path):
     entry = {"of": "clearance", "method": "importance", "flights": 20_000}
-    with pytest.raises(UsageError, match=r"at least 20900, .* 380 flights per level in 38 numbers"):
+    with pytest.raises(UsageError, match=r"at least 20900, 380 flights per level for .* 38"):
         probability(table(probability=entry), tmp_path / "p.zarr", workers=0)
 
 

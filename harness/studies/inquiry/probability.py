@@ -326,7 +326,8 @@ def _method(entry: Probability, name: str, d: int, seed: int) -> Ask:
         return importance(d, seed, entry.flights, regions(failed), len(failed))
     if per_level(entry.flights // 2) < fewest(d):
         least = f"{math.ceil(55 * fewest(d) / 100)}00"
-        raise UsageError(f"probability.flights: at least {least} for centres in {d} numbers")
+        rule = f"{fewest(d)} flights per level for centres in {d} numbers"
+        raise UsageError(f"probability.flights: at least {least}, {rule}")
     return centred(d, seed, entry.flights)
 
 
